@@ -1,0 +1,36 @@
+"""What can go wrong and is expected to: every error that a user or a peer can cause is a StationError.
+
+Anything else that is raised is a bug of ours and ends the process with a traceback.
+"""
+
+
+class StationError(Exception):
+    """An expected failure: what, where and the value, and what to do about it.
+
+    message  names what failed, where, and the value that was met.
+    hint     says what to do; empty where the message says it already.
+    """
+
+    def __init__(self, message: str, hint: str = "") -> None:
+        super().__init__(message)
+        self.message = message
+        self.hint = hint
+
+    def __str__(self) -> str:
+        return f"{self.message}\n  ({self.hint})" if self.hint else self.message
+
+
+class ConfigurationError(StationError):
+    """A configuration or board file says something that cannot be meant: unknown key, wrong type, range."""
+
+
+class RequestError(StationError):
+    """A user asked for something that cannot be done; the answer goes back to that user."""
+
+
+class ProtocolError(StationError):
+    """A peer sent octets that its protocol does not allow."""
+
+
+class InterfaceError(StationError):
+    """A device, socket or line is absent, busy, gone or refuses; the supervisor tries again later."""

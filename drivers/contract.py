@@ -1,0 +1,111 @@
+"""The contract between the station and an interface: a driver below, its host above."""
+
+from collections.abc import Mapping
+from enum import Enum, Flag, auto
+from types import MappingProxyType
+from typing import ClassVar, NamedTuple, Protocol
+
+from board.errors import StationError
+from board.loop import Loop
+from drivers.message import NO_RX_INFO, Ego, Request, RxInfo
+from drivers.reason import Reason
+
+
+class Can(Flag):
+    """What an interface is able to do."""
+
+    RECEIVE = auto()
+    TRANSMIT = auto()
+    POSITION = auto()
+    TIMEMARK = auto()
+    BEARER = auto()
+
+
+class Capabilities(NamedTuple):
+    """What a driver declares about itself.
+
+    technology   the field's name for the medium: its-g5, 5g, udp, ethernet, uart, ...
+    max_payload  octets of a PDU that it can carry.
+    metadata     names of the RxInfo fields that it fills.
+    """
+
+    can: Can
+    technology: str
+    max_payload: int = 1500
+    metadata: frozenset[str] = frozenset()
+
+
+class Sent(Enum):
+    """What send() did with a request."""
+
+    NOW = auto()  # it has left
+    LATER = auto()  # the driver keeps it and will call host.confirm()
+    BUSY = auto()  # it could not be taken; the host keeps it until the driver calls host.writable()
+
+
+class Host(Protocol):
+    """What a driver may ask of the station: one host per interface."""
+
+    name: str  # of the interface, as in captain.toml
+    loop: Loop
+
+    def indicate(self, pdu: bytes, received_ns: int, rx: RxInfo = NO_RX_INFO) -> None:
+        """A facilities PDU was received; received_ns is Unix time in nanoseconds."""
+
+    def heard(self, mac: bytes, rssi_dbm: int | None) -> None:
+        """A neighbour showed itself without a PDU: a beacon."""
+
+    def drop(self, reason: Reason, sample: bytes = b"", count: int = 1) -> None:
+        """Something received was not passed on."""
+
+    def confirm(self, request: Request, reason: Reason | None = None) -> None:
+        """A request that send() kept for LATER has left, or was dropped for a reason."""
+
+    def writable(self) -> None:
+        """Requests can be taken again after BUSY."""
+
+    def link(self, is_up: bool, why: str) -> None:
+        """The link came up or went down; the driver itself goes on."""
+
+    def fail(self, error: StationError) -> None:
+        """The driver cannot go on: the host stops it and starts it again later."""
+
+    def ego(self) -> Ego:
+        """Own time and position, now."""
+
+
+class Shared(NamedTuple):
+    """What all interfaces of one station have in common; given to a driver's constructor beside its options.
+
+    mac                 the station's own address: 6 octets, the end of its GeoNetworking address.
+    gn_versions         GeoNetworking protocol versions that are accepted.
+    deliver_unverified  pass a signed packet's PDU on although nobody verified it.
+    types_by_port       BTP port -> messageID of the profile in use.
+    urgent_ports        BTP ports that are read first.
+    urgent_numbers      messageIDs that are read first, where a framing has no ports.
+    """
+
+    mac: bytes
+    gn_versions: frozenset[int] = frozenset({1})
+    deliver_unverified: bool = False
+    types_by_port: Mapping[int, int] = MappingProxyType({})
+    urgent_ports: frozenset[int] = frozenset({2002})
+    urgent_numbers: frozenset[int] = frozenset({1})
+
+
+class Driver(Protocol):
+    """One interface. The constructor takes its options and touches nothing."""
+
+    capabilities: ClassVar[Capabilities]
+
+    def start(self, host: Host) -> None:
+        """Open what it needs and return at once. Raises InterfaceError, having closed what it had opened."""
+
+    def send(self, request: Request) -> Sent:
+        """Send a request, only with TRANSMIT and after start(). Raises RequestError for one it can never send."""
+
+    def refresh(self) -> None:
+        """Report to the host what the kernel or the device has counted since the last time."""
+
+    def stop(self) -> None:
+        """Close everything; idempotent."""

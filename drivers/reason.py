@@ -1,0 +1,89 @@
+"""Why a message was not passed on. Every discard names one of these, is counted, and leaves a sample."""
+
+from enum import StrEnum
+
+
+class Reason(StrEnum):
+    """A reason code as it stands in status, confirms and the journal; MEANING says it in words."""
+
+    # from a user
+    BAD_ENVELOPE = "bad-envelope"
+    ONE_FRAME = "one-frame"
+    BAD_OPTIONS = "bad-options"
+    UNKNOWN_TYPE = "unknown-type"
+    NO_PORT = "no-port"
+    NO_INTERFACE = "no-interface"
+    POLICY = "policy"
+    RATE_LIMIT = "rate-limit"
+    # from either side
+    EMPTY_PDU = "empty-pdu"
+    SHORT_PDU = "short-pdu"
+    LONG_PDU = "long-pdu"
+    HEADER_MISMATCH = "header-mismatch"
+    # in a queue towards an interface
+    QUEUE_FULL = "queue-full"
+    EXPIRED = "expired"
+    LINK_DOWN = "link-down"
+    SEND_FAILED = "send-failed"
+    STOPPED = "stopped"
+    # from an interface
+    KERNEL_QUEUE = "kernel-queue"
+    DUPLICATE = "duplicate"
+    OWN_ECHO = "own-echo"
+    TRUNCATED = "truncated"
+    NOT_GEONETWORKING = "not-geonetworking"
+    GN_VERSION = "gn-version"
+    GN_HEADER = "gn-header"
+    GN_LIFETIME = "gn-lifetime"
+    GN_HOP_LIMIT = "gn-hop-limit"
+    GN_DUPLICATE = "gn-duplicate"
+    GN_OUTSIDE_AREA = "gn-outside-area"
+    GN_NOT_FOR_US = "gn-not-for-us"
+    GN_NEXT_HEADER = "gn-next-header"
+    SECURED = "secured"
+    SECURED_FORMAT = "secured-format"
+    BTP_PORT = "btp-port"
+    FRAMING = "framing"
+    CHECKSUM = "checksum"
+    # towards a user
+    SUBSCRIBER_SLOW = "subscriber-slow"
+
+
+MEANING: dict[Reason, str] = {
+    Reason.BAD_ENVELOPE: "the first frame is neither `v2x.` nor `v2x.<type>.` of a known type; lower case, dot at the end",
+    Reason.ONE_FRAME: "the message has one frame; send two, the envelope and the PDU",
+    Reason.BAD_OPTIONS: "the third frame is not a JSON object of known options; the README lists them",
+    Reason.UNKNOWN_TYPE: "messageID (octet 1 of the PDU) is in no table; add a row [[types]] to captain.toml",
+    Reason.NO_PORT: "this type has no BTP port in the profile in use; choose profile standard or add a row [[types]]",
+    Reason.NO_INTERFACE: "the policy names interfaces for it, but none of them, nor a fall-back, has its link up",
+    Reason.POLICY: "a row of the policy says that this message leaves by no interface",
+    Reason.RATE_LIMIT: "more of these per second than the policy's row allows",
+    Reason.EMPTY_PDU: "the PDU has no octets",
+    Reason.SHORT_PDU: "the PDU is shorter than the 6 octets of an ITS PDU header",
+    Reason.LONG_PDU: "the PDU is longer than the 1500 octets that an interface carries",
+    Reason.HEADER_MISMATCH: "the envelope and the PDU's messageID disagree, and endpoint.strict is on",
+    Reason.QUEUE_FULL: "the interface's queue was full; the oldest of the lowest priority went out first",
+    Reason.EXPIRED: "it waited in the interface's queue for longer than its lifetime",
+    Reason.LINK_DOWN: "the interface's link went down while it waited and the interface does not keep messages",
+    Reason.SEND_FAILED: "the interface took it and then reported a failure",
+    Reason.STOPPED: "the station stopped before it was sent",
+    Reason.KERNEL_QUEUE: "the kernel's receive queue was full: more arrives than the station can take",
+    Reason.DUPLICATE: "another interface delivered this PDU first",
+    Reason.OWN_ECHO: "the station's own frame came back",
+    Reason.TRUNCATED: "it ends before its headers do",
+    Reason.NOT_GEONETWORKING: "the frame's EtherType is not 0x8947",
+    Reason.GN_VERSION: "its GeoNetworking protocol version is not accepted; see reception.gn_versions",
+    Reason.GN_HEADER: "its GeoNetworking headers contradict themselves or the standard",
+    Reason.GN_LIFETIME: "its GeoNetworking lifetime is zero or over",
+    Reason.GN_HOP_LIMIT: "its remaining hop limit is zero or above its maximum",
+    Reason.GN_DUPLICATE: "this GeoNetworking packet was received before",
+    Reason.GN_OUTSIDE_AREA: "the station is outside the packet's destination area",
+    Reason.GN_NOT_FOR_US: "the packet is addressed to another station, or carries no message for a user",
+    Reason.GN_NEXT_HEADER: "what follows the GeoNetworking headers is not BTP",
+    Reason.SECURED: "it is signed, the station cannot verify, and reception.unverified is drop",
+    Reason.SECURED_FORMAT: "its security envelope cannot be read: not signed data, or encrypted",
+    Reason.BTP_PORT: "its BTP port carries no known type of message; add a row [[types]] to captain.toml",
+    Reason.FRAMING: "octets between two frames on a serial line, or a frame of impossible length",
+    Reason.CHECKSUM: "the frame's checksum does not match",
+    Reason.SUBSCRIBER_SLOW: "a subscriber did not read fast enough; ZeroMQ drops for it alone",
+}
