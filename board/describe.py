@@ -1,0 +1,175 @@
+"""TOML descriptions read into frozen dataclasses: all mistakes of a file at once, each with what to do.
+
+A field's type says what its key may hold: bool, int, float, str, Literal choices, a nested dataclass,
+`tuple[T, ...]`, `dict[str, T]`, a union, `T | None` for what may be absent, `object` for what somebody else
+reads, and `Annotated[int, Range(0, 65535)]` for a number with bounds. The key is the field's name, without
+the underscore that keeps `class_` from being a keyword. What several keys have to do with each other is
+checked in `__post_init__`, which raises ConfigurationError.
+"""
+
+import dataclasses
+import math
+import operator
+import re
+from collections.abc import Callable, Iterable, Mapping
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar, Union, get_args, get_origin, get_type_hints
+
+from board.errors import ConfigurationError
+from board.toml import NAMES, kind_name, load, override, show
+
+__all__ = ["Range", "load", "override", "read"]
+
+T = TypeVar("T")
+
+BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
+
+RULES = (("at least", operator.ge), ("at most", operator.le), ("above", operator.gt), ("below", operator.lt))
+
+
+class Range(NamedTuple):
+    """Bounds of a number: min and max belong to it, above and below do not."""
+
+    min: float | None = None
+    max: float | None = None
+    above: float | None = None
+    below: float | None = None
+
+    def __str__(self) -> str:
+        bounds = zip(RULES, self, strict=True)
+        return " and ".join(f"{word} {bound}" for (word, _), bound in bounds if bound is not None)
+
+    def holds(self, value: float) -> bool:
+        bounds = zip(RULES, self, strict=True)
+        return all(bound is None or rule(value, bound) for (_, rule), bound in bounds)
+
+
+def read(kind: type[T], table: Mapping[str, object], where: str) -> T:
+    """A frozen dataclass from a table of load().
+
+    where  begins every line of the message: the file's name.
+
+    Raises ConfigurationError with one line per mistake: `file: key.path: what is wrong; what to do`.
+    """
+    reading = _Reading(where)
+    value: T = reading.table(kind, table, "")
+    if reading.mistakes:
+        raise ConfigurationError("\n".join(reading.mistakes))
+    return value
+
+
+class _Reading:
+    """One pass over a description that goes on after a mistake."""
+
+    def __init__(self, where: str) -> None:
+        self.where = where
+        self.mistakes: list[str] = []
+
+    def wrong(self, path: str, text: str) -> None:
+        self.mistakes.append(f"{self.where}: {path}: {text}" if path else f"{self.where}: {text}")
+
+    def table(self, kind: Any, table: Mapping[str, object], path: str) -> Any:
+        fields = {field.name.rstrip("_"): field for field in dataclasses.fields(kind) if field.init}
+        hints = get_type_hints(kind, include_extras=True)
+        before = len(self.mistakes)
+        for key in table:
+            if key not in fields:
+                self.wrong(_join(path, key), f"is not a known key; {_remedy(key, fields)}")
+        values = {}
+        for key, field in fields.items():
+            hint, place = hints[field.name], _join(path, key)
+            if key in table:
+                values[field.name] = self.value(hint, table[key], place)
+            elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
+                values[field.name] = self.absent(hint, place)
+        if len(self.mistakes) > before:
+            return None
+        try:
+            return kind(**values)
+        except ConfigurationError as error:
+            self.wrong(path, f"{error.message}; {error.hint}" if error.hint else error.message)
+            return None
+
+    def absent(self, hint: Any, path: str) -> Any:
+        """The value of a key without a default that is not there."""
+        if dataclasses.is_dataclass(hint):
+            return self.table(hint, {}, path)
+        if NoneType not in get_args(hint):
+            self.wrong(path, f"is missing; give {_wanted(hint)}")
+        return None
+
+    def value(self, hint: Any, value: Any, path: str) -> Any:
+        origin, arguments = get_origin(hint), get_args(hint)
+        if origin is Annotated:
+            value = self.bounded(arguments, value, path)
+        elif origin in (Union, UnionType):
+            value = self.either(hint, value, path)
+        elif origin is Literal:
+            if not any(value == choice and type(value) is type(choice) for choice in arguments):
+                self.wrong(path, f"{show(value)} is not a choice; {_remedy(value, arguments, show)}")
+        elif dataclasses.is_dataclass(hint) and isinstance(value, dict):
+            value = self.table(hint, value, path)
+        elif origin is tuple and isinstance(value, list):
+            value = tuple(self.value(arguments[0], item, f"{path}[{at}]") for at, item in enumerate(value))
+        elif origin is dict and isinstance(value, dict):
+            value = {key: self.value(arguments[1], item, _join(path, key)) for key, item in value.items()}
+        elif hint is float and type(value) in (int, float):
+            value = self.number(value, path)
+        elif hint not in (object, Any) and type(value) is not hint:
+            self.wrong(path, f"{show(value)} is {kind_name(value)}; give {_wanted(hint)}")
+        return value
+
+    def bounded(self, arguments: tuple[Any, ...], value: Any, path: str) -> Any:
+        """A number under Range; other annotations are somebody else's."""
+        before = len(self.mistakes)
+        value = self.value(arguments[0], value, path)
+        for bounds in arguments[1:]:
+            if len(self.mistakes) == before and isinstance(bounds, Range) and not bounds.holds(value):
+                self.wrong(path, f"{show(value)} is out of range; give {bounds}")
+        return value
+
+    def either(self, hint: Any, value: Any, path: str) -> Any:
+        """The first alternative of a union that has nothing to say against the value."""
+        kinds = [kind for kind in get_args(hint) if kind is not NoneType]
+        if len(kinds) == 1:
+            return self.value(kinds[0], value, path)
+        for kind in kinds:
+            trial = _Reading(self.where)
+            found = trial.value(kind, value, path)
+            if not trial.mistakes:
+                return found
+        self.wrong(path, f"{show(value)} is {kind_name(value)}; give {_wanted(hint)}")
+        return None
+
+    def number(self, value: float, path: str) -> float:
+        # An integer of TOML may be longer than a float's exponent, and `nan` and `inf` are words of TOML.
+        if (isinstance(value, int) and value.bit_length() > 1023) or not math.isfinite(value):
+            self.wrong(path, f"{show(value)} is not finite; give a number")
+            return 0.0
+        return float(value)
+
+
+def _join(path: str, key: str) -> str:
+    key = key if BARE_KEY.fullmatch(key) else show(key)
+    return f"{path}.{key}" if path else key
+
+
+def _wanted(hint: Any) -> str:
+    """What a key holds, in words."""
+    origin, arguments = get_origin(hint), get_args(hint)
+    if origin is Annotated:
+        bounds = [str(item) for item in arguments[1:] if isinstance(item, Range)]
+        return " ".join([_wanted(arguments[0]), *bounds])
+    if origin in (Union, UnionType):
+        return " or ".join(_wanted(kind) for kind in arguments if kind is not NoneType)
+    if origin is Literal:
+        return "one of " + ", ".join(show(choice) for choice in arguments)
+    return "a table" if dataclasses.is_dataclass(hint) else NAMES.get(origin or hint, "a value")
+
+
+def _remedy(word: object, known: Iterable[object], show: Callable[[object], str] = str) -> str:
+    from difflib import get_close_matches
+
+    names = [show(name) for name in known]
+    close = get_close_matches(show(word), names, n=1)
+    return f"did you mean {close[0]}?" if close else f"known: {', '.join(names) or 'none'}"

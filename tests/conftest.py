@@ -1,0 +1,13 @@
+"""What all tests share: the same examples in every run, and no assertion on a clock."""
+
+from hypothesis import HealthCheck, settings
+
+# derandomize: a failure seen once is seen by everybody. No deadline: the machine may be busy with other work.
+settings.register_profile(
+    "captain",
+    derandomize=True,
+    deadline=None,
+    database=None,
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
+)
+settings.load_profile("captain")
