@@ -1,0 +1,194 @@
+"""Fixtures that start stations: one for each module that shares it, or one for a test that spoils it."""
+
+import json
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+import zmq
+
+from tests.system.air import Air
+from tests.system.ports import Ports
+from tests.system.station import ROOT, Station, Table
+from tests.system.user import Reports, User, mark
+
+
+class Bench(NamedTuple):
+    """A station on a bench: the far ends of its interfaces, and a user that has joined."""
+
+    station: Station
+    airs: dict[str, Air]
+    user: User
+    make_reports: Callable[[], Reports]
+
+    @property
+    def air(self) -> Air:
+        return next(iter(self.airs.values()))
+
+    def settled(self) -> "Bench":
+        """Without what an earlier test left unread."""
+        self.user.send(b"v2x.cam.", sent := mark())
+        while self.air.hear().pdu != sent:
+            pass
+        self.air.send(thrown := mark())
+        while self.user.sub.recv_multipart()[-1] != thrown:
+            pass
+        return self
+
+
+class Launcher:
+    """Starts stations with udp interfaces and ends them all, each of which must end well."""
+
+    def __init__(self, folder: Callable[[], Path]) -> None:
+        self._folder = folder
+        self._ports = Ports()
+        self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+        self._closing: list[Callable[[], None]] = []
+        self._stations: list[Station] = []
+
+    def station(self) -> Station:
+        """One that is neither configured nor started."""
+        station = Station(self._folder(), self._ports)
+        self._stations.append(station)
+        return station
+
+    def port(self) -> int:
+        return self._ports.take()
+
+    def air(self, framing: str) -> Air:
+        air = Air(framing, self._ports.take())
+        self._closing.append(air.close)
+        return air
+
+    def user(self, station: Station) -> User:
+        """A further user; not joined."""
+        user = User(self._context, station)
+        self._closing.append(user.close)
+        return user
+
+    def __call__(
+        self,
+        framing: str = "pdu",
+        *,
+        interfaces: Mapping[str, str] | None = None,
+        options: Mapping[str, Table] | None = None,
+        more: str = "",
+        **tables: Any,
+    ) -> Bench:
+        """A running station, joined through the first interface.
+
+        framing     of its one interface, g5; or
+        interfaces  name -> framing of each.
+        options     name -> further keys of that interface.
+        more, tables  the rest of captain.toml.
+        """
+        airs = {name: self.air(kind) for name, kind in (interfaces or {"g5": framing}).items()}
+        rows = {name: dict(air.table) | dict((options or {}).get(name, {})) for name, air in airs.items()}
+        station = self.station()
+        station.configure(rows, more, **tables)
+        station.start()
+        user = self.user(station).join(next(iter(airs.values())))
+        for air in list(airs.values())[1:]:
+            _forget(air)
+        return Bench(station, airs, user, lambda: self._reports(station, user, airs))
+
+    def _reports(self, station: Station, user: User, airs: Mapping[str, Air]) -> Reports:
+        reports = Reports(self._context, station)
+        self._closing.append(reports.close)
+        return reports.join(user, next(iter(airs.values())))
+
+    def close(self) -> None:
+        try:
+            for station in self._stations:
+                station.stop()
+        finally:
+            for station in self._stations:
+                if station.child is not None:
+                    station.child.kill()
+            while self._closing:
+                self._closing.pop()()
+            self._context.destroy(linger=0)
+            self._ports.release()
+
+
+def _forget(air: Air) -> None:
+    """Read away what the joining left on a further interface: the station sent it there before."""
+    air.socket.setblocking(False)
+    try:
+        while True:
+            air.socket.recv(65536)
+    except BlockingIOError:
+        air.socket.settimeout(5.0)
+
+
+@pytest.fixture
+def launch(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Launcher]:
+    launcher = Launcher(lambda: tmp_path_factory.mktemp("s"))
+    yield launcher
+    launcher.close()
+
+
+@pytest.fixture(scope="module")
+def launch_shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Launcher]:
+    launcher = Launcher(lambda: tmp_path_factory.mktemp("s"))
+    yield launcher
+    launcher.close()
+
+
+@pytest.fixture(scope="module")
+def shared_pdu(launch_shared: Launcher) -> Bench:
+    return launch_shared("pdu")
+
+
+@pytest.fixture(scope="module")
+def shared_btp(launch_shared: Launcher) -> Bench:
+    return launch_shared("btp")
+
+
+@pytest.fixture(scope="module")
+def shared_ethernet(launch_shared: Launcher) -> Bench:
+    return launch_shared("ethernet")
+
+
+@pytest.fixture(scope="module")
+def shared_legacy(launch_shared: Launcher) -> Bench:
+    return launch_shared("btp", station={"profile": "legacy"})
+
+
+@pytest.fixture
+def pdu(shared_pdu: Bench) -> Bench:
+    """A station with one interface of framing pdu, shared by the tests of a module."""
+    return shared_pdu.settled()
+
+
+@pytest.fixture
+def btp(shared_btp: Bench) -> Bench:
+    """Framing btp, shared."""
+    return shared_btp.settled()
+
+
+@pytest.fixture
+def ethernet(shared_ethernet: Bench) -> Bench:
+    """Framing ethernet, shared."""
+    return shared_ethernet.settled()
+
+
+@pytest.fixture
+def legacy(shared_legacy: Bench) -> Bench:
+    """Framing btp, the legacy profile, shared."""
+    return shared_legacy.settled()
+
+
+@pytest.fixture(scope="session")
+def frames() -> dict[str, bytes]:
+    """Frames of an independent station, by name."""
+    rows = json.loads((ROOT / "tests" / "captures" / "frames.json").read_text())["frames"]
+    return {row["name"]: bytes.fromhex(row["hex"]) for row in rows}
+
+
+@pytest.fixture(scope="session")
+def vectors() -> list[dict[str, Any]]:
+    """The twelve messages that travel in tests, demo and lab."""
+    rows: list[dict[str, Any]] = json.loads((ROOT / "firmware" / "vectors.json").read_text())
+    return [row | {"pdu": bytes.fromhex(row["hex"])} for row in rows]

@@ -1,0 +1,155 @@
+"""A station as its users meet it: a process of the installed program, its ports, its signals and its exit code."""
+
+import json
+import os
+import shlex
+import signal
+import socket
+import subprocess
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from tests.system.ports import Ports
+
+ROOT = Path(__file__).parents[2]
+PROGRAM = shlex.split(os.environ.get("CAPTAIN", str(ROOT / ".venv" / "bin" / "captain")))
+
+# Seconds. Reached only by a test that fails.
+PATIENCE = 5.0
+START = 10.0
+ENDPOINTS = ("from_users", "to_users", "pull", "report")
+
+Table = Mapping[str, Any]
+
+
+def toml(value: Any) -> str:
+    """A value of a TOML file: JSON but for tables."""
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{key} = {toml(item)}" for key, item in value.items()) + " }"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(toml(item) for item in value) + "]"
+    return json.dumps(value)
+
+
+def toml_table(name: str, table: Table) -> str:
+    return f"[{name}]\n" + "".join(f"{key} = {toml(value)}\n" for key, value in table.items())
+
+
+class Station:
+    """One `captain run`. Ports are its own; the control socket and the configuration are in `folder`."""
+
+    def __init__(self, folder: Path, ports: Ports) -> None:
+        self.folder = folder
+        self.ports = {name: ports.take() for name in ENDPOINTS}
+        self.control = folder / "control.sock"
+        self.file = folder / "captain.toml"
+        self.stderr = folder / "stderr"
+        self.child: subprocess.Popen[bytes] | None = None
+
+    def address(self, endpoint: str) -> str:
+        return f"tcp://127.0.0.1:{self.ports[endpoint]}"
+
+    def configure(self, interfaces: Mapping[str, Table], more: str = "", **tables: Table) -> None:
+        """Write captain.toml: tables by name, interfaces, and `more` as it is."""
+        endpoint = dict(self.ports) | {"control": str(self.control)} | dict(tables.pop("endpoint", {}))
+        identity = {"mac": "02:00:00:00:00:aa"} | dict(tables.pop("station", {}))
+        parts = [toml_table("station", identity), toml_table("endpoint", endpoint)]
+        parts += [toml_table(name, table) for name, table in tables.items()]
+        parts += [toml_table(f"interfaces.{name}", table) for name, table in interfaces.items()]
+        self.file.write_text("\n".join([*parts, more]))
+
+    def start(self, *arguments: str) -> None:
+        """Start it and wait for the readiness that a service manager would wait for."""
+        with _Readiness(self.folder / "notify.sock") as readiness, self.stderr.open("wb") as stderr:
+            self.child = subprocess.Popen(
+                [*PROGRAM, "run", "--config", str(self.file), "--board", "none", *arguments],
+                stdin=subprocess.DEVNULL,
+                stdout=stderr,
+                stderr=stderr,
+                env=os.environ | {"NOTIFY_SOCKET": readiness.path},
+                cwd=self.folder,
+            )
+            assert readiness.is_reached(lambda: self.running), f"it did not start: {self.stderr.read_text()}"
+
+    @property
+    def running(self) -> bool:
+        return self.child is not None and self.child.poll() is None
+
+    def signal(self, number: int) -> None:
+        assert self.child is not None
+        self.child.send_signal(number)
+
+    def stop(self) -> None:
+        """End it as a service manager does; it must go at once, with exit code 0 and no traceback."""
+        if self.child is None:
+            return
+        child, self.child = self.child, None
+        if child.poll() is None:
+            child.send_signal(signal.SIGTERM)
+        try:
+            code = child.wait(timeout=PATIENCE)
+        except subprocess.TimeoutExpired:
+            child.kill()
+            child.wait()
+            raise AssertionError("it did not stop on SIGTERM") from None
+        said = self.stderr.read_text(errors="replace")
+        assert "Traceback" not in said, said
+        assert code == 0, f"exit code {code}: {said}"
+
+    def ask(self, **question: Any) -> dict[str, Any]:
+        """One question and its answer over the control socket."""
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as line:
+            line.settimeout(PATIENCE)
+            line.connect(str(self.control))
+            line.sendall(json.dumps(question).encode() + b"\n")
+            with line.makefile("rb") as answers:
+                answer: dict[str, Any] = json.loads(answers.readline())
+        return answer
+
+    def status(self) -> dict[str, Any]:
+        answer = self.ask(do="status")
+        assert answer["ok"], answer
+        status: dict[str, Any] = answer["status"]
+        return status
+
+    def drops(self) -> dict[tuple[str, str], int]:
+        """What was dropped since the start: (where, reason) -> count."""
+        return {(row["where"], row["reason"]): row["count"] for row in self.status()["drops"]}
+
+    def until(self, holds: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+        """Ask for the status until it holds, and return it."""
+        end = time.monotonic() + PATIENCE
+        while True:
+            status = self.status()
+            if holds(status):
+                return status
+            assert time.monotonic() < end, f"it never came to hold: {json.dumps(status, indent=1)}"
+
+
+class _Readiness:
+    """The service manager's end of sd_notify."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = str(path)
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+
+    def __enter__(self) -> "_Readiness":
+        Path(self.path).unlink(missing_ok=True)
+        self._socket.bind(self.path)
+        self._socket.settimeout(0.1)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._socket.close()
+
+    def is_reached(self, is_alive: Callable[[], bool]) -> bool:
+        end = time.monotonic() + START
+        while is_alive() and time.monotonic() < end:
+            try:
+                if b"READY=1" in self._socket.recv(4096).split(b"\n"):
+                    return True
+            except TimeoutError:
+                continue
+        return False
