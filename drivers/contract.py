@@ -39,7 +39,7 @@ class Sent(Enum):
     """What send() did with a request."""
 
     NOW = auto()  # it has left
-    LATER = auto()  # the driver keeps it and will call host.confirm()
+    LATER = auto()  # the driver keeps it and will call host.confirm(), never from inside send()
     BUSY = auto()  # it could not be taken; the host keeps it until the driver calls host.writable()
 
 

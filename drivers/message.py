@@ -97,6 +97,7 @@ class MessageType(NamedTuple):
     btp_port  that it leaves by in the profile in use; None where it has none.
     priority  0 leaves first; what the policy's default gives it.
     index     place of its counters; unknown ids share the last.
+    lifetime  seconds after which it is too old to leave, unless the policy or the user says otherwise.
     """
 
     name: str
@@ -104,6 +105,7 @@ class MessageType(NamedTuple):
     btp_port: int | None
     priority: int
     index: int
+    lifetime: float = 1.0
 
 
 class Indication(NamedTuple):

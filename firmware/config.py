@@ -1,0 +1,326 @@
+"""captain.toml: what is wanted of the station; with a board file, which says what is there."""
+
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from board import describe
+from board.describe import Range
+from board.errors import ConfigurationError
+from drivers import DRIVERS
+from drivers.sim.neighbours import NeighboursOptions
+
+BOARDS = Path(describe.__file__).parent / "boards"
+Port = Annotated[int, Range(0, 65535)]
+Octet = Annotated[int, Range(0, 255)]
+Priority = Annotated[int, Range(0, 7)]
+Seconds = Annotated[float, Range(0.0, 86400.0)]
+
+
+@dataclass(frozen=True)
+class Place:
+    """A position in degrees, WGS84."""
+
+    latitude: Annotated[float, Range(-90.0, 90.0)]
+    longitude: Annotated[float, Range(-180.0, 180.0)]
+
+
+@dataclass(frozen=True)
+class StationOptions:
+    """[station]: who this is. An empty mac is made from the host and the name, locally administered."""
+
+    name: str = "captain"
+    profile: Literal["standard", "legacy"] = "standard"
+    mac: str = ""
+    position: Place | None = None
+
+
+@dataclass(frozen=True)
+class EndpointOptions:
+    """[endpoint]: where user programs connect. An ipc_ address is off when empty."""
+
+    address: str = "127.0.0.1"
+    from_users: Port = 5555
+    to_users: Port = 5556
+    pull: Port = 5557
+    report: Port = 5558
+    control: str = ""
+    strict: bool = False
+    local_info: bool = True
+    ipc_in: str = ""
+    ipc_out: str = ""
+
+
+@dataclass(frozen=True)
+class ReceptionOptions:
+    """[reception]: what is passed on to users, and what is dropped with its reason."""
+
+    unverified: Literal["drop", "deliver"] = "drop"
+    gn_versions: tuple[Annotated[int, Range(0, 15)], ...] = (1,)
+    unknown_btp_port: Literal["drop", "deliver"] = "drop"
+    duplicate_window_s: Seconds = 2.0
+
+
+@dataclass(frozen=True)
+class QueueOptions:
+    """The options that every [interfaces.<name>] has beside its driver's: queue in messages, rate_per_s its pace."""
+
+    driver: str
+    queue: Annotated[int, Range(1, 65536)] = 256
+    rate_per_s: Annotated[float, Range(0.0, 100_000.0)] = 0.0
+
+
+@dataclass(frozen=True)
+class InterfaceConfig:
+    """One interface: its queue, and its driver's own options."""
+
+    name: str
+    queue: QueueOptions
+    options: Any  # an instance of the driver's Options
+
+
+@dataclass(frozen=True)
+class TypeConfig:
+    """[[types]]: a further or changed row of the table of message types."""
+
+    number: Octet
+    name: str
+    btp_port: Port | None = None
+    priority: Priority = 3
+    lifetime_s: Seconds = 1.0
+
+
+@dataclass(frozen=True)
+class Span:
+    """Limits of a number, both included; one left out is open."""
+
+    min: int | None = None
+    max: int | None = None
+
+
+@dataclass(frozen=True)
+class PayloadMatch:
+    """Octets of the PDU from offset on, hexadecimal; only the bits of the mask are compared."""
+
+    offset: Annotated[int, Range(0, 1499)]
+    value: str
+    mask: str = ""
+
+
+@dataclass(frozen=True)
+class NeighbourMatch:
+    """At least `count` stations heard on an interface in the last within_s seconds, each at rssi_dbm or better."""
+
+    interface: str
+    within_s: Seconds = 5.0
+    count: Annotated[int, Range(0, 4096)] = 1
+    rssi_dbm: int | None = None
+
+
+@dataclass(frozen=True)
+class PlaceMatch:
+    """Own position inside a circle."""
+
+    latitude: Annotated[float, Range(-90.0, 90.0)]
+    longitude: Annotated[float, Range(-180.0, 180.0)]
+    radius_m: Annotated[float, Range(0.0, 1e7)]
+
+
+@dataclass(frozen=True)
+class Match:
+    """When a row of the policy applies: all that is given must hold; an empty one always does."""
+
+    type: tuple[str, ...] = ()
+    station: tuple[int, ...] = ()
+    size: Span = Span()
+    btp_port: tuple[Port, ...] = ()
+    traffic_class: tuple[Octet, ...] = ()
+    area: Literal["", "none", "any", "inside", "outside"] = ""
+    payload: tuple[PayloadMatch, ...] = ()
+    link_up: tuple[str, ...] = ()
+    link_down: tuple[str, ...] = ()
+    bearer: bool | None = None
+    neighbours: NeighbourMatch | None = None
+    no_neighbours: NeighbourMatch | None = None
+    position: PlaceMatch | None = None
+
+
+@dataclass(frozen=True)
+class PolicyRow:
+    """[[policy]]: the first row whose match applies says how a message leaves.
+
+    interfaces     that it leaves by; "*" is each that transmits; none drops it.
+    fallback       those that it leaves by when none of them has its link up.
+    priority, lifetime_s, traffic_class  in place of the type's own.
+    rate_per_s     of messages that this row lets through; 0 is any.
+    """
+
+    name: str = ""
+    match: Match = Match()
+    interfaces: tuple[str, ...] = ("*",)
+    fallback: tuple[str, ...] = ()
+    priority: Priority | None = None
+    lifetime_s: Seconds | None = None
+    rate_per_s: Annotated[float, Range(0.0, 100_000.0)] = 0.0
+    traffic_class: Octet | None = None
+
+
+@dataclass(frozen=True)
+class Tables:
+    """The tables of captain.toml; interfaces are read once more, with their drivers' options."""
+
+    station: StationOptions = StationOptions()
+    endpoint: EndpointOptions = EndpointOptions()
+    reception: ReceptionOptions = ReceptionOptions()
+    interfaces: dict[str, dict[str, Any]] = field(default_factory=dict)
+    types: tuple[TypeConfig, ...] = ()
+    policy: tuple[PolicyRow, ...] = ()
+
+
+@dataclass(frozen=True)
+class Board:
+    """A board file, as far as interfaces go: what is there before captain.toml says what is wanted of it."""
+
+    name: str
+    description: str = ""
+    interfaces: dict[str, dict[str, Any]] = field(default_factory=dict)
+    neighbours: NeighboursOptions | None = None
+
+
+@dataclass(frozen=True)
+class Config:
+    """All that a station is started with."""
+
+    tables: Tables
+    interfaces: tuple[InterfaceConfig, ...]
+    board: Board
+    mac: bytes
+
+
+def load(path: str | None, overrides: Sequence[str] = (), board: str = "sim") -> Config:
+    """Read captain.toml, lay it over the board's interfaces, apply `section.key=value` overrides and check it all.
+
+    Raises ConfigurationError that names every mistake with file and key path.
+    """
+    there = load_board(board)
+    wanted = describe.load(Path(path)) if path else {}
+    merged: dict[str, Any] = {"interfaces": there.interfaces} | wanted
+    if path and "interfaces" in wanted and isinstance(wanted["interfaces"], dict):
+        merged["interfaces"] = there.interfaces | wanted["interfaces"]
+    for text in overrides:
+        describe.override(merged, text)
+    where = path or "captain.toml"
+    mistakes: list[str] = []
+    tables = _collect(mistakes, lambda: describe.read(Tables, merged, where)) or Tables()
+    interfaces = []
+    for name, options in tables.interfaces.items():
+        read = _collect(mistakes, lambda name=name, options=options: _interface(name, options, where))
+        if read is not None:
+            interfaces.append(read)
+    mistakes += _cross_check(tables, where)
+    mac = _collect(mistakes, lambda: _mac(tables.station, where))
+    if mistakes:
+        raise ConfigurationError("\n".join(mistakes))
+    assert mac is not None
+    return Config(tables, tuple(interfaces), there, mac)
+
+
+def load_board(board: str) -> Board:
+    """A board by its name in board/boards (`sim`, `none`) or by the path of a file."""
+    path = Path(board) if "/" in board or board.endswith(".toml") else BOARDS / f"{board}.toml"
+    if path.parent == BOARDS and not path.exists():
+        known = ", ".join(sorted(entry.stem for entry in BOARDS.glob("*.toml")))
+        raise ConfigurationError(f"board {board!r} is not known", f"one of {known}, or the path of a board file")
+    return describe.read(Board, describe.load(path), str(path))
+
+
+def _collect(mistakes: list[str], read: Any) -> Any:
+    try:
+        return read()
+    except ConfigurationError as error:
+        mistakes.append(str(error))
+        return None
+
+
+def _interface(name: str, table: Mapping[str, Any], where: str) -> InterfaceConfig:
+    common = {key: value for key, value in table.items() if key in QueueOptions.__dataclass_fields__}
+    own = {key: value for key, value in table.items() if key not in common}
+    place = f"{where}: interfaces.{name}"
+    queue = describe.read(QueueOptions, common, place)
+    driver = DRIVERS.get(queue.driver)
+    if driver is None:
+        raise ConfigurationError(
+            f"{place}.driver: {queue.driver!r} is no driver; one of {', '.join(sorted(DRIVERS))}"
+        )
+    return InterfaceConfig(name, queue, describe.read(driver.Options, own, place))
+
+
+def _cross_check(tables: Tables, where: str) -> list[str]:
+    """What only two tables together can tell: names that mean nothing, bits that do not fit."""
+    mistakes = []
+    known = set(tables.interfaces) | {"*"} | ({"ipc"} if tables.endpoint.ipc_out else set())
+    for index, row in enumerate(tables.policy):
+        match = row.match
+        named = [*row.interfaces, *row.fallback, *match.link_up, *match.link_down]
+        named += [near.interface for near in (match.neighbours, match.no_neighbours) if near]
+        mistakes += [
+            f"{where}: policy[{index}]: {name!r} is no interface; one of {', '.join(sorted(known))}"
+            for name in named
+            if name not in known
+        ]
+        for place, payload in enumerate(match.payload):
+            mistakes += _payload_mistakes(payload, f"{where}: policy[{index}].match.payload[{place}]")
+    numbers = [row.number for row in tables.types]
+    mistakes += [
+        f"{where}: types: number {number} stands {numbers.count(number)} times; once is enough"
+        for number in sorted({number for number in numbers if numbers.count(number) > 1})
+    ]
+    mistakes += [
+        f"{where}: types: name {row.name!r} must be lower-case letters, digits and _"
+        for row in tables.types
+        if not row.name.replace("_", "a").isalnum() or row.name != row.name.lower() or not row.name.isascii()
+    ]
+    ports = [getattr(tables.endpoint, key) for key in ("from_users", "to_users", "pull", "report")]
+    mistakes += [
+        f"{where}: endpoint: port {port} is given to two sockets; each needs its own"
+        for port in sorted({port for port in ports if port and ports.count(port) > 1})
+    ]
+    return mistakes
+
+
+def _payload_mistakes(payload: PayloadMatch, where: str) -> list[str]:
+    try:
+        value, mask = bytes.fromhex(payload.value), bytes.fromhex(payload.mask)
+    except ValueError:
+        return [f"{where}: value {payload.value!r} and mask {payload.mask!r} must be hexadecimal octets"]
+    if not value:
+        return [f"{where}: value is empty; give the octets to compare"]
+    if mask and len(mask) != len(value):
+        return [f"{where}: mask has {len(mask)} octets and value {len(value)}; they must be as many"]
+    return []
+
+
+def _mac(station: StationOptions, where: str) -> bytes:
+    if not station.mac:
+        return _made_mac(station.name)
+    try:
+        mac = bytes(int(part, 16) for part in station.mac.split(":"))
+    except ValueError:
+        mac = b""
+    if len(mac) != 6 or mac[0] & 1:
+        raise ConfigurationError(
+            f"{where}: station.mac: {station.mac!r} is no station's address; six octets such as 02:00:00:00:00:0b"
+        )
+    return mac
+
+
+def _made_mac(name: str) -> bytes:
+    """A locally administered address of this host and name: stations on one host need one each."""
+    try:
+        machine = Path("/etc/machine-id").read_text().strip()
+    except OSError:
+        machine = ""
+    seed = f"{machine}/{name}".encode()
+    return b"\x02" + zlib.crc32(seed).to_bytes(4, "big") + bytes((zlib.adler32(seed) & 0xFF,))

@@ -1,0 +1,66 @@
+"""Every message that was not passed on: where, why, how many, and the last one."""
+
+import logging
+import time
+from collections.abc import Iterator
+
+from drivers.reason import MEANING, Reason
+
+SAMPLE = 64  # octets shown of the last one
+
+log = logging.getLogger("captain.drops")
+
+
+class Drop:
+    """The count of one reason at one place."""
+
+    __slots__ = ("count", "octets", "sample", "time")
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.sample = b""
+        self.octets = 0
+        self.time = 0.0
+
+
+class Drops:
+    """Counters by place and reason. Bounded: places are interfaces and sockets, reasons are an enumeration."""
+
+    def __init__(self) -> None:
+        self._drops: dict[tuple[str, Reason], Drop] = {}
+
+    def count(self, where: str, reason: Reason, sample: bytes = b"", count: int = 1) -> None:
+        """Count a discard and keep its octets as the last sample.
+
+        where   an interface's name, or from_users, pull, to_users, report.
+        sample  what was discarded, empty where nobody has it.
+        """
+        drop = self._drops.get((where, reason))
+        if drop is None:
+            drop = self._drops[where, reason] = Drop()
+        before = drop.count
+        drop.count = before + count
+        drop.time = time.time()
+        if sample:
+            drop.sample = sample[:SAMPLE]
+            drop.octets = len(sample)
+        # The journal hears of the first, the tenth, the hundredth ...: never a flood, never silence.
+        if before == 0 or len(str(before)) != len(str(drop.count)):
+            log.warning("%s: %s: %d dropped: %s", where, reason, drop.count, MEANING[reason])
+
+    def total(self, where: str, reason: Reason) -> int:
+        drop = self._drops.get((where, reason))
+        return drop.count if drop else 0
+
+    def status(self) -> Iterator[dict[str, object]]:
+        """One JSON object for each place and reason, as in the status message."""
+        for (where, reason), drop in self._drops.items():
+            yield {
+                "where": where,
+                "reason": str(reason),
+                "meaning": MEANING[reason],
+                "count": drop.count,
+                "time": drop.time,
+                "octets": drop.octets,
+                "sample": drop.sample.hex(),
+            }

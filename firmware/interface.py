@@ -1,0 +1,177 @@
+"""One interface of the station: the host of a driver, its counters, its neighbours and its queue."""
+
+import logging
+from collections.abc import Callable
+from typing import Protocol
+
+from board.errors import RequestError, StationError
+from board.loop import Loop
+from drivers.contract import Can, Driver, Sent
+from drivers.message import (
+    ITS_HEADER,
+    MAX_PDU,
+    NO_MAC,
+    NO_RX_INFO,
+    Confirm,
+    Ego,
+    Indication,
+    Outcome,
+    Request,
+    RxInfo,
+)
+from drivers.reason import Reason
+from firmware.config import QueueOptions
+from firmware.drops import Drops
+from firmware.neighbours import Neighbours
+from firmware.outlet import Outlet
+from firmware.topics import Topics
+
+log = logging.getLogger("captain.interface")
+
+
+class Above(Protocol):
+    """What an interface needs of the station."""
+
+    is_confirm_wanted: bool
+
+    def indicate(self, indication: Indication) -> None: ...
+    def confirm(self, confirm: Confirm) -> None: ...
+    def links_changed(self) -> None: ...
+    def ego(self) -> Ego: ...
+
+
+class Interface:
+    """Host of one driver. The supervisor starts and stops it; the router gives it requests."""
+
+    def __init__(
+        self, name: str, driver: Driver, options: QueueOptions, loop: Loop, above: Above, topics: Topics, drops: Drops
+    ) -> None:
+        self.name = name
+        self.loop = loop
+        self.driver = driver
+        self.driver_name = options.driver
+        self.is_up = False
+        self.why = "not started"
+        self.since = loop.clock()
+        self.on_fail: Callable[[StationError], None] = lambda error: None
+        self.can_transmit = Can.TRANSMIT in driver.capabilities.can
+        self.neighbours = Neighbours()
+        self.received = [0] * len(topics.kinds)
+        self.sent_count = [0] * len(topics.kinds)
+        self.received_octets = 0
+        self.sent_octets = 0
+        gap_s = 1.0 / options.rate_per_s if options.rate_per_s else 0.0
+        self.outlet = Outlet(loop, self, options.queue, gap_s)
+        self._above = above
+        self._topics = topics
+        self._by_number = topics.by_number
+        self._any_port = False
+        self._drops = drops
+
+    def accept_any_port(self) -> None:
+        """Pass on PDUs of BTP ports that no table knows."""
+        self._any_port = True
+
+    # What the driver calls: drivers.contract.Host.
+
+    def indicate(self, pdu: bytes, received_ns: int, rx: RxInfo = NO_RX_INFO) -> None:
+        size = len(pdu)
+        if not ITS_HEADER <= size <= MAX_PDU:
+            self.drop(_size_reason(size), pdu)
+            return
+        if rx.btp_port is not None and rx.btp_port not in self._topics.ports and not self._any_port:
+            self.drop(Reason.BTP_PORT, pdu)
+            return
+        kind = self._by_number[pdu[1]]
+        self.received[kind.index] += 1
+        self.received_octets += size
+        now = self.loop.clock()
+        mac = rx.source_mac
+        self.neighbours.heard(pdu[2:6] if mac == NO_MAC else mac, now, rx.rssi_dbm)
+        self._above.indicate(Indication(kind, pdu, self.name, received_ns, now, rx))
+
+    def heard(self, mac: bytes, rssi_dbm: int | None) -> None:
+        self.neighbours.heard(mac, self.loop.clock(), rssi_dbm)
+
+    def drop(self, reason: Reason, sample: bytes = b"", count: int = 1) -> None:
+        self._drops.count(self.name, reason, sample, count)
+
+    def confirm(self, request: Request, reason: Reason | None = None) -> None:
+        self.outlet.confirm(request, reason)
+
+    def writable(self) -> None:
+        self.outlet.writable()
+
+    def link(self, is_up: bool, why: str) -> None:
+        if (is_up, why) == (self.is_up, self.why):
+            return
+        if is_up is not self.is_up:
+            self.since = self.loop.clock()
+        has_changed = is_up is not self.is_up
+        self.is_up = is_up
+        self.why = why
+        log.info("%s: %s: %s", self.name, "up" if is_up else "down", why)
+        if has_changed:
+            self._above.links_changed()
+            if is_up:
+                self.outlet.writable()
+
+    def fail(self, error: StationError) -> None:
+        self.link(False, error.message)
+        self.on_fail(error)
+
+    def ego(self) -> Ego:
+        return self._above.ego()
+
+    # What its queue calls: firmware.outlet.Outgoing.
+
+    def transmit(self, request: Request) -> Sent | None:
+        try:
+            return self.driver.send(request)
+        except RequestError as error:
+            log.warning("%s: request %d: %s", self.name, request.number, error)
+            self.dropped(request, Reason.SEND_FAILED)
+            return None
+
+    def sent(self, request: Request, handed_over: float) -> None:
+        self.sent_count[request.kind.index] += 1
+        self.sent_octets += len(request.pdu)
+        if self._above.is_confirm_wanted:
+            queue_s, send_s = handed_over - request.accepted, self.loop.clock() - handed_over
+            self._above.confirm(Confirm(request, Outcome.SENT, self.name, None, queue_s, send_s))
+
+    def dropped(self, request: Request, reason: Reason, handed_over: float | None = None) -> None:
+        self._drops.count(self.name, reason, request.pdu)
+        if self._above.is_confirm_wanted:
+            now = self.loop.clock()
+            left = now if handed_over is None else handed_over
+            confirm = Confirm(request, Outcome.DROPPED, self.name, reason, left - request.accepted, now - left)
+            self._above.confirm(confirm)
+
+    def status(self) -> dict[str, object]:
+        """Counters by type, link and queue, as in the status message."""
+        now = self.loop.clock()
+        kinds = self._topics.kinds
+        outlet = self.outlet
+        return {
+            "driver": self.driver_name,
+            "technology": self.driver.capabilities.technology,
+            "why": self.why,
+            "since_s": round(now - self.since, 3),
+            "neighbours": self.neighbours.count(now),
+            "received": {_label(kinds[i].name): n for i, n in enumerate(self.received) if n},
+            "sent": {_label(kinds[i].name): n for i, n in enumerate(self.sent_count) if n},
+            "received_octets": self.received_octets,
+            "sent_octets": self.sent_octets,
+            "queue": {"length": outlet.length, "capacity": outlet.capacity, "longest": outlet.longest},
+        }
+
+
+def _size_reason(size: int) -> Reason:
+    if size == 0:
+        return Reason.EMPTY_PDU
+    return Reason.SHORT_PDU if size < ITS_HEADER else Reason.LONG_PDU
+
+
+def _label(name: str) -> str:
+    return name or "unknown"

@@ -1,0 +1,195 @@
+"""The policy: rows of captain.toml made into tests of one message, read once and asked for every request."""
+
+import math
+from collections.abc import Callable, Sequence
+from typing import NamedTuple, Protocol
+
+from drivers.contract import Can
+from drivers.message import Area, Ego, MessageType, Position, Shape
+from drivers.wire.area import is_inside
+from firmware.config import Match, NeighbourMatch, PayloadMatch, PlaceMatch, PolicyRow, Span
+from firmware.topics import Topics
+
+DEFAULT_TRAFFIC_CLASS = 2  # that of CAMs on the control channel, EN 302 637-2 clause 5.3.5
+
+
+class Candidate(NamedTuple):
+    """What a row is asked about: a message before it is a request."""
+
+    kind: MessageType
+    pdu: bytes
+    btp_port: int
+    traffic_class: int
+    area: Area | None
+
+
+class Surroundings(Protocol):
+    """What rows ask about the station itself: its interfaces, neighbours and position, now."""
+
+    def is_up(self, interface: str) -> bool: ...
+    def has_up(self, ability: Can) -> bool: ...
+    def neighbours(self, interface: str, within_s: float, rssi_dbm: int | None) -> int: ...
+    def ego(self) -> Ego: ...
+
+
+Test = Callable[[Candidate], bool]
+
+
+class Rate:
+    """A token bucket that holds a second's worth, at least one message."""
+
+    def __init__(self, per_s: float) -> None:
+        self.per_s = per_s
+        self._tokens = max(1.0, per_s)
+        self._then = -math.inf
+
+    def allows(self, now: float) -> bool:
+        elapsed = now - self._then
+        self._then = now
+        self._tokens = min(max(1.0, self.per_s), self._tokens + elapsed * self.per_s)
+        if self._tokens < 1.0:
+            return False
+        self._tokens -= 1.0
+        return True
+
+
+class Plan(NamedTuple):
+    """What a row makes of a type of message, unless its user asks otherwise."""
+
+    lifetime: float
+    priority: int
+    traffic_class: int
+
+
+class Row:
+    """A row with its match made into tests, and for each type what it comes to."""
+
+    def __init__(self, row: PolicyRow, name: str, topics: Topics, surroundings: Surroundings) -> None:
+        self.name = name
+        self.interfaces = row.interfaces
+        self.fallback = row.fallback
+        self.types = frozenset(row.match.type)
+        self.matched = 0
+        self.tests = tuple(_tests(row.match, surroundings))
+        self.rate = Rate(row.rate_per_s) if row.rate_per_s else None
+        self.plans = [
+            Plan(
+                kind.lifetime if row.lifetime_s is None else row.lifetime_s,
+                kind.priority if row.priority is None else row.priority,
+                DEFAULT_TRAFFIC_CLASS if row.traffic_class is None else row.traffic_class,
+            )
+            for kind in topics.kinds
+        ]
+
+
+class Policy:
+    """The table in order; a last row that sends everything everywhere is always there.
+
+    Raises nothing: the configuration was checked when it was read.
+    """
+
+    def __init__(self, rows: Sequence[PolicyRow], topics: Topics, surroundings: Surroundings) -> None:
+        self.rows = [
+            Row(row, row.name or f"policy[{index}]", topics, surroundings) for index, row in enumerate(rows)
+        ]
+        self.rows.append(Row(PolicyRow(), "default", topics, surroundings))
+        self._by_kind = [
+            tuple(row for row in self.rows if not row.types or kind.name in row.types) for kind in topics.kinds
+        ]
+
+    def choose(self, kind: MessageType, pdu: bytes, btp_port: int, traffic_class: int, area: Area | None) -> Row:
+        """The first row that applies."""
+        rows = self._by_kind[kind.index]
+        row = rows[0]
+        if row.tests:
+            candidate = Candidate(kind, pdu, btp_port, traffic_class, area)
+            row = next(row for row in rows if all(test(candidate) for test in row.tests))
+        row.matched += 1
+        return row
+
+    def status(self) -> list[dict[str, object]]:
+        return [{"name": row.name, "matched": row.matched} for row in self.rows]
+
+
+def _tests(match: Match, surroundings: Surroundings) -> list[Test]:
+    """The tests of a match, cheapest first."""
+    tests: list[Test] = []
+    if match.station:
+        stations = frozenset(station.to_bytes(4, "big") for station in match.station)
+        tests.append(lambda candidate: candidate.pdu[2:6] in stations)
+    if match.size != Span():
+        tests.append(_size(match.size))
+    if match.btp_port:
+        tests.append(lambda candidate: candidate.btp_port in match.btp_port)
+    if match.traffic_class:
+        tests.append(lambda candidate: candidate.traffic_class in match.traffic_class)
+    tests += [_payload(payload) for payload in match.payload]
+    tests += [_link(name, surroundings, is_up=True) for name in match.link_up]
+    tests += [_link(name, surroundings, is_up=False) for name in match.link_down]
+    if match.bearer is not None:
+        tests.append(lambda _: surroundings.has_up(Can.BEARER) is match.bearer)
+    if match.neighbours:
+        tests.append(_neighbours(match.neighbours, surroundings, are_wanted=True))
+    if match.no_neighbours:
+        tests.append(_neighbours(match.no_neighbours, surroundings, are_wanted=False))
+    if match.position:
+        tests.append(_position(match.position, surroundings))
+    if match.area:
+        tests.append(_area(match.area, surroundings))
+    return tests
+
+
+def _size(span: Span) -> Test:
+    least = 0 if span.min is None else span.min
+    most = math.inf if span.max is None else span.max
+    return lambda candidate: least <= len(candidate.pdu) <= most
+
+
+def _payload(payload: PayloadMatch) -> Test:
+    value = bytes.fromhex(payload.value)
+    mask = int.from_bytes(bytes.fromhex(payload.mask) or b"\xff" * len(value), "big")
+    wanted = int.from_bytes(value, "big") & mask
+    start, end = payload.offset, payload.offset + len(value)
+    return lambda candidate: (
+        len(candidate.pdu) >= end and int.from_bytes(candidate.pdu[start:end], "big") & mask == wanted
+    )
+
+
+def _link(name: str, surroundings: Surroundings, is_up: bool) -> Test:
+    return lambda _: surroundings.is_up(name) is is_up
+
+
+def _neighbours(match: NeighbourMatch, surroundings: Surroundings, are_wanted: bool) -> Test:
+    def test(_: Candidate) -> bool:
+        heard = surroundings.neighbours(match.interface, match.within_s, match.rssi_dbm)
+        return (heard >= match.count) is are_wanted
+
+    return test
+
+
+def _position(match: PlaceMatch, surroundings: Surroundings) -> Test:
+    """Flat-earth distance: right to a few metres in tens of kilometres, which a policy's circle is."""
+    circle = Area(
+        Shape.CIRCLE,
+        Position(round(match.latitude * 1e7), round(match.longitude * 1e7)),
+        round(match.radius_m),
+    )
+
+    def test(_: Candidate) -> bool:
+        ego = surroundings.ego()
+        return ego.is_known and is_inside(circle, ego.position)
+
+    return test
+
+
+def _area(wanted: str, surroundings: Surroundings) -> Test:
+    if wanted in ("none", "any"):
+        return lambda candidate: (candidate.area is None) is (wanted == "none")
+
+    def test(candidate: Candidate) -> bool:
+        ego = surroundings.ego()
+        if candidate.area is None or not ego.is_known:
+            return False
+        return is_inside(candidate.area, ego.position) is (wanted == "inside")
+
+    return test

@@ -1,0 +1,174 @@
+"""The way of a message: from an interface through the stages to the users, from a user through the policy out."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from board.loop import Loop
+from drivers.contract import Can
+from drivers.message import Confirm, Ego, Indication, MessageType, Outcome, Request
+from drivers.reason import Reason
+from firmware.drops import Drops
+from firmware.interface import Interface
+from firmware.options import NOTHING_ASKED, Parsed
+from firmware.policy import DEFAULT_TRAFFIC_CLASS, Policy, Row
+from firmware.topics import Topics
+
+Stage = Callable[[Indication], Indication | None]
+
+
+class Router:
+    """Routes indications to users and requests to interfaces.
+
+    publish         gives an indication to the users; one that they cannot take is its business.
+    report          gives a confirm to those who listen.
+    ego             own time and position.
+    stages          what an indication passes on its way; each returns what goes on, or None having said why.
+    """
+
+    def __init__(self, loop: Loop, topics: Topics, drops: Drops, ego: Callable[[], Ego]) -> None:
+        self.is_confirm_wanted = False
+        self.interfaces: dict[str, Interface] = {}
+        self.stages: Sequence[Stage] = ()
+        self.publish: Callable[[Indication], None] = lambda indication: None
+        self.report: Callable[[Confirm, tuple[Interface, ...]], None] = lambda confirm, targets: None
+        self.ego = ego
+        self.policy = Policy((), topics, self)
+        self.requests = 0
+        self.accepted = 0
+        self._clock = loop.clock
+        self._unknown = topics.unknown
+        self._drops = drops
+        self._targets: dict[Row, tuple[Interface, ...]] = {}
+
+    def add(self, interface: Interface) -> None:
+        self.interfaces[interface.name] = interface
+        self._targets.clear()
+
+    def set_policy(self, policy: Policy) -> None:
+        """Exchange the policy between two messages; queues and connections stay."""
+        self.policy = policy
+        self._targets.clear()
+
+    # From an interface: firmware.interface.Above.
+
+    def indicate(self, indication: Indication) -> None:
+        for stage in self.stages:
+            passed = stage(indication)
+            if passed is None:
+                return
+            indication = passed
+        self.publish(indication)
+
+    def confirm(self, confirm: Confirm) -> None:
+        self.report(confirm, ())
+
+    def links_changed(self) -> None:
+        self._targets.clear()
+
+    # From a user.
+
+    def request(self, kind: MessageType, pdu: bytes, where: str, asked: Parsed = NOTHING_ASKED) -> None:
+        """Send a PDU by the interfaces that the policy names; every way out of here is a confirm.
+
+        where  the socket that it came by, for the counters.
+        """
+        self.requests += 1
+        now = self._clock()
+        port = kind.btp_port
+        traffic_class: int | None = None
+        if asked is not NOTHING_ASKED:
+            port = port if asked.options.btp_port is None else asked.options.btp_port
+            traffic_class = asked.options.traffic_class
+        if port is None:
+            label = asked.options.label
+            self.refuse(Reason.NO_PORT if kind.name else Reason.UNKNOWN_TYPE, pdu, where, kind, label)
+            return
+        if traffic_class is None:
+            traffic_class = DEFAULT_TRAFFIC_CLASS
+        row = self.policy.choose(kind, pdu, port, traffic_class, asked.area)
+        plan = row.plans[kind.index]
+        request = Request(
+            self.requests, kind, pdu, port, now, now + plan.lifetime, plan.priority, plan.traffic_class
+        )
+        targets = self._targets.get(row)
+        if asked is not NOTHING_ASKED:
+            request = _as_asked(request, asked)
+            if asked.options.interfaces:
+                targets = self._usable(asked.options.interfaces, ())
+        if targets is None:
+            targets = self._targets[row] = self._usable(row.interfaces, row.fallback)
+        if not targets or (row.rate is not None and not row.rate.allows(now)):
+            self._refuse(request, self._why_not(row, targets), where)
+            return
+        self.accepted += 1
+        if self.is_confirm_wanted:
+            self.report(Confirm(request, Outcome.ACCEPTED), targets)
+        for interface in targets:
+            interface.outlet.submit(request)
+
+    def refuse(
+        self, reason: Reason, pdu: bytes, where: str, kind: MessageType | None = None, label: str = ""
+    ) -> None:
+        """Count what cannot become a request, and tell its user."""
+        request = Request(self.requests, kind or self._unknown, pdu, 0, self._clock(), 0.0, 7, 0, label=label)
+        self._refuse(request, reason, where)
+
+    def refuse_message(self, reason: Reason, sample: bytes, where: str) -> None:
+        """Count a message that did not even have a PDU to request with, and tell its user."""
+        self.requests += 1
+        self.refuse(reason, sample, where)
+
+    # What the policy asks: firmware.policy.Surroundings.
+
+    def is_up(self, interface: str) -> bool:
+        return interface in self.interfaces and self.interfaces[interface].is_up
+
+    def has_up(self, ability: Can) -> bool:
+        return any(
+            interface.is_up and ability in interface.driver.capabilities.can
+            for interface in self.interfaces.values()
+        )
+
+    def neighbours(self, interface: str, within_s: float, rssi_dbm: int | None) -> int:
+        if interface not in self.interfaces:
+            return 0
+        return self.interfaces[interface].neighbours.count(self._clock(), within_s, rssi_dbm)
+
+    def _refuse(self, request: Request, reason: Reason, where: str) -> None:
+        self._drops.count(where, reason, request.pdu)
+        if self.is_confirm_wanted:
+            self.report(Confirm(request, Outcome.REFUSED, "", reason), ())
+
+    def _why_not(self, row: Row, targets: tuple[Interface, ...]) -> Reason:
+        if targets:
+            return Reason.RATE_LIMIT
+        return Reason.NO_INTERFACE if row.interfaces else Reason.POLICY
+
+    def _usable(self, names: Sequence[str], fallback: Sequence[str]) -> tuple[Interface, ...]:
+        """Those of the named interfaces whose link is up; else the fall-back's; else all named, to wait there."""
+        named = self._transmitting(names)
+        up = tuple(interface for interface in named if interface.is_up)
+        second = tuple(interface for interface in self._transmitting(fallback) if interface.is_up)
+        return up or second or named
+
+    def _transmitting(self, names: Sequence[str]) -> tuple[Interface, ...]:
+        interfaces = self.interfaces
+        chosen = interfaces if "*" in names else dict.fromkeys(name for name in names if name in interfaces)
+        return tuple(interfaces[name] for name in chosen if interfaces[name].can_transmit)
+
+
+def _as_asked(request: Request, asked: Parsed) -> Request:
+    """What its user asks goes before what the policy says."""
+    options = asked.options
+    changes: dict[str, Any] = {"area": asked.area, "label": options.label}
+    if asked.area is not None:
+        changes["hop_limit"] = options.hop_limit
+    if options.lifetime_s is not None:
+        changes["deadline"] = request.accepted + options.lifetime_s
+    if options.priority is not None:
+        changes["priority"] = options.priority
+    if options.traffic_class is not None:
+        changes["traffic_class"] = options.traffic_class
+    if options.btp_port is not None:
+        changes["btp_port"] = options.btp_port
+    return request._replace(**changes)

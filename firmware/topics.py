@@ -1,0 +1,100 @@
+"""Message types: messageID, name in the envelope, BTP port and what they are worth when not all can leave."""
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+from drivers.message import MessageType
+
+
+class TypeRow(NamedTuple):
+    """One row of the table.
+
+    number    messageID of the ITS PDU header (TS 102 894-2 v2.4.1, DE MessageId).
+    name      in the envelope.
+    standard  BTP port of TS 103 248; None where the type is not sent.
+    legacy    BTP port of the legacy profile; None where that does not send it.
+    priority  0 leaves first.
+    lifetime  seconds.
+    """
+
+    number: int
+    name: str
+    standard: int | None
+    legacy: int | None
+    priority: int = 3
+    lifetime: float = 1.0
+
+
+# BTP ports: ETSI TS 103 248 v2.3.1, table 1, one row of it for each service; the legacy ports and the ids 14 and 102
+# are those of existing vehicleCAPTAIN boxes. Priorities follow the traffic classes that the services recommend:
+# DENM before infrastructure services before awareness (TS 102 636-4-2, EN 302 637-3 clause 5.4.1).
+ROWS = (
+    TypeRow(1, "denm", 2002, 2002, priority=0, lifetime=10.0),
+    TypeRow(2, "cam", 2001, 2001, priority=2),
+    TypeRow(3, "poi", 2010, 2010, lifetime=5.0),
+    TypeRow(4, "spatem", 2004, 2004, priority=1),
+    TypeRow(5, "mapem", 2003, 2003, priority=1, lifetime=5.0),
+    TypeRow(6, "ivim", 2006, 2006, priority=1, lifetime=5.0),
+    TypeRow(7, "ev_rsr", 2012, 2012, lifetime=5.0),
+    TypeRow(8, "tistpgtransaction", 2011, None, lifetime=5.0),
+    TypeRow(9, "srem", 2007, 2007, priority=1),
+    TypeRow(10, "ssem", 2008, 2008, priority=1),
+    TypeRow(11, "evcsn", 2010, 2010, lifetime=5.0),
+    TypeRow(12, "saem", 2005, 2005, lifetime=5.0),
+    TypeRow(13, "rtcmem", 2013, 2013),
+    TypeRow(14, "cpm", 2009, 2001, priority=2),
+    TypeRow(15, "imzm", 2019, None, lifetime=5.0),
+    TypeRow(16, "vam", 2018, None, priority=2),
+    TypeRow(20, "mcm", 2017, None, priority=2),
+    TypeRow(102, "vam", 2018, 2001, priority=2),
+)
+NAMELESS_IN_LEGACY = frozenset({15, 20})
+LEGACY_VAM = 102
+
+
+class Topics:
+    """The tables of one profile with the user's own rows in front.
+
+    profile  "standard" or "legacy".
+    extra    rows that replace those of the same number.
+    """
+
+    def __init__(self, profile: str = "standard", extra: Iterable[TypeRow] = ()) -> None:
+        is_legacy = profile == "legacy"
+        own = tuple(extra)
+        taken = {row.number for row in own}
+        rows = [*own, *(row for row in ROWS if row.number not in taken)]
+        self.unknown = MessageType("", -1, None, 7, len(rows))
+        self.by_number: list[MessageType] = [self.unknown] * 256
+        self.by_envelope: dict[bytes, MessageType] = {}
+        self.kinds: list[MessageType] = []
+        self.ports: set[int] = set()
+        for index, row in enumerate(rows):
+            is_nameless = is_legacy and row.number in NAMELESS_IN_LEGACY and row.number not in taken
+            port = row.legacy if is_legacy else row.standard
+            kind = MessageType("" if is_nameless else row.name, row.number, port, row.priority, index, row.lifetime)
+            self.kinds.append(kind)
+            self.by_number[row.number] = kind
+            self.ports.update(port for port in (row.standard, row.legacy) if port is not None)
+            if kind.name and self._speaks_for_its_name(kind, is_legacy):
+                self.by_envelope[b"v2x.%s." % kind.name.encode()] = kind
+        self.kinds.append(self.unknown)
+        self.envelopes = [b"v2x.%s." % kind.name.encode() for kind in self.kinds]
+
+    def _speaks_for_its_name(self, kind: MessageType, is_legacy: bool) -> bool:
+        """Two ids are called vam; `v2x.vam.` means the one that the profile sends."""
+        if kind.name != "vam" or kind.number not in (16, LEGACY_VAM):
+            return True
+        return (kind.number == LEGACY_VAM) is is_legacy
+
+    def classify(self, pdu: bytes) -> MessageType:
+        """The type of a PDU of at least two octets, by messageID; unknown ids give the nameless type."""
+        return self.by_number[pdu[1]]
+
+    def types_by_port(self) -> dict[int, int]:
+        """BTP port -> messageID as this profile sends them; where several share a port, the first."""
+        ports: dict[int, int] = {}
+        for kind in self.kinds:
+            if kind.btp_port is not None:
+                ports.setdefault(kind.btp_port, kind.number)
+        return ports
