@@ -1,0 +1,84 @@
+"""Says on standard output what became of sent messages."""
+
+import json
+import sys
+
+from firmware.flights import Flight, Flights
+from firmware.sending import Sending
+from firmware.table import Table, clean, plain, width_of
+
+
+class Account:
+    """Tells of each message that is over, and of all together at the end.
+
+    is_brief  leave out those that were sent.
+    """
+
+    def __init__(self, is_json: bool, is_brief: bool) -> None:
+        self._is_json = is_json
+        self._is_brief = is_brief
+
+    def one(self, flight: Flight) -> None:
+        if self._is_json:
+            print(json.dumps(described(flight)), flush=True)
+        elif not self._is_brief or flight.outcome != "sent":
+            print(
+                clean(f"{flight.origin}: {flight.type} {flight.octets} octets: {_fate(flight)}"), flush=True
+            )
+
+    def all(self, outgoing: Sending) -> None:
+        """The end: how many of each outcome, and how each interface did."""
+        flights = outgoing.flights
+        outcomes = ", ".join(f"{count} {outcome}" for outcome, count in sorted(flights.outcomes.items()))
+        title = f"{outgoing.count} messages given to the station" + (f": {outcomes}" if outcomes else "")
+        rubbish = [f"{flights.rubbish} unreadable reports"] if flights.rubbish else []
+        stream = sys.stderr if self._is_json else sys.stdout
+        rows = [_summed(flights, hop, count) for hop, count in sorted(flights.hops.items())]
+        lines = plain(Table(title, SUMMED, rows, rubbish), width_of(stream))
+        print("\n".join(lines), file=stream, flush=True)
+
+
+SUMMED = ("interface", "outcome", ">count", ">queue us", ">longest", ">send us", ">longest", "why")
+
+
+def _summed(flights: Flights, hop: tuple[str, str, str, str], count: int) -> tuple[str, ...]:
+    interface, outcome, reason, meaning = hop
+    times = flights.times.get(interface) if outcome == "sent" else None
+    if times is None:
+        numbers = ("", "", "", "")
+    else:
+        numbers = (
+            f"{times.queue_us / count:.0f}",
+            f"{times.queue_longest_us:.0f}",
+            f"{times.send_us / count:.0f}",
+            f"{times.send_longest_us:.0f}",
+        )
+    return (interface or "(station)", outcome, str(count), *numbers, f"{reason}: {meaning}" if reason else "")
+
+
+def _fate(flight: Flight) -> str:
+    """What became of one message, in words."""
+    parts = []
+    for hop in flight.hops:
+        by = f" by {hop.interface}" if hop.interface else ""
+        if hop.outcome == "sent":
+            parts.append(f"sent{by}, {hop.queue_us:.0f} us queued, {hop.send_us:.0f} us to send")
+        else:
+            parts.append(f"{hop.outcome}{by}: {hop.reason} ({hop.meaning})")
+    silent = sorted((flight.expected or set()) - {hop.interface for hop in flight.hops})
+    if flight.expected is None and not parts:
+        parts.append("no confirm came")
+    parts += [f"no confirm from {name}" for name in silent]
+    return "; ".join(parts) or "accepted, but for no interface"
+
+
+def described(flight: Flight) -> dict[str, object]:
+    """A message as --json prints it."""
+    return {
+        "label": flight.label,
+        "origin": flight.origin,
+        "type": flight.type,
+        "octets": flight.octets,
+        "outcome": flight.outcome,
+        "hops": [hop._asdict() for hop in flight.hops],
+    }

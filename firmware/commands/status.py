@@ -1,0 +1,208 @@
+"""captain status: what a station is doing, and what it could not do."""
+
+import argparse
+import json
+import time
+from collections.abc import Iterator, Mapping
+
+from board.errors import StationError
+from firmware import client
+from firmware.table import Screen, Table
+from firmware.untrusted import listed, named, number, text, within
+
+LAST_TIME = 253402300799.0  # 9999-12-31: later ones of a peer have no calendar
+
+SUMMARY = "show a running station: interfaces, queues, counters, and every drop with its reason"
+HELP = """\
+Shows the interfaces with their links and queues, what was received and sent
+per type, every drop by reason with its meaning and the last sample,
+duplicates, and how often each row of the policy matched.
+
+A station of this machine is asked over its control socket, any other one by
+the status that it reports once a second. Fits 80 columns and needs no colour.
+"""
+EXAMPLES = """\
+examples:
+  captain status                           the station of this machine
+  captain status --watch                   again every second, until Ctrl-C
+  captain status --station 192.168.1.20    a station elsewhere, whose endpoint
+                                           is not bound to loopback
+  captain status --json | jq .drops        for programs
+
+exit codes:
+  0    the station answered
+  1    no station answers
+  2    wrong usage
+  130  Ctrl-C
+"""
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.description, parser.epilog = HELP, EXAMPLES
+    parser.add_argument("--json", action="store_true", help="one JSON object, as published under `status.`")
+    parser.add_argument("--watch", action="store_true", help="show it again every second")
+    parser.add_argument(
+        "--control", metavar="PATH", default="", help="control socket of a station of this machine"
+    )
+    client.arguments(parser)
+
+
+def main(arguments: argparse.Namespace) -> int:
+    place = client.address(arguments)
+    if not arguments.watch:
+        _show(client.status(place, arguments.control), arguments.json, None)
+        return 0
+    with Screen() as screen:
+        for status in _statuses(place):
+            _show(status, arguments.json, screen)
+    return 0
+
+
+def _statuses(place: client.Address) -> Iterator[dict[str, object]]:
+    """Each status that the station publishes. Raises StationError when they stop coming."""
+    with client.session() as context:
+        subscriber = client.subscribe(context, place, place.report, "status.")
+        while (status := client.next_report(subscriber, "status.")) is not None:
+            yield status
+    raise StationError(
+        f"no status from {place.host}:{place.report} for {client.ANSWER_S:g} s", "did the station stop?"
+    )
+
+
+def _show(status: dict[str, object], is_json: bool, screen: Screen | None) -> None:
+    if is_json:
+        print(json.dumps(status), flush=True)
+    else:
+        (screen or Screen()).show(tables(status, time.time()))
+
+
+# -- the tables of one status; what a peer left out or wrote otherwise is shown as absent
+
+
+def tables(status: Mapping[str, object], now: float) -> list[Table]:
+    """What `captain status` shows of a status message; now is Unix time."""
+    return [
+        Table(_station(status)),
+        _interfaces(status),
+        _traffic(status),
+        Table(_endpoint(status)),
+        _drops(status, now),
+        _duplicates(status),
+        _policy(status),
+    ]
+
+
+def _station(status: Mapping[str, object]) -> str:
+    return (
+        f"{text(status, 'station')}: captain {text(status, 'version')}, profile {text(status, 'profile')}, "
+        f"pid {number(status, 'pid'):.0f}, up {span(number(status, 'uptime_s'))}, "
+        f"CPU {number(status, 'cpu_s'):.1f} s, {number(status, 'memory_kb') / 1024:.0f} MB"
+    )
+
+
+def _interfaces(status: Mapping[str, object]) -> Table:
+    rows, notes = [], []
+    for name, one in named(status, "interfaces"):
+        queue = within(one, "queue")
+        rows.append(
+            (
+                name,
+                text(one, "driver"),
+                text(one, "state"),
+                span(number(one, "since_s")),
+                f"{_sum(one, 'received'):.0f}",
+                f"{_sum(one, 'sent'):.0f}",
+                f"{number(queue, 'length'):.0f}/{number(queue, 'capacity'):.0f}",
+                f"{number(queue, 'longest'):.0f}",
+                f"{number(one, 'neighbours'):.0f}",
+            )
+        )
+        restarts = number(one, "restarts")
+        notes.append(
+            f"{name}: {text(one, 'why')}" + (f"; started again {restarts:.0f} times" if restarts else "")
+        )
+    heads = ("interface", "driver", "link", ">for", ">received", ">sent", ">queue", ">max", ">heard")
+    return Table("interfaces" if rows else "no interfaces", heads, rows, notes)
+
+
+def _traffic(status: Mapping[str, object]) -> Table:
+    rows = []
+    for name, one in named(status, "interfaces"):
+        received, sent = within(one, "received"), within(one, "sent")
+        rows += [
+            (name, kind or "(no name)", f"{number(received, kind):.0f}", f"{number(sent, kind):.0f}")
+            for kind in sorted({*received, *sent})
+        ]
+    return Table("messages" if rows else "no messages yet", ("interface", "type", ">received", ">sent"), rows)
+
+
+def _endpoint(status: Mapping[str, object]) -> str:
+    endpoint = within(status, "endpoint")
+    counts = ", ".join(
+        f"{words} {number(endpoint, key):.0f}"
+        for words, key in (
+            ("requests", "requests"),
+            ("accepted", "accepted"),
+            ("published as v2x.", "published"),
+            ("as raw.", "raw"),
+        )
+    )
+    slow = number(endpoint, "slow_since")
+    since = time.strftime("%H:%M:%S", time.localtime(min(slow, LAST_TIME))) if slow > 0 else ""
+    return f"users: {counts}" + (f"; a subscriber is slow since {since}" if since else "")
+
+
+def _drops(status: Mapping[str, object], now: float) -> Table:
+    found = sorted(listed(status, "drops"), key=lambda drop: -number(drop, "count"))
+    rows = [
+        (
+            text(drop, "where"),
+            text(drop, "reason"),
+            f"{number(drop, 'count'):.0f}",
+            span(max(0.0, now - number(drop, "time"))),
+            f"{number(drop, 'octets'):.0f}",
+            text(drop, "sample"),
+        )
+        for drop in found
+    ]
+    meanings = {text(drop, "reason"): text(drop, "meaning") for drop in found}
+    notes = [f"{reason}: {meaning}" for reason, meaning in meanings.items()]
+    heads = ("where", "reason", ">count", ">ago", ">octets", "last sample")
+    return Table("drops" if rows else "no drops", heads, rows, notes)
+
+
+def _duplicates(status: Mapping[str, object]) -> Table:
+    duplicates = within(status, "duplicates")
+    window = number(duplicates, "window_s")
+    if not window:
+        return Table("duplicate suppression is off")
+    first, lead = within(duplicates, "first"), within(duplicates, "lead_ms")
+    rows = [
+        (name, f"{number(first, name):.0f}", f"{number(lead, name):.1f}") for name in sorted({*first, *lead})
+    ]
+    suppressed = number(duplicates, "suppressed")
+    title = f"duplicates within {window:g} s: {suppressed:.0f} suppressed"
+    return Table(title, ("interface", ">first", ">lead ms"), rows if suppressed else ())
+
+
+def _policy(status: Mapping[str, object]) -> Table:
+    rows = [
+        (text(row, "name") or f"row {index}", f"{number(row, 'matched'):.0f}")
+        for index, row in enumerate(listed(status, "policy"))
+    ]
+    return Table("policy" if rows else "no policy", ("row", ">matched"), rows)
+
+
+def _sum(one: Mapping[str, object], key: str) -> float:
+    counts = within(one, key)
+    return sum(number(counts, kind) for kind in counts)
+
+
+def span(seconds: float) -> str:
+    """A time span in at most six characters."""
+    if seconds < 100:
+        return f"{seconds:.0f} s" if seconds >= 10 else f"{seconds:.1f} s"
+    if seconds < 6000:
+        return f"{seconds / 60:.0f} min"
+    return f"{seconds / 3600:.0f} h" if seconds < 360_000 else f"{seconds / 86400:.0f} d"

@@ -1,0 +1,113 @@
+"""What became of sent messages: requests on their way and the station's confirms about them."""
+
+from collections import Counter
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from firmware.untrusted import number, text, texts
+
+# What a station of ours answers within a second is far below; older ones are given up as unconfirmed.
+MAX_OPEN = 10_000
+
+
+class Hop(NamedTuple):
+    """What one interface, or the station itself, did with a message."""
+
+    interface: str  # empty: the station
+    outcome: str  # sent, dropped, refused
+    reason: str = ""
+    meaning: str = ""
+    queue_us: float = 0.0
+    send_us: float = 0.0
+
+
+class Times:
+    """Sums and maxima of what one interface's confirms say, in microseconds."""
+
+    __slots__ = ("queue_longest_us", "queue_us", "send_longest_us", "send_us")
+
+    def __init__(self) -> None:
+        self.queue_us = self.queue_longest_us = self.send_us = self.send_longest_us = 0.0
+
+    def add(self, hop: Hop) -> None:
+        self.queue_us += hop.queue_us
+        self.queue_longest_us = max(self.queue_longest_us, hop.queue_us)
+        self.send_us += hop.send_us
+        self.send_longest_us = max(self.send_longest_us, hop.send_us)
+
+
+class Flight:
+    """One message on its way."""
+
+    __slots__ = ("expected", "hops", "label", "octets", "origin", "type")
+
+    def __init__(self, label: str, origin: str, octets: int) -> None:
+        self.label = label
+        self.origin = origin
+        self.octets = octets
+        self.type = ""
+        self.expected: set[str] | None = None  # interfaces; None until the station has accepted or refused it
+        self.hops: list[Hop] = []
+
+    @property
+    def is_over(self) -> bool:
+        return self.expected is not None and self.expected <= {hop.interface for hop in self.hops}
+
+    @property
+    def outcome(self) -> str:
+        """sent, if by one interface; else what the station or the last interface said; else unconfirmed."""
+        if any(hop.outcome == "sent" for hop in self.hops):
+            return "sent"
+        return self.hops[-1].outcome if self.is_over and self.hops else "unconfirmed"
+
+
+class Flights:
+    """All messages of one `captain send`, by their labels; only those on their way are kept."""
+
+    def __init__(self, most: int = MAX_OPEN) -> None:
+        self.open: dict[str, Flight] = {}
+        self.outcomes: Counter[str] = Counter()
+        self.hops: Counter[tuple[str, str, str, str]] = Counter()  # interface, outcome, reason, meaning
+        self.times: dict[str, Times] = {}  # of sent messages, by interface
+        self.rubbish = 0
+        self._most = most
+
+    def depart(self, label: str, origin: str, octets: int) -> Flight | None:
+        """A message was given to the station. Returns the oldest, unconfirmed, where there are too many."""
+        self.open[label] = Flight(label, origin, octets)
+        return self.give_up(next(iter(self.open))) if len(self.open) > self._most else None
+
+    def feed(self, confirm: Mapping[str, object]) -> Flight | None:
+        """Take a confirm; other users' are ignored. Returns the flight that it ends."""
+        flight = self.open.get(text(confirm, "label"))
+        if flight is None:
+            return None
+        outcome = text(confirm, "outcome")
+        if outcome not in ("accepted", "sent", "refused", "dropped"):
+            self.rubbish += 1
+            return None
+        flight.type = text(confirm, "type")
+        if outcome == "accepted":
+            flight.expected = set(texts(confirm, "interfaces"))
+        else:
+            self._land(flight, outcome, confirm)
+        return self.give_up(flight.label) if flight.is_over else None
+
+    def give_up(self, label: str) -> Flight:
+        """Wait no longer for a flight, over or not."""
+        flight = self.open.pop(label)
+        self.outcomes[flight.outcome] += 1
+        return flight
+
+    def _land(self, flight: Flight, outcome: str, confirm: Mapping[str, object]) -> None:
+        interface = text(confirm, "interface")
+        reason, meaning = text(confirm, "reason"), text(confirm, "meaning")
+        hop = Hop(
+            interface, outcome, reason, meaning, number(confirm, "queue_us"), number(confirm, "send_us")
+        )
+        flight.hops.append(hop)
+        self.hops[hop[:4]] += 1
+        if outcome == "refused":
+            flight.expected = set()
+        elif outcome == "sent":
+            self.times.setdefault(interface, Times()).add(hop)

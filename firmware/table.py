@@ -1,0 +1,120 @@
+"""Tables on a screen: in place by rich on a terminal, as plain lines without escape codes everywhere else."""
+
+import os
+import shutil
+import sys
+import textwrap
+from collections.abc import Iterable, Sequence
+from types import TracebackType
+from typing import TYPE_CHECKING, NamedTuple, TextIO
+
+if TYPE_CHECKING:
+    from rich.live import Live
+
+GAP = "  "
+INDENT = "  "
+CUT = ".."  # ASCII: the terminal's encoding may be anything
+NARROWEST = 6
+
+
+class Table(NamedTuple):
+    """A title, the columns' heads (`>` in front: numbers, set to the right), rows of as many cells, notes."""
+
+    title: str
+    heads: Sequence[str] = ()
+    rows: Sequence[Sequence[str]] = ()
+    notes: Sequence[str] = ()
+
+
+def clean(text: str) -> str:
+    """Text of a peer without anything that a terminal would obey."""
+    return "".join(letter if letter.isprintable() else f"\\x{ord(letter):02x}" for letter in text)
+
+
+def plain(table: Table, width: int) -> list[str]:
+    """The lines of a table, none longer than width; the widest columns give way, other text is folded."""
+    title = textwrap.wrap(clean(table.title), width, subsequent_indent=INDENT)
+    notes = [line for note in table.notes for line in _folded(clean(note), width)]
+    if not table.rows:
+        return title + notes
+    lines = [
+        [head.removeprefix(">") for head in table.heads],
+        *([clean(cell) for cell in row] for row in table.rows),
+    ]
+    widths = fit([max(len(line[at]) for line in lines) for at in range(len(table.heads))], width)
+    return title + [_line(line, widths, table.heads, width) for line in lines] + notes
+
+
+def _folded(note: str, width: int) -> list[str]:
+    return textwrap.wrap(note, width, initial_indent=INDENT, subsequent_indent=INDENT * 2)
+
+
+def fit(widths: list[int], width: int) -> list[int]:
+    """Column widths that together with their gaps fit into width, as far as NARROWEST allows."""
+    fitted = list(widths)
+    while sum(fitted) + len(GAP) * (len(fitted) - 1) > width and max(fitted) > NARROWEST:
+        fitted[fitted.index(max(fitted))] -= 1
+    return fitted
+
+
+def _line(cells: Sequence[str], widths: Sequence[int], heads: Sequence[str], width: int) -> str:
+    shown = (
+        _cut(cell, room).rjust(room) if head.startswith(">") else _cut(cell, room).ljust(room)
+        for cell, room, head in zip(cells, widths, heads, strict=True)
+    )
+    return GAP.join(shown).rstrip()[:width]
+
+
+def _cut(cell: str, room: int) -> str:
+    return cell if len(cell) <= room else cell[: room - len(CUT)] + CUT
+
+
+def width_of(stream: TextIO) -> int:
+    """Columns of the terminal; 80 where there is none and COLUMNS is not set."""
+    return shutil.get_terminal_size((80, 24)).columns if stream.isatty() else 80
+
+
+class Screen:
+    """Shows tables again and again. On a terminal each takes the place of the one before."""
+
+    def __init__(self, stream: TextIO | None = None) -> None:
+        self.stream = sys.stdout if stream is None else stream
+        self.is_terminal = self.stream.isatty() and os.environ.get("TERM") != "dumb"
+        self._live: Live | None = None
+
+    def __enter__(self) -> "Screen":
+        if self.is_terminal:
+            from rich.console import Console
+            from rich.live import Live
+
+            self._live = Live(console=Console(file=self.stream), auto_refresh=False)
+            self._live.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
+    ) -> None:
+        if self._live is not None:
+            self._live.stop()
+
+    @property
+    def height(self) -> int:
+        """Lines that can be shown in place; without a terminal there is no end."""
+        return shutil.get_terminal_size((80, 24)).lines - 1 if self.is_terminal else 1_000_000
+
+    def show(self, tables: Iterable[Table]) -> None:
+        """Show tables one below the other."""
+        width = width_of(self.stream)
+        blocks = [(table.title, plain(table, width)) for table in tables]
+        if self._live is None:
+            self.stream.write("\n\n".join("\n".join(lines) for _, lines in blocks) + "\n\n")
+            self.stream.flush()
+            return
+        from rich.text import Text
+
+        text = Text(no_wrap=True, overflow="crop")
+        lines = [(line, title and at == 0) for title, block in blocks for at, line in enumerate([*block, ""])]
+        for line, is_title in lines[: self.height]:
+            text.append(line + "\n", style="bold" if is_title else "")
+        text.rstrip()
+        self._live.update(text, refresh=True)
