@@ -163,3 +163,4 @@ class Confirm(NamedTuple):
     reason: Reason | None = None
     queue_s: float = 0.0  # from accepted to handed to the driver
     send_s: float = 0.0  # from there until it had left
+    detail: str = ""  # what the reason does not say

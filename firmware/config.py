@@ -6,11 +6,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+from drivers.sim.neighbours import NeighboursOptions
+
 from board import describe
 from board.describe import Range
 from board.errors import ConfigurationError
 from drivers import DRIVERS
-from drivers.sim.neighbours import NeighboursOptions
 
 BOARDS = Path(describe.__file__).parent / "boards"
 Port = Annotated[int, Range(0, 65535)]
@@ -251,9 +252,7 @@ def _interface(name: str, table: Mapping[str, Any], where: str) -> InterfaceConf
     queue = describe.read(QueueOptions, common, place)
     driver = DRIVERS.get(queue.driver)
     if driver is None:
-        raise ConfigurationError(
-            f"{place}.driver: {queue.driver!r} is no driver; one of {', '.join(sorted(DRIVERS))}"
-        )
+        raise ConfigurationError(f"{place}.driver: {queue.driver!r} is no driver; one of {', '.join(sorted(DRIVERS))}")
     return InterfaceConfig(name, queue, describe.read(driver.Options, own, place))
 
 

@@ -86,7 +86,5 @@ class Duplicates:
             "window_s": self.window_s,
             "suppressed": self.suppressed,
             "first": {name: first.count for name, first in self.first.items()},
-            "lead_ms": {
-                name: round(1000 * first.lead_s / first.count, 3) for name, first in self.first.items()
-            },
+            "lead_ms": {name: round(1000 * first.lead_s / first.count, 3) for name, first in self.first.items()},
         }

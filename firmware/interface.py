@@ -44,7 +44,14 @@ class Interface:
     """Host of one driver. The supervisor starts and stops it; the router gives it requests."""
 
     def __init__(
-        self, name: str, driver: Driver, options: QueueOptions, loop: Loop, above: Above, topics: Topics, drops: Drops
+        self,
+        name: str,
+        driver: Driver,
+        options: QueueOptions,
+        loop: Loop,
+        above: Above,
+        topics: Topics,
+        drops: Drops,
     ) -> None:
         self.name = name
         self.loop = loop

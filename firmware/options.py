@@ -1,8 +1,8 @@
 """The third frame of a message to the PULL socket: what its user wants beyond the envelope, as a JSON object."""
 
 import json
-from typing import Annotated, Literal, NamedTuple
 from dataclasses import dataclass
+from typing import Annotated, Literal, NamedTuple
 
 from board import describe
 from board.describe import Range

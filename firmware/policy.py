@@ -4,9 +4,10 @@ import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 
+from drivers.wire.area import is_inside
+
 from drivers.contract import Can
 from drivers.message import Area, Ego, MessageType, Position, Shape
-from drivers.wire.area import is_inside
 from firmware.config import Match, NeighbourMatch, PayloadMatch, PlaceMatch, PolicyRow, Span
 from firmware.topics import Topics
 
@@ -89,9 +90,7 @@ class Policy:
     """
 
     def __init__(self, rows: Sequence[PolicyRow], topics: Topics, surroundings: Surroundings) -> None:
-        self.rows = [
-            Row(row, row.name or f"policy[{index}]", topics, surroundings) for index, row in enumerate(rows)
-        ]
+        self.rows = [Row(row, row.name or f"policy[{index}]", topics, surroundings) for index, row in enumerate(rows)]
         self.rows.append(Row(PolicyRow(), "default", topics, surroundings))
         self._by_kind = [
             tuple(row for row in self.rows if not row.types or kind.name in row.types) for kind in topics.kinds

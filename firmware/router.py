@@ -80,16 +80,14 @@ class Router:
             port = port if asked.options.btp_port is None else asked.options.btp_port
             traffic_class = asked.options.traffic_class
         if port is None:
-            label = asked.options.label
-            self.refuse(Reason.NO_PORT if kind.name else Reason.UNKNOWN_TYPE, pdu, where, kind, label)
+            reason = Reason.NO_PORT if kind.name else Reason.UNKNOWN_TYPE
+            self._refuse(self._not_made(kind, pdu, asked.options.label), reason, where)
             return
         if traffic_class is None:
             traffic_class = DEFAULT_TRAFFIC_CLASS
         row = self.policy.choose(kind, pdu, port, traffic_class, asked.area)
         plan = row.plans[kind.index]
-        request = Request(
-            self.requests, kind, pdu, port, now, now + plan.lifetime, plan.priority, plan.traffic_class
-        )
+        request = Request(self.requests, kind, pdu, port, now, now + plan.lifetime, plan.priority, plan.traffic_class)
         targets = self._targets.get(row)
         if asked is not NOTHING_ASKED:
             request = _as_asked(request, asked)
@@ -106,17 +104,10 @@ class Router:
         for interface in targets:
             interface.outlet.submit(request)
 
-    def refuse(
-        self, reason: Reason, pdu: bytes, where: str, kind: MessageType | None = None, label: str = ""
-    ) -> None:
-        """Count what cannot become a request, and tell its user."""
-        request = Request(self.requests, kind or self._unknown, pdu, 0, self._clock(), 0.0, 7, 0, label=label)
-        self._refuse(request, reason, where)
-
-    def refuse_message(self, reason: Reason, sample: bytes, where: str) -> None:
-        """Count a message that did not even have a PDU to request with, and tell its user."""
+    def refuse_message(self, reason: Reason, sample: bytes, where: str, label: str = "", detail: str = "") -> None:
+        """Count a message that no request can be made of, and tell its user."""
         self.requests += 1
-        self.refuse(reason, sample, where)
+        self._refuse(self._not_made(self._unknown, sample, label), reason, where, detail)
 
     # What the policy asks: firmware.policy.Surroundings.
 
@@ -125,8 +116,7 @@ class Router:
 
     def has_up(self, ability: Can) -> bool:
         return any(
-            interface.is_up and ability in interface.driver.capabilities.can
-            for interface in self.interfaces.values()
+            interface.is_up and ability in interface.driver.capabilities.can for interface in self.interfaces.values()
         )
 
     def neighbours(self, interface: str, within_s: float, rssi_dbm: int | None) -> int:
@@ -134,10 +124,14 @@ class Router:
             return 0
         return self.interfaces[interface].neighbours.count(self._clock(), within_s, rssi_dbm)
 
-    def _refuse(self, request: Request, reason: Reason, where: str) -> None:
+    def _not_made(self, kind: MessageType, pdu: bytes, label: str) -> Request:
+        now = self._clock()
+        return Request(self.requests, kind, pdu, 0, now, now, kind.priority, 0, label=label)
+
+    def _refuse(self, request: Request, reason: Reason, where: str, detail: str = "") -> None:
         self._drops.count(where, reason, request.pdu)
         if self.is_confirm_wanted:
-            self.report(Confirm(request, Outcome.REFUSED, "", reason), ())
+            self.report(Confirm(request, Outcome.REFUSED, "", reason, detail=detail), ())
 
     def _why_not(self, row: Row, targets: tuple[Interface, ...]) -> Reason:
         if targets:

@@ -25,9 +25,9 @@ class TypeRow(NamedTuple):
     lifetime: float = 1.0
 
 
-# BTP ports: ETSI TS 103 248 v2.3.1, table 1, one row of it for each service; the legacy ports and the ids 14 and 102
-# are those of existing vehicleCAPTAIN boxes. Priorities follow the traffic classes that the services recommend:
-# DENM before infrastructure services before awareness (TS 102 636-4-2, EN 302 637-3 clause 5.4.1).
+# BTP ports: ETSI TS 103 248 v2.3.1, table 1, one row of it for each service; the legacy ports and the ids 14
+# and 102 are those of existing vehicleCAPTAIN boxes. Priorities follow the traffic classes that the services
+# recommend: DENM before infrastructure services before awareness (TS 102 636-4-2, EN 302 637-3 clause 5.4.1).
 ROWS = (
     TypeRow(1, "denm", 2002, 2002, priority=0, lifetime=10.0),
     TypeRow(2, "cam", 2001, 2001, priority=2),

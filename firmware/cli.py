@@ -1,0 +1,95 @@
+"""The command line: one verb, its arguments, and how failures are told."""
+
+import argparse
+import os
+import sys
+from types import ModuleType
+
+from board.errors import StationError
+from firmware import VERSION
+
+# What `captain --help` says, without importing what it speaks of: a start is a tenth of a second, not a whole one.
+VERBS = {
+    "run": "run the station in the foreground",
+    "status": "what a running station does: interfaces, queues, counters, drops with their reasons",
+    "listen": "live table of received messages, or one JSON object a line",
+    "send": "send messages from hex, base64, files or directories, and say what became of each",
+    "doctor": "check configuration, ports, interfaces, permissions and clock, and say what to do",
+    "demo": "two simulated stations that exchange messages, watched live",
+    "lab": "the ten-message test between two stations: sent, received, equal, lost",
+}
+USAGE_ERROR = 2
+INTERRUPTED = 130  # as a shell reports SIGINT
+
+
+def load(verb: str) -> ModuleType:
+    """The module of a verb; imported here by name so that tools and the freezer find each."""
+    match verb:
+        case "run":
+            from firmware.commands import run
+
+            return run
+        case "status":
+            from firmware.commands import status
+
+            return status
+        case "listen":
+            from firmware.commands import listen
+
+            return listen
+        case "send":
+            from firmware.commands import send
+
+            return send
+        case "doctor":
+            from firmware.commands import doctor
+
+            return doctor
+        case "demo":
+            from firmware.commands import demo
+
+            return demo
+        case _:
+            from firmware.commands import lab
+
+            return lab
+
+
+def main(argv: list[str]) -> int:
+    """Run one verb. Returns the exit status: 0 done, 1 failed, 2 wrong usage, 130 interrupted."""
+    if not argv or argv[0] not in VERBS:
+        return _help(argv)
+    command = load(argv[0])
+    parser = argparse.ArgumentParser(
+        prog=f"captain {argv[0]}",
+        description=getattr(command, "DESCRIPTION", command.SUMMARY),
+        epilog=getattr(command, "EPILOG", None),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    command.arguments(parser)
+    try:
+        return int(command.main(parser.parse_args(argv[1:])))
+    except StationError as error:
+        print(f"captain: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    except BrokenPipeError:
+        # The reader of our output left: nothing more to say, and nothing may be said at exit either.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+
+
+def _help(argv: list[str]) -> int:
+    if argv and argv[0] in ("--version", "-V"):
+        print(f"captain {VERSION}")
+        return 0
+    is_asked = bool(argv) and argv[0] in ("--help", "-h", "help")
+    out = sys.stdout if is_asked else sys.stderr
+    if argv and not is_asked:
+        print(f"captain: {argv[0]!r} is no command", file=out)
+    print("usage: captain COMMAND [OPTIONS]\n\nStation software of a V2X box.\n\ncommands:", file=out)
+    for verb, summary in VERBS.items():
+        print(f"  {verb:8} {summary}", file=out)
+    print("\ncaptain COMMAND --help tells more; captain --version", file=out)
+    return 0 if is_asked else USAGE_ERROR

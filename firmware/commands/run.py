@@ -1,0 +1,72 @@
+"""captain run: the station itself, in the foreground, until it is told to stop."""
+
+import argparse
+import logging
+import signal
+import sys
+
+from board.loop import Loop
+from board.signals import Signals
+from firmware import config
+from firmware.station import Station
+
+SUMMARY = "run the station in the foreground"
+DESCRIPTION = """\
+Runs the station: interfaces on one side, user programs on the other.
+
+  captain run                          simulated board with neighbours, default ports
+  captain run --config captain.toml    interfaces and policy of a file
+  captain run --set endpoint.address=0.0.0.0
+  captain run --board none --set interfaces.air.driver=udp --set interfaces.air.framing=ethernet
+
+SIGTERM and Ctrl-C drain the queues and stop within a second. SIGHUP reads the policy again and keeps connections.
+Under systemd (Type=notify) it reports readiness and feeds the watchdog.
+"""
+EPILOG = "exit status: 0 stopped as asked, 1 could not start, 2 wrong usage"
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    add_configuration(parser)
+    parser.add_argument("--log", default="info", choices=("debug", "info", "warning", "error"), help="to stderr")
+
+
+def add_configuration(parser: argparse.ArgumentParser) -> None:
+    """The options that say how a station is configured; doctor has them, too."""
+    parser.add_argument("--config", metavar="FILE", help="captain.toml: what is wanted (default: nothing but defaults)")
+    parser.add_argument("--board", default="sim", help="sim, none or a board file: what is there (default: sim)")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="SECTION.KEY=VALUE",
+        dest="overrides",
+        help="overrides one option of the configuration; may be repeated",
+    )
+
+
+def main(arguments: argparse.Namespace) -> int:
+    logging.basicConfig(level=arguments.log.upper(), format="%(name)s: %(levelname)s: %(message)s", stream=sys.stderr)
+
+    def read() -> config.Config:
+        return config.load(arguments.config, arguments.overrides, arguments.board)
+
+    wanted = read()
+    loop = Loop()
+    station = Station(loop, wanted, read)
+    signals = Signals(loop, {signal.SIGTERM: station.stop, signal.SIGINT: station.stop, signal.SIGHUP: station.reread})
+    try:
+        station.start()
+        endpoint = wanted.tables.endpoint
+        logging.getLogger("captain").info(
+            "%s is ready: users send to tcp://%s:%d and receive from tcp://%s:%d",
+            wanted.tables.station.name,
+            endpoint.address,
+            endpoint.from_users,
+            endpoint.address,
+            endpoint.to_users,
+        )
+        loop.run()
+    finally:
+        station.close()
+        signals.close()
+    return 0

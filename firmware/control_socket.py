@@ -1,0 +1,164 @@
+"""The Unix socket of the command line: one JSON object a line, one line back. Whoever may open it may steer."""
+
+import contextlib
+import errno
+import json
+import os
+import socket
+import tempfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from board.errors import InterfaceError, StationError
+from board.loop import READ, WRITE, Loop
+
+MAX_LINE = 4096  # octets of a command
+MAX_CLIENTS = 8  # people at a console
+
+Command = Callable[[dict[str, object]], dict[str, object]]
+
+
+def default_path(from_users: int) -> str:
+    """Where a station listens for commands unless endpoint.control says otherwise: named by its first port."""
+    for folder in (os.environ.get("XDG_RUNTIME_DIR", ""), "/run/captain"):
+        if folder and os.access(folder, os.W_OK):
+            return f"{folder}/captain-{from_users}.sock"
+    return f"{tempfile.gettempdir()}/captain-{os.getuid()}-{from_users}.sock"
+
+
+class ControlSocket:
+    """Listens and answers.
+
+    commands  name in "do" -> what makes the answer; a StationError of it is the answer's error.
+    """
+
+    def __init__(self, loop: Loop, path: str, commands: Mapping[str, Command]) -> None:
+        self.path = path
+        self.commands = commands
+        self.clients: set[Client] = set()
+        self._loop = loop
+        self._socket = _listen(path)
+        loop.add(self)
+
+    def fileno(self) -> int:
+        return self._socket.fileno()
+
+    def ready(self, events: int) -> None:
+        try:
+            connection, _ = self._socket.accept()
+        except OSError:  # it went away again, or descriptors are used up: the next one may have more luck
+            return
+        if len(self.clients) >= MAX_CLIENTS:
+            connection.close()
+            return
+        self.clients.add(Client(self._loop, connection, self))
+
+    def close(self) -> None:
+        for client in list(self.clients):
+            client.close()
+        self._loop.remove(self)
+        self._socket.close()
+        with contextlib.suppress(FileNotFoundError):
+            os.unlink(self.path)
+
+    def answer(self, line: bytes) -> dict[str, object]:
+        """The answer to one line."""
+        try:
+            command = json.loads(line)
+        except (ValueError, RecursionError):
+            return {"ok": False, "error": "not JSON", "hint": 'one object a line, such as {"do": "status"}'}
+        do = command.get("do") if isinstance(command, dict) else None
+        call = self.commands.get(do) if isinstance(do, str) else None
+        if call is None:
+            known = ", ".join(sorted(self.commands))
+            return {"ok": False, "error": f"unknown command {do!r}", "hint": f"one of {known}"}
+        try:
+            return {"ok": True, **call(command)}
+        except StationError as error:
+            return {"ok": False, "error": error.message, "hint": error.hint}
+
+
+class Client:
+    """One connection: reads lines, writes answers, never waits for a client that does not read."""
+
+    def __init__(self, loop: Loop, connection: socket.socket, server: ControlSocket) -> None:
+        self._loop = loop
+        self._connection = connection
+        self._server = server
+        self._unread = b""
+        self._unsent = b""
+        connection.setblocking(False)
+        loop.add(self)
+
+    def fileno(self) -> int:
+        return self._connection.fileno()
+
+    def ready(self, events: int) -> None:
+        try:
+            if self._unsent:
+                self._write()
+            else:
+                self._read()
+        except BlockingIOError:
+            return
+        except OSError:
+            self.close()
+
+    def close(self) -> None:
+        self._loop.remove(self)
+        self._connection.close()
+        self._server.clients.discard(self)
+
+    def _read(self) -> None:
+        received = self._connection.recv(MAX_LINE)
+        self._unread += received
+        if not received or len(self._unread) > MAX_LINE:
+            self.close()
+            return
+        *lines, self._unread = self._unread.split(b"\n")
+        for line in lines:
+            self._unsent += json.dumps(self._server.answer(line)).encode() + b"\n"
+        if self._unsent:
+            self._write()
+
+    def _write(self) -> None:
+        """Send what fits; no further line is read before all of it has gone."""
+        try:
+            sent = self._connection.send(self._unsent)
+        except BlockingIOError:
+            sent = 0
+        self._unsent = self._unsent[sent:]
+        self._loop.want(self, WRITE if self._unsent else READ)
+
+
+def _listen(path: str) -> socket.socket:
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_NONBLOCK)
+    try:
+        Path(path).parent.mkdir(parents=True, exist_ok=True)
+        if _is_deserted(path):
+            os.unlink(path)
+        listener.bind(path)
+        os.chmod(path, 0o660)
+        listener.listen(MAX_CLIENTS)
+    except OSError as error:
+        listener.close()
+        busy = "another station runs with it; " if error.errno == errno.EADDRINUSE else ""
+        raise InterfaceError(
+            f"endpoint.control: cannot listen on {path}: {error.strerror or error}",
+            f"{busy}choose another path with endpoint.control",
+        ) from error
+    return listener
+
+
+def _is_deserted(path: str) -> bool:
+    """Whether a socket file is there that nobody listens on any more: a station that was killed left it."""
+    if not Path(path).is_socket():
+        return False
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
+        try:
+            probe.connect(path)
+        except ConnectionRefusedError:
+            return True
+        except OSError:
+            return False
+    return False

@@ -1,0 +1,136 @@
+"""A socket that user programs send to: two frames, an envelope and a PDU; a third with options where it is allowed."""
+
+import logging
+
+import zmq
+from zmq.backend import Socket as PlainSocket
+
+from board.errors import RequestError
+from board.loop import Loop
+from drivers.message import ITS_HEADER, MAX_PDU
+from drivers.reason import Reason
+from firmware import options
+from firmware.publisher import bind, is_readable
+from firmware.router import Router
+from firmware.topics import Topics
+
+_recv = PlainSocket.recv
+NOBLOCK = int(zmq.NOBLOCK)
+
+# Messages taken in one turn: 64 of 10 us let an interface wait for less than a millisecond.
+BATCH = 64
+# A SUB's sender drops what it cannot hand over, so a burst of 20,000 must fit here. A PULL's sender waits.
+SUB_HWM = 20_000
+PULL_HWM = 1_000
+MAX_FRAME = 65536  # octets; libzmq ends the connection of a client that sends more
+
+log = logging.getLogger("captain.inlet")
+
+
+class Inlet:
+    """A SUB (subscribed to everything) or PULL socket, drained a batch at a time.
+
+    name           where its drops are counted: from_users or pull.
+    takes_options  whether a third frame is read; without, it is ignored.
+    is_strict      whether a PDU must have the messageID that its envelope names.
+    """
+
+    def __init__(
+        self,
+        loop: Loop,
+        context: zmq.Context[zmq.Socket[bytes]],
+        kind: int,
+        address: str,
+        name: str,
+        topics: Topics,
+        router: Router,
+        takes_options: bool = False,
+        is_strict: bool = False,
+    ) -> None:
+        self._loop = loop
+        self._name = name
+        self._topics = topics
+        self._router = router
+        self._takes_options = takes_options
+        self._is_strict = is_strict
+        self._socket = context.socket(kind)
+        self._socket.set(zmq.RCVHWM, SUB_HWM if kind == zmq.SUB else PULL_HWM)
+        self._socket.set(zmq.MAXMSGSIZE, MAX_FRAME)
+        self._socket.set(zmq.LINGER, 0)
+        self._socket.set(zmq.IPV6, int("[" in address))
+        if kind == zmq.SUB:
+            self._socket.set(zmq.SUBSCRIBE, b"")
+        bind(self._socket, address, f"endpoint.{name}")
+        loop.add(self)
+
+    def fileno(self) -> int:
+        return self._socket.fileno()
+
+    def ready(self, events: int = 0) -> None:
+        """Take a batch; the descriptor tells of an edge only, so what is left is taken in the next turn."""
+        socket = self._socket
+        if socket.closed:
+            return
+        for taken in range(BATCH):
+            try:
+                envelope = _recv(socket, NOBLOCK, False)
+            except zmq.Again:
+                return
+            if not envelope.more:
+                self._router.refuse_message(Reason.ONE_FRAME, envelope.bytes, self._name)
+                continue
+            pdu = _recv(socket, NOBLOCK, False)
+            if pdu.more:
+                self._take_with_more(envelope.bytes, pdu.bytes)
+            else:
+                self._take(envelope.bytes, pdu.bytes, options.NOTHING_ASKED)
+            # Asking is half as dear as running into Again: right where messages come one by one; a burst runs on.
+            if not taken and not is_readable(socket):
+                return
+        self._loop.soon(self.ready)
+
+    def close(self) -> None:
+        self._loop.remove(self)
+        self._socket.close(0)
+
+    def _take(self, envelope: bytes, pdu: bytes, asked: options.Parsed) -> None:
+        size = len(pdu)
+        topics = self._topics
+        kind = topics.by_envelope.get(envelope)
+        if kind is None:
+            if envelope != b"v2x.":
+                self._refuse(Reason.BAD_ENVELOPE, envelope, asked)
+                return
+            if size < ITS_HEADER:
+                self._refuse(Reason.SHORT_PDU if size else Reason.EMPTY_PDU, pdu, asked)
+                return
+            kind = topics.by_number[pdu[1]]
+        elif not size:
+            self._refuse(Reason.EMPTY_PDU, pdu, asked)
+            return
+        elif self._is_strict and (size < ITS_HEADER or topics.by_number[pdu[1]].name != kind.name):
+            self._refuse(Reason.HEADER_MISMATCH, pdu, asked)
+            return
+        if size > MAX_PDU:
+            self._refuse(Reason.LONG_PDU, pdu, asked)
+            return
+        self._router.request(kind, pdu, self._name, asked)
+
+    def _refuse(self, reason: Reason, sample: bytes, asked: options.Parsed) -> None:
+        self._router.refuse_message(reason, sample, self._name, asked.options.label)
+
+    def _take_with_more(self, envelope: bytes, pdu: bytes) -> None:
+        """Three frames and more: the third may be options, the rest is read so that the next message is whole."""
+        last = third = _recv(self._socket, NOBLOCK, False)
+        while last.more:
+            last = _recv(self._socket, NOBLOCK, False)
+        if not self._takes_options:
+            self._take(envelope, pdu, options.NOTHING_ASKED)
+            return
+        try:
+            asked = options.parse(third.bytes)
+        except RequestError as error:
+            log.debug("%s: %s", self._name, error)
+            self._router.refuse_message(Reason.BAD_OPTIONS, third.bytes, self._name, detail=str(error))
+            return
+        self._take(envelope, pdu, asked)

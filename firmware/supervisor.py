@@ -1,0 +1,92 @@
+"""Starts interfaces, and starts them again when they fail: soon at first, then less and less often."""
+
+import logging
+import random
+from collections.abc import Callable
+
+from board.errors import StationError
+from board.loop import Loop, Timer
+from drivers.reason import Reason
+from firmware.interface import Interface
+
+FIRST_S = 0.25
+MOST_S = 5.0  # a person who plugs a cable back in looks no longer
+JITTER = 0.2  # of the delay, so that what failed together does not return together
+
+log = logging.getLogger("captain.supervisor")
+
+
+class Supervised:
+    """One interface's life: starting, up or down (its link), waiting for the next try, stopped."""
+
+    def __init__(self, loop: Loop, interface: Interface, chance: Callable[[], float] = random.random) -> None:
+        self.interface = interface
+        self.restarts = 0
+        self._loop = loop
+        self._chance = chance
+        self._delay = FIRST_S
+        self._timer: Timer | None = None
+        self._state = "stopped"
+        self._said = ""
+        interface.on_fail = self._failed
+
+    @property
+    def state(self) -> str:
+        """starting, up, down, waiting or stopped."""
+        if self._state == "running":
+            return "up" if self.interface.is_up else "down"
+        return self._state
+
+    def start(self) -> None:
+        self._timer = None
+        self._state = "starting"
+        try:
+            self.interface.driver.start(self.interface)
+        except StationError as error:
+            self._retry(error)
+            return
+        # A driver may have failed from inside start(): then a retry is already on its way.
+        if self._state == "starting":
+            self._state = "running"
+            self._said = ""
+            self._loop.after(MOST_S, self._forgive)
+
+    def stop(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+        if self._state == "running":
+            self.interface.driver.refresh()
+        self._state = "stopped"
+        self.interface.driver.stop()
+        self.interface.link(False, "stopped")
+
+    def refresh(self) -> None:
+        """Bring the interface's counters up to date."""
+        if self._state == "running":
+            self.interface.driver.refresh()
+
+    def status(self) -> dict[str, object]:
+        return {"state": self.state, "restarts": self.restarts, **self.interface.status()}
+
+    def _failed(self, error: StationError) -> None:
+        if self._state not in ("starting", "running"):
+            return
+        self.interface.driver.stop()
+        self.interface.outlet.drop_kept(Reason.SEND_FAILED)
+        self._retry(error)
+
+    def _retry(self, error: StationError) -> None:
+        self._state = "waiting"
+        self.restarts += 1
+        delay = self._delay * (1.0 + JITTER * (2.0 * self._chance() - 1.0))
+        self.interface.link(False, error.message)
+        # The same fault is said once, however often it is met.
+        if str(error) != self._said:
+            self._said = str(error)
+            log.warning("%s: %s; trying again, at most every %.0f s", self.interface.name, error, MOST_S)
+        self._delay = min(MOST_S, 2.0 * self._delay)
+        self._timer = self._loop.after(delay, self.start)
+
+    def _forgive(self) -> None:
+        if self._state == "running":
+            self._delay = FIRST_S

@@ -1,0 +1,75 @@
+"""The users' side of received messages: `raw.` and `v2x.<type>.` on one socket, and the heartbeat."""
+
+import time
+from collections.abc import Callable
+
+import zmq
+
+from board.loop import Loop
+from drivers.message import Ego, Indication
+from drivers.wire import raw
+from firmware.publisher import Publisher
+from firmware.topics import Topics
+
+RAW = b"raw."
+HEARTBEAT = b"hb.counter"
+HEARTBEAT_S = 1.0
+
+
+class Users:
+    """Publishes indications and the heartbeat, and nothing else ever.
+
+    local  own position for localInfo of RawRxMessage; None leaves localInfo out.
+    """
+
+    def __init__(
+        self,
+        loop: Loop,
+        context: zmq.Context[zmq.Socket[bytes]],
+        address: str,
+        topics: Topics,
+        local: Callable[[], Ego] | None,
+    ) -> None:
+        self.published = 0
+        self.raw = 0
+        self._is_raw_wanted = False
+        self._loop = loop
+        self._envelopes = topics.envelopes
+        self._local = local
+        self.publisher = Publisher(loop, context, address, "endpoint.to_users", (RAW,), self._interest)
+        self._beats = 0
+        self._next = 0.0
+
+    def start(self) -> None:
+        self._next = self._loop.clock()
+        self._beat()
+
+    def publish(self, indication: Indication) -> None:
+        """First `raw.` with what is known of the reception, then the PDU as it came."""
+        publish = self.publisher.publish
+        # Building one costs 2 us: only for somebody.
+        if self._is_raw_wanted:
+            publish(RAW, raw.build(indication.pdu, indication.received_ns, indication.rx, self._local_info()))
+            self.raw += 1
+        publish(self._envelopes[indication.kind.index], indication.pdu)
+        self.published += 1
+
+    def _local_info(self) -> tuple[int, tuple[int, int]] | None:
+        if self._local is None:
+            return None
+        ego = self._local()
+        return (time.time_ns(), ego.position) if ego.is_known else None
+
+    def _interest(self, topic: bytes, is_wanted: bool) -> None:
+        self._is_raw_wanted = is_wanted
+
+    def _beat(self) -> None:
+        self.publisher.publish(HEARTBEAT, heartbeat(self._beats))
+        self._beats += 1
+        self._next += HEARTBEAT_S
+        self._loop.after(max(0.0, self._next - self._loop.clock()), self._beat)
+
+
+def heartbeat(count: int) -> bytes:
+    """The body of the count-th heartbeat: an unsigned 16-bit number that wraps."""
+    return b'{"heartbeat_counter": %d}' % (count & 0xFFFF)
