@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from drivers.reason import MEANING, Reason
 
 SAMPLE = 64  # octets shown of the last one
+# What a healthy station discards all day: worth counting, not worth a warning.
+USUAL = frozenset({Reason.DUPLICATE, Reason.OWN_ECHO, Reason.GN_DUPLICATE, Reason.GN_NOT_FOR_US})
 
 log = logging.getLogger("captain.drops")
 
@@ -46,7 +48,8 @@ class Drops:
             drop.octets = len(sample)
         # The journal hears of the first, the tenth, the hundredth ...: never a flood, never silence.
         if before == 0 or len(str(before)) != len(str(drop.count)):
-            log.warning("%s: %s: %d dropped: %s", where, reason, drop.count, MEANING[reason])
+            level = logging.INFO if reason in USUAL else logging.WARNING
+            log.log(level, "%s: %s: %d dropped: %s", where, reason, drop.count, MEANING[reason])
 
     def total(self, where: str, reason: Reason) -> int:
         drop = self._drops.get((where, reason))

@@ -68,14 +68,23 @@ class Inlet:
 
     def ready(self, events: int = 0) -> None:
         """Take a batch; the descriptor tells of an edge only, so what is left is taken in the next turn."""
+        if not self._socket.closed and self._take_batch(BATCH):
+            self._loop.soon(self.ready)
+
+    def finish(self) -> None:
+        """Take what has arrived, as far as the queue reaches, and close: the station stops."""
+        self._take_batch(SUB_HWM)
+        self._loop.remove(self)
+        self._socket.close(0)
+
+    def _take_batch(self, size: int) -> bool:
+        """Take up to size messages; whether there may be more."""
         socket = self._socket
-        if socket.closed:
-            return
-        for taken in range(BATCH):
+        for taken in range(size):
             try:
                 envelope = _recv(socket, NOBLOCK, False)
             except zmq.Again:
-                return
+                return False
             if not envelope.more:
                 self._router.refuse_message(Reason.ONE_FRAME, envelope.bytes, self._name)
                 continue
@@ -86,12 +95,8 @@ class Inlet:
                 self._take(envelope.bytes, pdu.bytes, options.NOTHING_ASKED)
             # Asking is half as dear as running into Again: right where messages come one by one; a burst runs on.
             if not taken and not is_readable(socket):
-                return
-        self._loop.soon(self.ready)
-
-    def close(self) -> None:
-        self._loop.remove(self)
-        self._socket.close(0)
+                return False
+        return True
 
     def _take(self, envelope: bytes, pdu: bytes, asked: options.Parsed) -> None:
         size = len(pdu)

@@ -113,7 +113,7 @@ class Station:
         self._is_stopping = True
         self._notice.send("STOPPING=1")
         for inlet in self._inlets:
-            inlet.close()
+            inlet.finish()
         if self._neighbours is not None:
             self._neighbours.stop()
         self._drain(self.loop.clock() + DRAIN_S)
