@@ -50,6 +50,7 @@ class Loop:
         self.clock = clock
         self._epoll = select.epoll()
         self._sources: dict[int, Source] = {}
+        self._removed: set[int] = set()  # in this turn
         self._timers: list[tuple[float, int, Timer]] = []
         self._order = itertools.count()
         self._soon: deque[Callable[[], None]] = deque()
@@ -70,6 +71,7 @@ class Loop:
         descriptor = source.fileno()
         if self._sources.get(descriptor) is source:
             del self._sources[descriptor]
+            self._removed.add(descriptor)
             self._epoll.unregister(descriptor)
 
     def after(self, delay: float, call: Callable[[], None]) -> Timer:
@@ -94,12 +96,12 @@ class Loop:
 
     def turn(self) -> None:
         """One turn: wait for descriptors or the next timer, then serve each that is due once."""
-        sources = self._sources
+        sources, removed = self._sources, self._removed
+        removed.clear()
         for descriptor, events in self._wait():
-            # A source that an earlier one of this turn removed is no longer here, or another has its number.
-            source = sources.get(descriptor)
-            if source is not None:
-                source.ready(events)
+            # What is removed in this turn leaves its event behind, and a new source may have its number already.
+            if descriptor not in removed:
+                sources[descriptor].ready(events)
         self._serve_timers()
         for _ in range(len(self._soon)):
             self._soon.popleft()()
