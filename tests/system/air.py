@@ -42,7 +42,7 @@ class Air:
         return {
             "driver": "udp",
             "framing": self.framing,
-            "listen": "%s:%d" % self.station,
+            "listen": ":".join(map(str, self.station)),
             "peers": [f"127.0.0.1:{self.port}"],
         }
 

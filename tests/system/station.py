@@ -2,7 +2,6 @@
 
 import json
 import os
-import shlex
 import signal
 import socket
 import subprocess
@@ -14,7 +13,7 @@ from typing import Any
 from tests.system.ports import Ports
 
 ROOT = Path(__file__).parents[2]
-PROGRAM = shlex.split(os.environ.get("CAPTAIN", str(ROOT / ".venv" / "bin" / "captain")))
+PROGRAM = [str((ROOT / os.environ.get("CAPTAIN", ".venv/bin/captain")).absolute())]
 
 # Seconds. Reached only by a test that fails.
 PATIENCE = 5.0

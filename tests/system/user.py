@@ -146,10 +146,8 @@ class Reports:
 
     def join(self, user: User, air: Air) -> "Reports":
         """Until confirms of what the user pushes arrive here; what they sent is heard and forgotten."""
-        sent = 0
         for probe in _probes():
             user.push_pdu(b"v2x.", probe)
-            sent += 1
             if self.sub.poll(JOIN_MS):
                 break
         user.push_pdu(b"v2x.", last := mark(), label="joined")
