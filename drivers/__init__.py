@@ -1,0 +1,7 @@
+"""Every kind of interface, by the name that captain.toml calls it: a new one is one line here."""
+
+from drivers.udp import Udp
+
+DRIVERS: dict[str, type] = {
+    "udp": Udp,
+}

@@ -1,0 +1,70 @@
+"""GeoNetworking between an interface and its Ethernet frames: what udp and ethernet have in common."""
+
+from collections.abc import Callable
+
+from board.loop import Timer
+from drivers.contract import Host, Shared
+from drivers.message import Request
+from drivers.reason import Reason
+from drivers.wire import frame
+from drivers.wire.geonet import GeoNetworking, Heard, Received
+
+
+class GeoLink:
+    """Frames in, indications out; requests in, frames out; beacons when nothing else was sent.
+
+    mac       the interface's own: 6 octets.
+    beacon_s  seconds without a packet of ours until a beacon; 0 for none.
+    transmit  is given the frames of beacons; one that cannot be sent is lost, the next one comes.
+    """
+
+    def __init__(
+        self, host: Host, shared: Shared, mac: bytes, beacon_s: float, transmit: Callable[[bytes], object]
+    ) -> None:
+        self._host = host
+        self._mac = mac
+        self._transmit = transmit
+        self._core = GeoNetworking(mac, shared.gn_versions, shared.deliver_unverified, beacon_s)
+        self._timer: Timer | None = None
+
+    def receive(self, octets: bytes, received_ns: int) -> None:
+        """A frame came in: its PDU is indicated, its beacon heard, or its loss counted."""
+        host = self._host
+        ethernet = frame.unwrap(octets)
+        if isinstance(ethernet, Reason):
+            host.drop(ethernet, octets)
+            return
+        if ethernet.source == self._mac:
+            host.drop(Reason.OWN_ECHO, octets)
+            return
+        event = self._core.receive(ethernet.packet, ethernet.source, host.loop.clock(), host.ego())
+        if isinstance(event, Received):
+            host.indicate(event.pdu, received_ns, event.rx)
+        elif isinstance(event, Heard):
+            host.heard(event.mac, None)
+        else:
+            host.drop(event.reason, octets)
+
+    def encode(self, request: Request) -> bytes:
+        """The frame of a request: a single hop broadcast, or a GeoBroadcast when it has an area."""
+        return frame.wrap(self._mac, self._core.encode(request, self._host.loop.clock(), self._host.ego()))
+
+    def start(self) -> None:
+        """Send beacons from now on."""
+        deadline = self._core.deadline()
+        if deadline is not None:
+            loop = self._host.loop
+            self._timer = loop.after(max(0.0, deadline - loop.clock()), self._expire)
+
+    def stop(self) -> None:
+        """Send no more beacons; idempotent."""
+        if self._timer is not None:
+            self._timer.cancel()
+
+    def _expire(self) -> None:
+        # Every packet sent moves the deadline: the timer then comes early, takes nothing and is set again.
+        self._core.expire(self._host.loop.clock())
+        packet = self._core.take(self._host.ego())
+        self.start()
+        if packet:
+            self._transmit(frame.wrap(self._mac, packet))

@@ -1,0 +1,139 @@
+"""What arrives at a socket, in batches: kernel time stamps, kernel drops, urgent messages first."""
+
+import contextlib
+import socket
+import struct
+from collections.abc import Callable
+from typing import Final
+
+from board.errors import InterfaceError
+from drivers.contract import Host
+from drivers.reason import Reason
+
+# Numbers of asm-generic/socket.h and linux/sock_diag.h that the socket module does not name.
+SO_RCVBUFFORCE = 33
+SO_TIMESTAMPNS = 35
+SO_MEMINFO = 55
+SK_MEMINFO_DROPS = 8  # the index of sk_drops
+
+MAX_DATAGRAM = 2048  # octets: the longest PDU, its headers and an 802.11p frame fit
+TIMESPEC: Final = struct.Struct("@ll")
+STAMP_SPACE = socket.CMSG_SPACE(TIMESPEC.size)
+
+# A flooded socket gives way to the loop's other sources after BATCH datagrams, and within them the urgent socket is
+# looked at again after every SLICE: an urgent message waits for a slice at most, 0.1 ms or so.
+BATCH = 32
+SLICE = 8
+
+Deliver = Callable[[bytes, int], None]
+
+
+class Intake:
+    """A socket on the loop whose datagrams go to one call, each with the Unix time in ns of its arrival.
+
+    The intake owns the socket: close() closes it. A datagram from `own` (the address of a sender of ours) is an
+    echo. `broken` is called with what the socket reports beside datagrams.
+    """
+
+    def __init__(
+        self,
+        host: Host,
+        taken: socket.socket,
+        deliver: Deliver,
+        broken: Callable[[OSError], None],
+        urgent: "Intake | None" = None,
+    ) -> None:
+        self.socket = taken
+        self.own: object = None
+        self._host = host
+        self._deliver = deliver
+        self._broken = broken
+        self._urgent = urgent
+        self._is_open = True
+        taken.setblocking(False)
+        taken.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
+        host.loop.add(self)
+
+    def fileno(self) -> int:
+        return self.socket.fileno()
+
+    def ready(self, events: int) -> None:
+        for _ in range(BATCH // SLICE):
+            if not self.take(SLICE):
+                return
+            if self._urgent is not None:
+                self._urgent.take(BATCH)
+
+    def take(self, limit: int) -> bool:
+        """Take at most limit datagrams; returns whether there may be more."""
+        receive, deliver = self.socket.recvmsg, self._deliver
+        for _ in range(limit):
+            if not self._is_open:  # what deliver() caused may have stopped the interface
+                return False
+            try:
+                octets, ancillary, flags, address = receive(MAX_DATAGRAM, STAMP_SPACE)
+            except BlockingIOError:
+                return False
+            except OSError as error:
+                self._broken(error)
+                return False
+            if flags & socket.MSG_TRUNC:
+                self._host.drop(Reason.LONG_PDU, octets)
+            elif address == self.own:
+                self._host.drop(Reason.OWN_ECHO, octets)
+            else:
+                seconds, nanoseconds = TIMESPEC.unpack(ancillary[0][2])
+                deliver(octets, seconds * 1_000_000_000 + nanoseconds)
+        return True
+
+    def close(self) -> None:
+        """Leave the loop and close the socket; idempotent."""
+        if self._is_open:
+            self._is_open = False
+            self._host.loop.remove(self)
+            self.socket.close()
+
+
+class KernelDrops:
+    """How many datagrams the kernel refused a UDP socket since the last look: its queue was full.
+
+    sk_drops by SO_MEMINFO can be asked for at any time. SO_RXQ_OVFL tells the same counter, but only beside a later
+    datagram, so the drops at the end of a flood would stay unknown. The counter includes what a filter on the socket
+    rejects: none is attached to a socket that is counted so.
+    """
+
+    def __init__(self, counted: socket.socket) -> None:
+        self._socket = counted
+        self._before = 0
+
+    def take(self) -> int:
+        meminfo = self._socket.getsockopt(socket.SOL_SOCKET, SO_MEMINFO, 64)
+        drops = int(struct.unpack_from("=I", meminfo, 4 * SK_MEMINFO_DROPS)[0])
+        new = (drops - self._before) & 0xFFFFFFFF
+        self._before = drops
+        return new
+
+
+def enlarge(receiver: socket.socket, octets: int) -> str:
+    """Ask for a receive buffer; returns what to tell the user where the kernel gives less, else an empty text.
+
+    The default of 208 KiB keeps 166 small datagrams: the kernel counts about 1.3 KiB for each.
+    """
+    with contextlib.suppress(PermissionError):
+        receiver.setsockopt(socket.SOL_SOCKET, SO_RCVBUFFORCE, octets)
+    if _given(receiver) < octets:
+        receiver.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, octets)
+    given = _given(receiver)
+    if given >= octets:
+        return ""
+    return f"receive buffer of {given} instead of {octets} octets: raise net.core.rmem_max"
+
+
+def refused(what: str, error: OSError, hint: str = "") -> InterfaceError:
+    """The InterfaceError of a system call's failure."""
+    return InterfaceError(f"{what}: {(error.strerror or str(error)).lower()}", hint)
+
+
+def _given(receiver: socket.socket) -> int:
+    # The kernel doubles the number for its own overhead, and reports the double.
+    return receiver.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF) // 2

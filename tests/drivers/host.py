@@ -1,0 +1,87 @@
+"""A station above a driver under test: it answers as a station does and remembers what it was told."""
+
+from collections import Counter
+from collections.abc import Iterable
+
+from board.errors import StationError
+from board.loop import Loop
+from drivers.contract import Shared
+from drivers.message import NO_RX_INFO, Area, Ego, MessageType, Position, Request, RxInfo
+from drivers.reason import Reason
+
+MAC = bytes.fromhex("02000000000c")
+SHARED = Shared(mac=MAC, types_by_port={2001: 2, 2002: 1})
+EGO = Ego(its_ms=722_130_000_000, position=Position(487_668_616, 114_320_680), is_known=True)
+CAM = bytes.fromhex("0202000005390001020304")
+DENM = bytes.fromhex("0201000005390001020304")
+TYPES = {2: MessageType("cam", 2, 2001, 4, 0), 1: MessageType("denm", 1, 2002, 0, 1)}
+
+
+class Host:
+    """drivers.contract.Host with lists."""
+
+    def __init__(self, loop: Loop, keeps: bool = True) -> None:
+        self.name = "bench"
+        self.loop = loop
+        self.keeps = keeps  # False where a hundred thousand are only counted
+        self.count = 0
+        self.indications: list[tuple[bytes, int, RxInfo]] = []
+        self.neighbours: list[bytes] = []
+        self.drops: Counter[Reason] = Counter()
+        self.samples: list[bytes] = []
+        self.confirms: list[tuple[Request, Reason | None]] = []
+        self.links: list[tuple[bool, str]] = []
+        self.failures: list[StationError] = []
+        self.times_writable = 0
+
+    @property
+    def pdus(self) -> list[bytes]:
+        return [pdu for pdu, _, _ in self.indications]
+
+    @property
+    def is_up(self) -> bool:
+        return bool(self.links) and self.links[-1][0]
+
+    @property
+    def total(self) -> int:
+        """All that came in, whatever became of it."""
+        return self.count + len(self.neighbours) + self.drops.total()
+
+    def indicate(self, pdu: bytes, received_ns: int, rx: RxInfo = NO_RX_INFO) -> None:
+        self.count += 1
+        if self.keeps:
+            self.indications.append((pdu, received_ns, rx))
+
+    def heard(self, mac: bytes, rssi_dbm: int | None) -> None:
+        self.neighbours.append(mac)
+
+    def drop(self, reason: Reason, sample: bytes = b"", count: int = 1) -> None:
+        self.drops[reason] += count
+        if self.keeps:
+            self.samples.append(sample)
+
+    def confirm(self, request: Request, reason: Reason | None = None) -> None:
+        self.confirms.append((request, reason))
+
+    def writable(self) -> None:
+        self.times_writable += 1
+
+    def link(self, is_up: bool, why: str) -> None:
+        self.links.append((is_up, why))
+
+    def fail(self, error: StationError) -> None:
+        self.failures.append(error)
+
+    def ego(self) -> Ego:
+        return EGO
+
+
+def request(pdu: bytes, number: int = 1, area: Area | None = None) -> Request:
+    """A request as the router makes it for a CAM or a DENM; anything else leaves as a CAM."""
+    kind = TYPES.get(pdu[1], TYPES[2])
+    assert kind.btp_port is not None
+    return Request(number, kind, pdu, kind.btp_port, 0.0, 1e9, kind.priority, 2, area)
+
+
+def requests(pdus: Iterable[bytes]) -> list[Request]:
+    return [request(pdu, number) for number, pdu in enumerate(pdus, 1)]
