@@ -1,0 +1,33 @@
+"""GeoNetworking of one interface: packets in, packets out, beacons. EN 302 636-4-1 V1.4.1 (2020-01) with BTP."""
+
+from collections.abc import Set
+
+from drivers.wire.geonet_receiver import Discard, Heard, Received, Receiver
+from drivers.wire.geonet_sender import Sender
+
+__all__ = ["Discard", "GeoNetworking", "Heard", "Received"]
+
+
+class GeoNetworking:
+    """Both directions; the parameters and methods are those of Receiver and Sender.
+
+    receive(packet, source_mac, now, ego) -> Received | Heard | Discard
+    encode(request, now, ego) -> packet
+    deadline() -> when expire() wants to be called; expire(now) -> whether a beacon is due; take(ego) -> that beacon
+    """
+
+    def __init__(
+        self,
+        mac: bytes,
+        gn_versions: Set[int] = frozenset({1}),
+        deliver_unverified: bool = False,
+        beacon_s: float = 3.0,
+        station_type: int = 0,
+    ) -> None:
+        receiver = Receiver(mac, gn_versions, deliver_unverified)
+        sender = Sender(mac, beacon_s, station_type)
+        self.receive = receiver.receive
+        self.encode = sender.encode
+        self.deadline = sender.deadline
+        self.expire = sender.expire
+        self.take = sender.take

@@ -1,0 +1,194 @@
+"""GeoNetworking in: every header type, secured or not, down to the PDU. EN 302 636-4-1 V1.4.1 (2020-01).
+
+The station is an end: it takes what is meant for it and passes nothing on. This is the hot path, so it unpacks only
+what it uses; geonet_packet.py knows every field.
+"""
+
+import struct
+from collections.abc import Set
+from struct import Struct
+from typing import NamedTuple
+
+from board.errors import ProtocolError
+from drivers.message import (
+    NOT_SECURED,
+    Area,
+    Ego,
+    Position,
+    RxInfo,
+    Security,
+    SecurityStatus,
+    Shape,
+)
+from drivers.reason import Reason
+from drivers.wire import btp
+from drivers.wire.area import contains
+from drivers.wire.geonet_duplicates import Duplicates
+from drivers.wire.geonet_header import BasicNext, CommonNext, HeaderType
+from drivers.wire.geonet_packet import EXTENDED
+from drivers.wire.security import unwrap
+
+_BASIC = Struct(">BxBB")  # version and NH, lifetime, remaining hop limit
+_COMMON = Struct(">BBBxHBx")  # NH, HT and HST, traffic class, payload length, maximum hop limit
+_SOURCE = Struct(">2x6s4xii")  # of a long position vector: MAC, latitude, longitude
+_NUMBER = Struct(">H")  # sequence number; destination port of BTP-A and BTP-B
+_AREA = Struct(">iiHHH")
+
+_BASIC_SIZE, _COMMON_SIZE, _SEQUENCE_SIZE, _LONG_SIZE = 4, 8, 4, 24
+_BTP = frozenset({CommonNext.BTP_A, CommonNext.BTP_B})
+
+
+class Received(NamedTuple):
+    """A PDU came, its BTP header removed; rx.btp_port says what it is for."""
+
+    pdu: bytes
+    rx: RxInfo
+
+
+class Heard(NamedTuple):
+    """A neighbour showed itself without a PDU: a beacon."""
+
+    mac: bytes
+
+
+class Discard(NamedTuple):
+    """Nothing came that a user would want."""
+
+    reason: Reason
+
+
+class _Form(NamedTuple):
+    """What to know of a header type: RxInfo.transport, the octets of common and extended header, and where the
+    source position vector begins, both from the common header on.
+    """
+
+    transport: str
+    size: int
+    source: int
+
+
+_FAMILY = {1: "beacon", 2: "guc", 3: "gac", 4: "gbc", 5: "tsb", 6: "ls"}  # by HT
+_SINGLE_HOP = frozenset({HeaderType.SHB, HeaderType.BEACON})  # neither sequence number nor destination
+
+
+def _form(header_type: int) -> _Form:
+    name = "shb" if header_type == HeaderType.SHB else _FAMILY[header_type >> 4]
+    source = _COMMON_SIZE if header_type in _SINGLE_HOP else _COMMON_SIZE + _SEQUENCE_SIZE
+    return _Form(name, _COMMON_SIZE + EXTENDED[header_type][1], source)
+
+
+_FORMS = {int(header_type): _form(header_type) for header_type in EXTENDED}
+
+_TRUNCATED = Discard(Reason.TRUNCATED)
+_WRONG_HEADER = Discard(Reason.GN_HEADER)
+_NOT_FOR_US = Discard(Reason.GN_NOT_FOR_US)
+
+
+class Receiver:
+    """What comes in for one station. Time goes in as the loop's clock in seconds.
+
+    mac                 own address: what carries it as a source is our own echo.
+    gn_versions         protocol versions that are accepted.
+    deliver_unverified  pass on what is in signed packets although nobody verifies it.
+    """
+
+    def __init__(self, mac: bytes, gn_versions: Set[int], deliver_unverified: bool) -> None:
+        self._mac = mac
+        self._gn_versions = gn_versions
+        self._deliver_unverified = deliver_unverified
+        self._duplicates = Duplicates()
+
+    def receive(self, packet: bytes, source_mac: bytes, now: float, ego: Ego) -> Received | Heard | Discard:
+        """What a packet brings, from its basic header on. Never raises, whatever the octets.
+
+        source_mac  who sent the frame; of a packet that was passed on, not the one who made it.
+        ego         says whether the station is inside the packet's area. Where the own position is not known
+                    the area is not looked at: a warning too many is better than one too few.
+        """
+        try:
+            first, lifetime, hop_limit = _BASIC.unpack_from(packet)
+        except struct.error:
+            return _TRUNCATED
+        if first >> 4 not in self._gn_versions:
+            return Discard(Reason.GN_VERSION)
+        if lifetime < 4:  # six bits of multiplier, two of unit
+            return Discard(Reason.GN_LIFETIME)
+        next_header = first & 15
+        if next_header == BasicNext.COMMON:
+            return self._common(packet, _BASIC_SIZE, hop_limit, NOT_SECURED, source_mac, now, ego)
+        if next_header == BasicNext.SECURED:
+            return self._secured(packet, hop_limit, source_mac, now, ego)
+        return _WRONG_HEADER
+
+    def _secured(
+        self, packet: bytes, hop_limit: int, source_mac: bytes, now: float, ego: Ego
+    ) -> Received | Heard | Discard:
+        """The common header and all that follows are the signed payload; the basic header is not signed."""
+        try:
+            payload, its_aid, ssp = unwrap(packet[_BASIC_SIZE:])
+        except ProtocolError:
+            return Discard(Reason.SECURED_FORMAT)
+        if not self._deliver_unverified:
+            return Discard(Reason.SECURED)
+        security = Security(SecurityStatus.UNVERIFIABLE_PKT, its_aid, ssp)
+        return self._common(payload, 0, hop_limit, security, source_mac, now, ego)
+
+    def _common(
+        self,
+        packet: bytes,
+        at: int,
+        hop_limit: int,
+        security: Security,
+        source_mac: bytes,
+        now: float,
+        ego: Ego,
+    ) -> Received | Heard | Discard:
+        """From the common header on, which begins at an octet of the packet."""
+        try:
+            next_header, header_type, traffic_class, length, max_hop_limit = _COMMON.unpack_from(packet, at)
+            transport, size, source = _FORMS[header_type]
+            mac, latitude, longitude = _SOURCE.unpack_from(packet, at + source)
+        except struct.error:
+            return _TRUNCATED
+        except KeyError:
+            return _NOT_FOR_US if header_type == HeaderType.ANY else _WRONG_HEADER
+        start = at + size
+        end = start + length
+        if end > len(packet):
+            return _TRUNCATED
+        if self._mac in (source_mac, mac):
+            return Discard(Reason.OWN_ECHO)
+        if not 0 < hop_limit <= max_hop_limit:
+            return Discard(Reason.GN_HOP_LIMIT)
+        area: Area | Discard | None = None
+        if header_type != HeaderType.SHB:
+            if header_type == HeaderType.BEACON:
+                return Heard(source_mac)
+            (sequence,) = _NUMBER.unpack_from(packet, at + _COMMON_SIZE)
+            if self._duplicates.seen(mac, sequence, now):
+                return Discard(Reason.GN_DUPLICATE)
+            area = self._destination(header_type, packet, at + source + _LONG_SIZE, ego)
+            if isinstance(area, Discard):
+                return area
+        if next_header >> 4 not in _BTP:
+            return Discard(Reason.GN_NEXT_HEADER)
+        if length < btp.SIZE:
+            return _TRUNCATED
+        (port,) = _NUMBER.unpack_from(packet, start)
+        position = Position(latitude, longitude)
+        rx = RxInfo(port, None, 0, traffic_class, hop_limit, security, position, area, source_mac, transport)
+        return Received(packet[start + btp.SIZE : end], rx)
+
+    def _destination(self, header_type: int, packet: bytes, at: int, ego: Ego) -> Area | Discard | None:
+        """The area of a packet for us; None where it has none. What says so begins behind the source position."""
+        if header_type == HeaderType.TSB:
+            return None
+        if header_type == HeaderType.GUC:
+            return None if packet[at + 2 : at + 8] == self._mac else _NOT_FOR_US
+        if header_type in (HeaderType.LS_REQUEST, HeaderType.LS_REPLY):
+            return _NOT_FOR_US
+        latitude, longitude, distance_a, distance_b, angle = _AREA.unpack_from(packet, at)
+        area = Area(Shape(header_type & 15), Position(latitude, longitude), distance_a, distance_b, angle)
+        if ego.is_known and not contains(area, ego.position):
+            return Discard(Reason.GN_OUTSIDE_AREA)
+        return area

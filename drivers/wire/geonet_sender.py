@@ -1,0 +1,131 @@
+"""GeoNetworking out: single hop broadcasts, GeoBroadcasts and beacons. EN 302 636-4-1 V1.4.1 (2020-01)."""
+
+import struct
+from random import Random
+from struct import Struct
+
+from board.errors import RequestError
+from board.time import gn_timestamp
+from drivers.message import Area, Ego, Request
+from drivers.wire import btp
+from drivers.wire.geonet_header import BasicNext, CommonNext, HeaderType, lifetime_octet
+
+# Clause 9 and the defaults of Annex H.
+_VERSION = 1
+_FIRST = _VERSION << 4 | BasicNext.COMMON
+_LIFETIME = 6 << 2 | 2  # itsGnDefaultPacketLifetime, 60 s, as other stations code it: 6 x 10 s
+_MOBILE = 0x80  # flags: itsGnIsMobile
+_MANUAL = 0x8000  # GN_ADDR: the address was configured
+_JITTER = 0.25  # itsGnBeaconServiceMaxJitter over itsGnBeaconServiceRetransmitTimer
+
+# What is the same in all: basic header, then the common header's NH, HT and HST.
+_SINGLE_HOP = bytes((_FIRST, 0, _LIFETIME, 1, CommonNext.BTP_B << 4, HeaderType.SHB))
+_BEACON = bytes((_FIRST, 0, _LIFETIME, 1, CommonNext.ANY << 4, HeaderType.BEACON))
+
+# The rest: traffic class, flags, payload length, maximum hop limit; headers; BTP-B's port and empty port info.
+_POSITION = "8sIiiHH"
+_SINGLE_HOP_OUT = Struct(">6sBBHBx" + _POSITION + "4xH2x")
+_BEACON_OUT = Struct(">6sBBHBx" + _POSITION)
+_GEO_BROADCAST_OUT = Struct(">BxBBBBBBHBxH2x" + _POSITION + "iiHHH2xH2x")
+
+
+class Sender:
+    """Packets of one station. Time goes in as the loop's clock in seconds.
+
+    mac           own address; the end of the GN address.
+    beacon_s      silence after which a beacon is due: itsGnBeaconServiceRetransmitTimer; 0: no beacons.
+    station_type  of the GN address (TS 102 894-2, StationType): 0 unknown, 5 passenger car.
+    """
+
+    def __init__(self, mac: bytes, beacon_s: float = 3.0, station_type: int = 0) -> None:
+        self._address = struct.pack(">H6s", _MANUAL | station_type << 10, mac)
+        self._sequence = 0  # of the next packet that others may pass on
+        self._beacon_s = beacon_s
+        self._random = Random(mac)  # stations that start together must not send together
+        self._silence_s = self._next_silence()
+        self._sent_at: float | None = None
+        self._is_due = False
+
+    def encode(self, request: Request, now: float, ego: Ego) -> bytes:
+        """A packet for a request: a GeoBroadcast where it has an area, a single hop broadcast otherwise.
+
+        The lifetime of a GeoBroadcast is what is left of the request's, its hop limit is the request's. A single
+        hop broadcast keeps the default of 60 s. Raises RequestError when a number does not fit its header.
+        """
+        self._sent_at = now
+        try:
+            if request.area is None:
+                return self._single_hop(request, ego)
+            return self._geo_broadcast(request, request.area, now, ego)
+        except struct.error as error:
+            raise RequestError(f"GeoNetworking: {error}; {request.area}, {request.hop_limit} hops") from error
+
+    def deadline(self) -> float | None:
+        """When expire() wants to be called, None where there are no beacons. Each packet sent moves it away."""
+        if self._beacon_s <= 0:
+            return None
+        return 0.0 if self._sent_at is None else self._sent_at + self._silence_s
+
+    def expire(self, now: float) -> bool:
+        """Whether a beacon is due, which take() gives (clause 10.3.6). The first call begins the silence."""
+        deadline = self.deadline()
+        if deadline is None or now < deadline:
+            return False
+        self._is_due = self._sent_at is not None
+        self._sent_at = now
+        self._silence_s = self._next_silence()
+        return self._is_due
+
+    def take(self, ego: Ego) -> bytes:
+        """The beacon that is due, or nothing."""
+        if not self._is_due:
+            return b""
+        self._is_due = False
+        return _BEACON_OUT.pack(_BEACON, 0, _MOBILE, 0, 1, *self._position(ego))
+
+    def _single_hop(self, request: Request, ego: Ego) -> bytes:
+        pdu = request.pdu
+        head = _SINGLE_HOP_OUT.pack(
+            _SINGLE_HOP,
+            request.traffic_class,
+            _MOBILE,
+            len(pdu) + btp.SIZE,
+            1,
+            *self._position(ego),
+            request.btp_port,
+        )
+        return head + pdu
+
+    def _geo_broadcast(self, request: Request, area: Area, now: float, ego: Ego) -> bytes:
+        pdu = request.pdu
+        head = _GEO_BROADCAST_OUT.pack(
+            _FIRST,
+            lifetime_octet(request.deadline - now),
+            request.hop_limit,
+            CommonNext.BTP_B << 4,
+            HeaderType.GBC_CIRCLE + area.shape,
+            request.traffic_class,
+            _MOBILE,
+            len(pdu) + btp.SIZE,
+            request.hop_limit,
+            self._sequence,
+            *self._position(ego),
+            *area.centre,
+            area.distance_a,
+            area.distance_b,
+            area.angle,
+            request.btp_port,
+        )
+        self._sequence = (self._sequence + 1) & 0xFFFF
+        return head + pdu
+
+    def _position(self, ego: Ego) -> tuple[bytes, int, int, int, int, int]:
+        """The numbers of the own long position vector. A place that is not known is marked as inaccurate."""
+        (latitude, longitude), speed = ego.position, ego.speed
+        if not -0x4000 <= speed <= 0x3FFF:  # 15 bits: 164 m/s
+            speed = max(-0x4000, min(0x3FFF, speed))
+        bits = ego.is_known << 15 | speed & 0x7FFF
+        return self._address, gn_timestamp(ego.its_ms), latitude, longitude, bits, ego.heading % 3600
+
+    def _next_silence(self) -> float:
+        return self._beacon_s * (1 + _JITTER * self._random.random())

@@ -1,0 +1,172 @@
+"""What is inside a secured GeoNetworking packet: IEEE 1609.2 signed data in the profile of ETSI TS 103 097.
+
+V1.3.1 and V2.1.1 of the profile have the same octets here. Nothing is verified, nothing decrypted. The whole
+value is walked over to its end, so that one that was cut off is known.
+"""
+
+from typing import NamedTuple
+
+from board.errors import ProtocolError
+from drivers.wire.oer import Field, Sequence, choice, content, counted, elements, fixed, sequence_of
+
+MAX_SSP = 32  # octets that RxSecurity can hold
+
+# --- Ieee1609Dot2BaseTypes (IEEE 1609.2-2022 clause 6.3.4 and following)
+_NULL = fixed(0)
+_LOCATION = fixed(8)  # TwoDLocation
+_P256 = choice(fixed(32), _NULL, fixed(32), fixed(32), fixed(64))  # EccP256CurvePoint
+_P256_SIGNATURE = Sequence(Field("r", _P256), Field("s", fixed(32)))
+_SIGNATURE = choice(_P256_SIGNATURE, _P256_SIGNATURE, extensible=True)
+_VERIFICATION_KEY = choice(_P256, _P256, extensible=True)
+_PUBLIC_ENCRYPTION_KEY = Sequence(
+    Field("algorithm", fixed(1)),
+    Field("key", choice(_P256, _P256, extensible=True)),
+)
+_SYMMETRIC_KEY = choice(fixed(16), extensible=True)
+_SUBREGIONS = Sequence(Field("region", fixed(1)), Field("subregions", sequence_of(fixed(2))))
+_IDENTIFIED_REGION = choice(
+    fixed(2),
+    Sequence(Field("country", fixed(2)), Field("regions", sequence_of(fixed(1)))),
+    Sequence(Field("country", fixed(2)), Field("regions", sequence_of(_SUBREGIONS))),
+    extensible=True,
+)
+_REGION = choice(
+    fixed(10),  # circular
+    sequence_of(fixed(16)),  # rectangular
+    sequence_of(_LOCATION),  # polygonal
+    sequence_of(_IDENTIFIED_REGION),
+    extensible=True,
+)
+_SSP = choice(counted, extensible=True)
+_OPAQUE = 0x80  # ServiceSpecificPermissions: opaque
+_PSID_SSP = Sequence(Field("psid", counted), Field("ssp", _SSP, True))
+_SSP_RANGE = choice(sequence_of(counted), _NULL, extensible=True)
+_PSID_SSP_RANGE = Sequence(Field("psid", counted), Field("range", _SSP_RANGE, True))
+
+# --- certificates (clause 6.4)
+_GROUP_PERMISSIONS = Sequence(
+    Field("subject", choice(sequence_of(_PSID_SSP_RANGE), _NULL, extensible=True)),
+    Field("min_chain_length", counted, True),
+    Field("chain_length_range", counted, True),
+    Field("end_entity_type", fixed(1), True),
+)
+_LINKAGE = Sequence(
+    Field("i", fixed(2)),
+    Field("value", fixed(9)),
+    Field("group", fixed(13), True),
+)
+_TO_BE_SIGNED_CERTIFICATE = Sequence(
+    Field("id", choice(_LINKAGE, counted, counted, _NULL, extensible=True)),
+    Field("craca_id", fixed(3)),
+    Field("crl_series", fixed(2)),
+    Field("validity", fixed(7)),  # start 4, unit 1, duration 2
+    Field("region", _REGION, True),
+    Field("assurance", fixed(1), True),
+    Field("permissions", sequence_of(_PSID_SSP), True),
+    Field("issue_permissions", sequence_of(_GROUP_PERMISSIONS), True),
+    Field("request_permissions", sequence_of(_GROUP_PERMISSIONS), True),
+    Field("rollover", _NULL, True),
+    Field("encryption_key", _PUBLIC_ENCRYPTION_KEY, True),
+    Field("verify_key", choice(_VERIFICATION_KEY, _P256, extensible=True)),
+    extensible=True,
+)
+_CERTIFICATE = Sequence(
+    Field("version", fixed(1)),
+    Field("type", fixed(1)),
+    Field("issuer", choice(fixed(8), fixed(1), extensible=True)),
+    Field("to_be_signed", _TO_BE_SIGNED_CERTIFICATE),
+    Field("signature", _SIGNATURE, True),
+)
+
+# --- signed data (clause 6.3)
+_UNSECURED = Sequence(Field("version", fixed(1)), Field("content", choice(counted)))  # nothing else is read
+_PAYLOAD = Sequence(
+    Field("data", _UNSECURED, True),
+    Field("hash", choice(fixed(32), extensible=True), True),
+    extensible=True,
+)
+_HEADER = Sequence(
+    Field("psid", counted),
+    Field("generation_time", fixed(8), True),
+    Field("expiry_time", fixed(8), True),
+    Field("generation_location", fixed(10), True),
+    Field("learning_request", fixed(3), True),
+    Field("missing_crl", Sequence(Field("id", fixed(5)), extensible=True), True),
+    Field("encryption_key", choice(_PUBLIC_ENCRYPTION_KEY, _SYMMETRIC_KEY), True),
+    extensible=True,
+)
+_CHAIN = 0x81  # SignerIdentifier: certificate
+_SIGNER = choice(fixed(8), sequence_of(_CERTIFICATE), _NULL, extensible=True)
+_SIGNED = Sequence(
+    Field("hash", fixed(1)),
+    Field("payload", _PAYLOAD),
+    Field("header", _HEADER),
+    Field("signer", _SIGNER),
+    Field("signature", _SIGNATURE),
+)
+
+_SIGNED_DATA = b"\x03\x81"  # protocolVersion 3, signedData
+
+
+class Unwrapped(NamedTuple):
+    """What a signed packet holds.
+
+    payload  the octets that were signed: common header, extended header and what follows.
+    its_aid  the psid of the header.
+    ssp      what the signer's certificate permits for this its_aid; empty with a digest, or beyond 32 octets.
+    """
+
+    payload: bytes
+    its_aid: int
+    ssp: bytes
+
+
+def unwrap(octets: bytes) -> Unwrapped:
+    """Open an Ieee1609Dot2Data that follows a basic header; octets behind it are left out.
+
+    Raises ProtocolError when it is not signed data of version 3 with its payload inside, or is cut off.
+    Source: IEEE 1609.2-2022 clause 6.3, ETSI TS 103 097 V2.1.1 clause 5.2.
+    """
+    try:
+        return _unwrap(octets)
+    except IndexError as error:
+        raise ProtocolError(f"security: signed data is cut off after {len(octets)} octets") from error
+
+
+def _unwrap(octets: bytes) -> Unwrapped:
+    if octets[:2] != _SIGNED_DATA:
+        raise ProtocolError(f"security: {octets[:2].hex()} begins no signed data of version 3")
+    signed = _SIGNED.places(octets, 2)
+    if signed["end"] > len(octets):
+        raise ProtocolError(f"security: signed data is cut off after {len(octets)} octets")
+    data = _PAYLOAD.places(octets, signed["payload"]).get("data")
+    if data is None:
+        raise ProtocolError("security: the signed data is elsewhere, only its hash is here")
+    its_aid = int.from_bytes(content(octets, signed["header"] + 1))  # one octet of preamble
+    return Unwrapped(content(octets, data + 2), its_aid, _ssp(octets, signed["signer"], its_aid))
+
+
+def _ssp(octets: bytes, signer: int, its_aid: int) -> bytes:
+    """What the first certificate of a signer permits for an ITS-AID."""
+    if octets[signer] != _CHAIN:
+        return b""
+    first, *others = elements(_CERTIFICATE, octets, signer + 1)
+    if not others:
+        return b""
+    certificate = _CERTIFICATE.places(octets, first)
+    permissions = _TO_BE_SIGNED_CERTIFICATE.places(octets, certificate["to_be_signed"]).get("permissions")
+    if permissions is None:
+        return b""
+    *entries, _ = elements(_PSID_SSP, octets, permissions)
+    for entry in entries:
+        places = _PSID_SSP.places(octets, entry)
+        if "ssp" in places and int.from_bytes(content(octets, places["psid"])) == its_aid:
+            return _permission(octets, places["ssp"])
+    return b""
+
+
+def _permission(octets: bytes, at: int) -> bytes:
+    """ServiceSpecificPermissions: opaque, or bitmapSsp inside an open type."""
+    value = content(octets, at + 1)
+    ssp = value if octets[at] == _OPAQUE else content(value, 0)
+    return ssp if len(ssp) <= MAX_SSP else b""
