@@ -79,10 +79,6 @@ def _form(header_type: int) -> _Form:
 
 _FORMS = {int(header_type): _form(header_type) for header_type in EXTENDED}
 
-_TRUNCATED = Discard(Reason.TRUNCATED)
-_WRONG_HEADER = Discard(Reason.GN_HEADER)
-_NOT_FOR_US = Discard(Reason.GN_NOT_FOR_US)
-
 
 class Receiver:
     """What comes in for one station. Time goes in as the loop's clock in seconds.
@@ -108,7 +104,7 @@ class Receiver:
         try:
             first, lifetime, hop_limit = _BASIC.unpack_from(packet)
         except struct.error:
-            return _TRUNCATED
+            return Discard(Reason.TRUNCATED)
         if first >> 4 not in self._gn_versions:
             return Discard(Reason.GN_VERSION)
         if lifetime < 4:  # six bits of multiplier, two of unit
@@ -118,7 +114,7 @@ class Receiver:
             return self._common(packet, _BASIC_SIZE, hop_limit, NOT_SECURED, source_mac, now, ego)
         if next_header == BasicNext.SECURED:
             return self._secured(packet, hop_limit, source_mac, now, ego)
-        return _WRONG_HEADER
+        return Discard(Reason.GN_HEADER)
 
     def _secured(
         self, packet: bytes, hop_limit: int, source_mac: bytes, now: float, ego: Ego
@@ -149,46 +145,47 @@ class Receiver:
             transport, size, source = _FORMS[header_type]
             mac, latitude, longitude = _SOURCE.unpack_from(packet, at + source)
         except struct.error:
-            return _TRUNCATED
+            return Discard(Reason.TRUNCATED)
         except KeyError:
-            return _NOT_FOR_US if header_type == HeaderType.ANY else _WRONG_HEADER
+            return Discard(Reason.GN_NOT_FOR_US if header_type == HeaderType.ANY else Reason.GN_HEADER)
         start = at + size
         end = start + length
         if end > len(packet):
-            return _TRUNCATED
+            return Discard(Reason.TRUNCATED)
         if self._mac in (source_mac, mac):
             return Discard(Reason.OWN_ECHO)
         if not 0 < hop_limit <= max_hop_limit:
             return Discard(Reason.GN_HOP_LIMIT)
-        area: Area | Discard | None = None
+        area = None
         if header_type != HeaderType.SHB:
             if header_type == HeaderType.BEACON:
                 return Heard(source_mac)
             (sequence,) = _NUMBER.unpack_from(packet, at + _COMMON_SIZE)
             if self._duplicates.seen(mac, sequence, now):
                 return Discard(Reason.GN_DUPLICATE)
-            area = self._destination(header_type, packet, at + source + _LONG_SIZE, ego)
-            if isinstance(area, Discard):
-                return area
+            destination = self._destination(header_type, packet, at + source + _LONG_SIZE, ego)
+            if isinstance(destination, Reason):
+                return Discard(destination)
+            area = destination
         if next_header >> 4 not in _BTP:
             return Discard(Reason.GN_NEXT_HEADER)
         if length < btp.SIZE:
-            return _TRUNCATED
+            return Discard(Reason.TRUNCATED)
         (port,) = _NUMBER.unpack_from(packet, start)
         position = Position(latitude, longitude)
         rx = RxInfo(port, None, 0, traffic_class, hop_limit, security, position, area, source_mac, transport)
         return Received(packet[start + btp.SIZE : end], rx)
 
-    def _destination(self, header_type: int, packet: bytes, at: int, ego: Ego) -> Area | Discard | None:
+    def _destination(self, header_type: int, packet: bytes, at: int, ego: Ego) -> Area | Reason | None:
         """The area of a packet for us; None where it has none. What says so begins behind the source position."""
         if header_type == HeaderType.TSB:
             return None
         if header_type == HeaderType.GUC:
-            return None if packet[at + 2 : at + 8] == self._mac else _NOT_FOR_US
+            return None if packet[at + 2 : at + 8] == self._mac else Reason.GN_NOT_FOR_US
         if header_type in (HeaderType.LS_REQUEST, HeaderType.LS_REPLY):
-            return _NOT_FOR_US
+            return Reason.GN_NOT_FOR_US
         latitude, longitude, distance_a, distance_b, angle = _AREA.unpack_from(packet, at)
         area = Area(Shape(header_type & 15), Position(latitude, longitude), distance_a, distance_b, angle)
         if ego.is_known and not contains(area, ego.position):
-            return Discard(Reason.GN_OUTSIDE_AREA)
+            return Reason.GN_OUTSIDE_AREA
         return area
