@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from enum import Enum, Flag, auto
 from types import MappingProxyType
-from typing import ClassVar, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 from board.errors import StationError
 from board.loop import Loop
@@ -96,7 +96,7 @@ class Shared(NamedTuple):
 class Driver(Protocol):
     """One interface. The constructor takes its options and touches nothing."""
 
-    capabilities: ClassVar[Capabilities]
+    capabilities: Capabilities  # known once it is constructed: options may take some away
 
     def start(self, host: Host) -> None:
         """Open what it needs and return at once. Raises InterfaceError, having closed what it had opened."""

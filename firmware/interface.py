@@ -136,8 +136,7 @@ class Interface:
         try:
             return self.driver.send(request)
         except RequestError as error:
-            log.warning("%s: request %d: %s", self.name, request.number, error)
-            self.dropped(request, Reason.SEND_FAILED)
+            self.dropped(request, Reason.SEND_FAILED, detail=str(error))
             return None
 
     def sent(self, request: Request, handed_over: float) -> None:
@@ -147,13 +146,15 @@ class Interface:
             queue_s, send_s = handed_over - request.accepted, self.loop.clock() - handed_over
             self._above.confirm(Confirm(request, Outcome.SENT, self.name, None, queue_s, send_s))
 
-    def dropped(self, request: Request, reason: Reason, handed_over: float | None = None) -> None:
+    def dropped(
+        self, request: Request, reason: Reason, handed_over: float | None = None, detail: str = ""
+    ) -> None:
         self._drops.count(self.name, reason, request.pdu)
         if self._above.is_confirm_wanted:
             now = self.loop.clock()
             left = now if handed_over is None else handed_over
-            confirm = Confirm(request, Outcome.DROPPED, self.name, reason, left - request.accepted, now - left)
-            self._above.confirm(confirm)
+            queue_s, send_s = left - request.accepted, now - left
+            self._above.confirm(Confirm(request, Outcome.DROPPED, self.name, reason, queue_s, send_s, detail))
 
     def status(self) -> dict[str, object]:
         """Counters by type, link and queue, as in the status message."""

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 
-from drivers.wire.area import is_inside
+from drivers.wire.area import contains
 
 from drivers.contract import Can
 from drivers.message import Area, Ego, MessageType, Position, Shape
@@ -167,7 +167,6 @@ def _neighbours(match: NeighbourMatch, surroundings: Surroundings, are_wanted: b
 
 
 def _position(match: PlaceMatch, surroundings: Surroundings) -> Test:
-    """Flat-earth distance: right to a few metres in tens of kilometres, which a policy's circle is."""
     circle = Area(
         Shape.CIRCLE,
         Position(round(match.latitude * 1e7), round(match.longitude * 1e7)),
@@ -176,7 +175,7 @@ def _position(match: PlaceMatch, surroundings: Surroundings) -> Test:
 
     def test(_: Candidate) -> bool:
         ego = surroundings.ego()
-        return ego.is_known and is_inside(circle, ego.position)
+        return ego.is_known and contains(circle, ego.position)
 
     return test
 
@@ -189,6 +188,6 @@ def _area(wanted: str, surroundings: Surroundings) -> Test:
         ego = surroundings.ego()
         if candidate.area is None or not ego.is_known:
             return False
-        return is_inside(candidate.area, ego.position) is (wanted == "inside")
+        return contains(candidate.area, ego.position) is (wanted == "inside")
 
     return test
