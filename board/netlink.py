@@ -62,10 +62,11 @@ class DeviceWatch:
         self._name = name
         self._changed = changed
         self._state = device(name)
+        self._socket = socket.socket(socket.AF_NETLINK, socket.SOCK_RAW | socket.SOCK_NONBLOCK, 0)
         try:
-            self._socket = socket.socket(socket.AF_NETLINK, socket.SOCK_RAW | socket.SOCK_NONBLOCK, 0)
             self._socket.bind((0, GROUP_LINK))
         except OSError as error:
+            self._socket.close()
             raise InterfaceError(f"{name}: cannot watch network devices: {error.strerror}") from error
         loop.add(self)
 

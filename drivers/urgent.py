@@ -40,12 +40,16 @@ KEEP_URGENT = Verdict(urgent=0xFFFF, other=0)
 KEEP_OTHER = Verdict(urgent=0, other=0xFFFF)
 
 LOAD_LENGTH = 0x80  # BPF_LD | BPF_W | BPF_LEN
-LOAD_OCTET, LOAD_HALF = 0x30, 0x28  # BPF_LD | BPF_ABS
+LOAD_OCTET, LOAD_HALF, LOAD_WORD = 0x30, 0x28, 0x20  # BPF_LD | BPF_ABS
 LOAD_OCTET_X, LOAD_HALF_X = 0x50, 0x48  # BPF_LD | BPF_IND: at X + k
 SET_X, TAX, TXA = 0x01, 0x07, 0x87
 AND, ADD, SUBTRACT, SHIFT_RIGHT = 0x54, 0x04, 0x14, 0x74
 EQUAL, AT_LEAST, AT_LEAST_X = 0x15, 0x35, 0x3D
 RETURN = 0x06
+
+# linux/filter.h, SKF_AD_OFF + SKF_AD_PKTTYPE, as an unsigned offset; linux/if_packet.h.
+PACKET_TYPE = 0xFFFFF000 + 4
+PACKET_OTHERHOST = 3
 
 # Octets of the GeoNetworking extended header by header type (EN 302 636-4-1 V1.4.1, table 9 and clause 9.8):
 # GUC 2, GAC 3, GBC 4, TSB and SHB 5. The others carry no message.
@@ -84,6 +88,19 @@ def by_frame(ports: Iterable[int], verdict: Verdict) -> Program:
         Instruction(LOAD_HALF_X),
         *_any_of(ports, verdict),
         Instruction(RETURN, k=verdict.other),
+    ]
+
+
+def not_for_others(program: Program) -> Program:
+    """A socket filter that rejects what is addressed to other stations before its program looks at it.
+
+    A device that somebody made promiscuous, or that has no address filter, hands such frames to raw sockets.
+    """
+    return [
+        Instruction(LOAD_WORD, k=PACKET_TYPE),
+        Instruction(EQUAL, 0, 1, PACKET_OTHERHOST),
+        Instruction(RETURN),
+        *program,
     ]
 
 

@@ -1,0 +1,204 @@
+"""GeoNetworking on a network device, EtherType 0x8947: 802.11p in OCB mode, or any wire."""
+
+import errno
+import socket
+import struct
+from contextlib import ExitStack
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
+
+from board.describe import Range
+from board.errors import ConfigurationError, InterfaceError, RequestError
+from board.loop import Timer
+from board.netlink import Device, DeviceWatch
+from drivers.contract import Can, Capabilities, Host, Sent, Shared
+from drivers.geolink import GeoLink
+from drivers.intake import Intake, enlarge, refused
+from drivers.message import NO_MAC, Request
+from drivers.reason import Reason
+from drivers.urgent import KEEP_OTHER, KEEP_URGENT, by_frame, keep, not_for_others
+
+ETHERTYPE = 0x8947
+# linux/if_packet.h
+SOL_PACKET = 263
+PACKET_ADD_MEMBERSHIP = 1
+PACKET_STATISTICS = 6
+PACKET_MR_PROMISC = 1
+
+# itsGnMaxSduSize (EN 302 636-4-1 V1.4.1, Annex H) is 1398 octets, and BTP takes 4 of them.
+MAX_PAYLOAD = 1394
+
+# The queue of the device is full, and no event tells when there is room again: ask after this time.
+NO_ROOM = frozenset({errno.ENOBUFS, errno.EAGAIN, errno.ENOMEM})
+NO_ROOM_S = 0.005
+
+
+@dataclass(frozen=True)
+class EthernetOptions:
+    """Options of an interface with driver = "ethernet".
+
+    device          name of the network device.
+    mac             own address as 02:00:00:00:00:0b; empty: the device's.
+    promiscuous     take frames to other stations' addresses as well.
+    receive_buffer  octets that the kernel keeps for each of two sockets while the station is busy.
+    beacon_s        seconds without a packet of ours until a beacon; 0 for none.
+    """
+
+    device: str
+    mac: str = ""
+    promiscuous: bool = False
+    receive_buffer: Annotated[int, Range(2048, 268_435_456)] = 4_194_304
+    beacon_s: Annotated[float, Range(0.0, 3600.0)] = 3.0
+
+    def __post_init__(self) -> None:
+        if not 0 < len(self.device.encode()) < 16:
+            raise ConfigurationError(f'"{self.device}" is no name of a network device', "`ip link` lists them")
+        mac_address(self.mac)
+
+
+def mac_address(text: str) -> bytes:
+    """Six octets, or none for an empty text. Raises ConfigurationError for anything but 02:00:00:00:00:0b."""
+    parts = text.split(":")
+    if not text:
+        return b""
+    try:
+        octets = bytes.fromhex("".join(parts))
+    except ValueError:
+        octets = b""
+    if [len(part) for part in parts] != [2] * 6 or len(octets) != 6 or octets[0] & 1:
+        raise ConfigurationError(f'"{text}" is no address of one station', "write for example 02:00:00:00:00:0b")
+    return octets
+
+
+class Ethernet:
+    """GeoNetworking packets in Ethernet frames of one network device."""
+
+    Options: ClassVar[type] = EthernetOptions
+    capabilities: ClassVar[Capabilities] = Capabilities(
+        can=Can.RECEIVE | Can.TRANSMIT,
+        technology="ethernet",
+        max_payload=MAX_PAYLOAD,
+        metadata=frozenset({"btp_port", "traffic_class", "hop_limit", "security", "position", "area", "source_mac"}),
+    )
+
+    def __init__(self, options: EthernetOptions, shared: Shared) -> None:
+        self._options = options
+        self._shared = shared
+        self._opened = ExitStack()
+        self._sockets: list[socket.socket] = []
+        self._room_timer: Timer | None = None
+        self._is_up = False
+        self._notes = ""
+
+    def start(self, host: Host) -> None:
+        self._host = host
+        with ExitStack() as opening:
+            try:
+                self._open(opening)
+            except PermissionError as error:
+                hint = "run as root, or give the program CAP_NET_RAW: setcap cap_net_raw+ep <program>"
+                raise InterfaceError(f"{self._options.device}: raw sockets are not permitted", hint) from error
+            except OSError as error:
+                raise refused(self._options.device, error) from error
+            self._opened = opening.pop_all()
+        self._tell()
+
+    def send(self, request: Request) -> Sent:
+        return self._transmit(self._link.encode(request))
+
+    def refresh(self) -> None:
+        for one in self._sockets:
+            # struct tpacket_stats: packets, drops. Reading sets both to 0. What a filter rejects is in neither.
+            statistics = one.getsockopt(SOL_PACKET, PACKET_STATISTICS, 8)
+            drops = struct.unpack("=II", statistics)[1]
+            if drops:
+                self._host.drop(Reason.KERNEL_QUEUE, count=drops)
+
+    def stop(self) -> None:
+        self.refresh()
+        self._sockets = []
+        self._is_up = False
+        self._opened.close()
+        if self._room_timer is not None:
+            self._room_timer.cancel()
+
+    def _open(self, opening: ExitStack) -> None:
+        options = self._options
+        self._watch = DeviceWatch(self._host.loop, options.device, self._changed)
+        opening.callback(self._watch.close)
+        device = self._watch.state
+        if device is None:
+            raise InterfaceError(f"{options.device}: no such network device", "`ip link` lists them")
+        self._is_up = device.is_usable
+        mac = mac_address(options.mac) or (device.mac if device.mac != NO_MAC else self._shared.mac)
+        self._link = GeoLink(self._host, self._shared, mac, options.beacon_s, self._beacon)
+        opening.callback(self._link.stop)
+        urgent, other = (opening.enter_context(self._socket(device)) for _ in range(2))
+        # The filters stand before the device is bound: not one frame is taken by both, or by none.
+        first: Intake | None = None
+        for one, verdict in ((urgent, KEEP_URGENT), (other, KEEP_OTHER)):
+            program = by_frame(self._shared.urgent_ports, verdict)
+            keep(one, program if options.promiscuous else not_for_others(program))
+            one.bind((options.device, ETHERTYPE))
+            first = Intake(self._host, one, self._link.receive, self._broken, first)
+            opening.callback(first.close)
+        self._sockets = [urgent, other]
+        self._transmitter = other
+        self._link.start()
+
+    def _socket(self, device: Device) -> socket.socket:
+        options = self._options
+        # Protocol 0 takes nothing until the socket is bound. Of one that is bound to a protocol the kernel keeps
+        # what leaves by the device, so own frames do not come back.
+        one = socket.socket(socket.AF_PACKET, socket.SOCK_RAW | socket.SOCK_NONBLOCK, 0)
+        self._notes = enlarge(one, options.receive_buffer)
+        if options.promiscuous:
+            membership = struct.pack("=iHH8s", device.number, PACKET_MR_PROMISC, 0, b"")
+            one.setsockopt(SOL_PACKET, PACKET_ADD_MEMBERSHIP, membership)
+        return one
+
+    def _transmit(self, octets: bytes) -> Sent:
+        try:
+            self._transmitter.send(octets)
+        except OSError as error:
+            return self._not_sent(error, len(octets))
+        return Sent.NOW
+
+    def _beacon(self, octets: bytes) -> None:
+        if self._is_up:
+            self._transmit(octets)
+
+    def _not_sent(self, error: OSError, octets: int) -> Sent:
+        if error.errno == errno.EMSGSIZE:
+            raise RequestError(f"a frame of {octets} octets is too long for {self._options.device}") from error
+        if error.errno in NO_ROOM:
+            if self._room_timer is None:
+                self._room_timer = self._host.loop.after(NO_ROOM_S, self._has_room)
+        else:
+            self._broken(error)
+        return Sent.BUSY
+
+    def _has_room(self) -> None:
+        self._room_timer = None
+        self._host.writable()
+
+    def _broken(self, error: OSError) -> None:
+        """A socket's error: of a device that is down or gone the watch tells more."""
+        self._watch.look()
+        if self._is_up:
+            self._host.fail(refused(self._options.device, error))
+
+    def _changed(self, device: Device | None) -> None:
+        if device is None:
+            self._is_up = False
+            self._host.fail(InterfaceError(f"network device {self._options.device} is gone"))
+            return
+        self._is_up = device.is_usable
+        self._tell()
+
+    def _tell(self) -> None:
+        name = self._options.device
+        if self._is_up:
+            self._host.link(True, "; ".join(filter(None, [f"EtherType 0x8947 on {name}", self._notes])))
+        else:
+            self._host.link(False, f"{name} is down or has no carrier: ip link set {name} up")

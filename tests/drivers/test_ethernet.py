@@ -1,0 +1,254 @@
+"""Raw sockets on a veth pair, in a network namespace of each test's own."""
+
+import json
+import os
+import socket
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from board.describe import read
+from board.errors import ConfigurationError, InterfaceError, RequestError
+from board.netlink import device
+from drivers.contract import Sent
+from drivers.ethernet import Ethernet, EthernetOptions
+from drivers.message import Area, Position, Shape
+from drivers.reason import Reason
+from tests.drivers.host import CAM, DENM, EGO, MAC, SHARED, Host, request
+
+CAPTURES = json.loads((Path(__file__).parents[1] / "captures" / "frames.json").read_text())
+FRAMES = {frame["name"]: bytes.fromhex(frame["hex"]) for frame in CAPTURES["frames"]}
+CAM_FRAME = FRAMES["cam-shb"]
+DENM_FRAME = CAM_FRAME.replace(bytes.fromhex("07d1"), bytes.fromhex("07d2"), 1)
+PDU = CAM_FRAME[58:]
+
+
+def ip(command):
+    subprocess.run(["ip", *command.split()], check=True)
+
+
+def veth():
+    ip("link add v2x0 type veth peer name air0")
+    ip("link set v2x0 up")
+    ip("link set air0 up")
+
+
+def air():
+    """The other end of the cable: everything that is sent by it, whatever its EtherType."""
+    air = socket.socket(socket.AF_PACKET, socket.SOCK_RAW | socket.SOCK_NONBLOCK, socket.htons(0x8947))
+    air.bind(("air0", 0x8947))
+    return air
+
+
+def started(host, **options):
+    driver = Ethernet(EthernetOptions(**{"device": "v2x0", "beacon_s": 0.0, **options}), SHARED)
+    driver.start(host)
+    return driver
+
+
+pytestmark = pytest.mark.namespace
+
+
+def test_a_frame_of_another_station_arrives_with_all_that_it_says(loop, host):
+    veth()
+    started(host)
+    air().send(CAM_FRAME)
+    loop.run_until(lambda: host.indications)
+    ((pdu, received_ns, rx),) = host.indications
+    assert pdu == PDU
+    assert received_ns > 1_600_000_000 * 10**9
+    assert (rx.btp_port, rx.transport, rx.source_mac) == (2001, "shb", CAM_FRAME[6:12])
+    assert rx.position == Position(487668616, 114320679)
+
+
+def test_a_request_leaves_as_a_broadcast_of_the_devices_own_address(host):
+    veth()
+    driver = started(host)
+    other = air()
+    assert driver.send(request(CAM)) is Sent.NOW
+    frame = other.recv(2048)
+    assert frame[:14] == b"\xff" * 6 + device("v2x0").mac + bytes.fromhex("8947")
+    assert frame.endswith(bytes.fromhex("07d10000") + CAM)
+
+
+def test_a_request_with_an_area_is_a_geobroadcast_and_arrives_as_one(loop, host):
+    veth()
+    other = Host(loop)
+    driver = started(host)
+    started(other, device="air0")
+    area = Area(Shape.CIRCLE, EGO.position, 500)
+    driver.send(request(DENM, area=area))
+    loop.run_until(lambda: other.indications)
+    ((pdu, _, rx),) = other.indications
+    assert (pdu, rx.btp_port, rx.transport, rx.area) == (DENM, 2002, "gbc", area)
+
+
+def test_a_configured_address_is_the_sender(host):
+    veth()
+    driver = started(host, mac="02:00:00:00:00:0c")
+    other = air()
+    driver.send(request(CAM))
+    assert other.recv(2048)[6:12] == MAC
+
+
+def test_beacons_are_sent_and_heard(loop, host):
+    veth()
+    other = Host(loop)
+    started(host, beacon_s=3.0)
+    started(other, device="air0", mac="02:00:00:00:00:0d")
+    loop.run_until(lambda: other.neighbours, within=10)
+    assert other.neighbours[0] != bytes(6)
+    assert other.drops == {}
+
+
+def test_denms_are_read_before_a_queue_of_cams(loop, host):
+    veth()
+    started(host)
+    other = air()
+    for frame in [CAM_FRAME] * 20 + [DENM_FRAME] * 3:
+        other.send(frame)
+    loop.run_until(lambda: host.count == 23)
+    ports = [rx.btp_port for _, _, rx in host.indications]
+    assert ports == [2001] * 8 + [2002] * 3 + [2001] * 12
+
+
+@pytest.mark.parametrize("frame", [CAM_FRAME, DENM_FRAME])
+def test_what_the_kernel_dropped_is_counted_to_the_last_frame(loop, host, frame):
+    veth()
+    driver = started(host, receive_buffer=4096)
+    other = air()
+    for _ in range(3000):
+        other.send(frame)
+    driver.refresh()
+    dropped = host.drops[Reason.KERNEL_QUEUE]
+    loop.run_until(lambda: host.count == 3000 - dropped)
+    driver.refresh()
+    assert host.drops == {Reason.KERNEL_QUEUE: dropped}
+    assert 0 < host.count < 3000
+
+
+def test_own_frames_that_come_back_are_named(loop, host):
+    veth()
+    driver = started(host)
+    other = air()
+    driver.send(request(CAM))
+    other.send(other.recv(2048))
+    loop.run_until(lambda: host.total)
+    assert host.drops == {Reason.OWN_ECHO: 1}
+
+
+def test_frames_to_other_stations_are_taken_only_when_promiscuous(loop, host):
+    veth()
+    second = Host(loop)
+    frame = bytes.fromhex("020000000077") + CAM_FRAME[6:]
+    driver = started(host)
+    air().send(frame)
+    loop.run_for(0.1)
+    alone = host.total
+    driver.stop()
+    started(second, promiscuous=True)
+    air().send(frame)
+    loop.run_until(lambda: second.total)
+    assert (alone, second.pdus) == (0, [PDU])
+
+
+def test_a_device_that_is_down_at_the_start_is_waited_for(loop, host):
+    veth()
+    ip("link set v2x0 down")
+    driver = started(host)
+    assert host.links == [(False, "v2x0 is down or has no carrier: ip link set v2x0 up")]
+    ip("link set v2x0 up")
+    loop.run_until(lambda: host.is_up)
+    assert driver.send(request(CAM)) is Sent.NOW
+
+
+def test_a_cable_that_is_pulled_takes_the_link_down_and_up_again(loop, host):
+    veth()
+    driver = started(host)
+    ip("link set air0 down")
+    loop.run_until(lambda: not host.is_up)
+    ip("link set air0 up")
+    loop.run_until(lambda: host.is_up)
+    other = air()
+    assert driver.send(request(CAM)) is Sent.NOW
+    assert other.recv(2048).endswith(CAM)
+    assert host.failures == []
+
+
+def test_a_device_that_is_gone_fails_the_interface_and_serves_again_when_it_is_back(loop, host):
+    veth()
+    driver = started(host)
+    ip("link del v2x0")
+    loop.run_until(lambda: host.failures)
+    assert str(host.failures[0]) == "network device v2x0 is gone"
+    driver.stop()
+    with pytest.raises(InterfaceError, match="v2x0: no such network device"):
+        driver.start(host)
+    veth()
+    driver.start(host)
+    air().send(CAM_FRAME)
+    loop.run_until(lambda: host.indications)
+
+
+def test_a_device_made_again_under_its_name_is_not_mistaken_for_the_old_one(loop, host):
+    veth()
+    started(host)
+    ip("link del v2x0")
+    veth()
+    loop.run_until(lambda: host.failures)
+
+
+def test_sending_by_a_device_that_has_just_gone_fails_once(loop, host):
+    veth()
+    driver = started(host)
+    ip("link del v2x0")
+    assert driver.send(request(CAM)) is Sent.BUSY
+    loop.run_for(0.1)
+    assert [str(failure) for failure in host.failures] == ["network device v2x0 is gone"]
+
+
+def test_sending_by_a_device_that_has_just_gone_down_keeps_the_request(loop, host):
+    veth()
+    driver = started(host)
+    ip("link set v2x0 down")
+    assert driver.send(request(CAM)) is Sent.BUSY
+    assert not host.is_up
+    assert host.failures == []
+
+
+def test_a_frame_longer_than_the_device_takes_is_the_users_fault(host):
+    veth()
+    ip("link set v2x0 mtu 200")
+    driver = started(host)
+    with pytest.raises(RequestError, match="too long for v2x0"):
+        driver.send(request(CAM + bytes(300)))
+    assert driver.send(request(CAM)) is Sent.NOW
+
+
+def test_without_the_privilege_the_remedy_is_said(host):
+    veth()
+    _give_up_privileges()
+    with pytest.raises(InterfaceError, match="not permitted") as failure:
+        started(host)
+    assert "setcap cap_net_raw+ep" in failure.value.hint
+
+
+def _give_up_privileges():
+    """No capability is left to this process: PR_SET_NO_NEW_PRIVS does not do it, capset() of nothing does."""
+    import ctypes
+
+    libc = ctypes.CDLL(None, use_errno=True)
+    header = (ctypes.c_uint32 * 2)(0x20080522, 0)  # _LINUX_CAPABILITY_VERSION_3, this process
+    nothing = (ctypes.c_uint32 * 6)()
+    assert libc.capset(header, nothing) == 0, os.strerror(ctypes.get_errno())
+
+
+@pytest.mark.parametrize("table", [
+    {}, {"device": ""}, {"device": "a" * 16}, {"device": "wlan0", "mac": "02:00:00:00:00"},
+    {"device": "wlan0", "mac": "03:00:00:00:00:01"}, {"device": "wlan0", "mac": "020000000001"},
+    {"device": "wlan0", "mac": "02:00:00:00:00:zz"}, {"device": "wlan0", "beacon_s": -1.0},
+])  # fmt: skip
+def test_options_that_cannot_be_meant_are_refused(table):
+    with pytest.raises(ConfigurationError, match=r"captain\.toml"):
+        read(EthernetOptions, table, "captain.toml")
