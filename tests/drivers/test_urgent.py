@@ -104,7 +104,9 @@ def test_the_length_of_a_signed_payload_does_not_matter(frames, size):
 
 
 # Header type and octets of its extended header (EN 302 636-4-1 V1.4.1, clause 9.8).
-@pytest.mark.parametrize(("header_type", "octets"), [(0x50, 28), (0x51, 28), (0x40, 44), (0x42, 44), (0x30, 44), (0x20, 48)])
+@pytest.mark.parametrize(
+    ("header_type", "octets"), [(0x50, 28), (0x51, 28), (0x40, 44), (0x42, 44), (0x30, 44), (0x20, 48)]
+)
 def test_the_port_is_found_behind_every_header_that_carries_one(frames, header_type, octets):
     start = bytearray(FRAMES["cam-shb"][:26])
     start[19] = header_type
