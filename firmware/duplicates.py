@@ -1,5 +1,6 @@
 """The same PDU over two interfaces is delivered once; who was first is remembered."""
 
+from bisect import bisect_left
 from collections import deque
 from dataclasses import dataclass
 
@@ -30,6 +31,9 @@ class Delivery:
         self.when = when
         self.others: frozenset[str] = NOBODY
 
+    def was_shown_by(self, interface: str) -> bool:
+        return interface == self.first or interface in self.others
+
 
 class Duplicates:
     """A stage: pairs the k-th copy of a PDU from one interface with the k-th from another, inside a window.
@@ -57,10 +61,11 @@ class Duplicates:
         if deliveries is None:
             self._deliveries[indication.pdu] = [Delivery(interface, now)]
         else:
-            for delivery in deliveries:
-                if interface != delivery.first and interface not in delivery.others:
-                    self._pair(delivery, indication)
-                    return None
+            # An interface has shown all deliveries up to one of them and none after it: the search may halve.
+            place = bisect_left(deliveries, True, key=lambda delivery: not delivery.was_shown_by(interface))
+            if place < len(deliveries):
+                self._pair(deliveries[place], indication)
+                return None
             deliveries.append(Delivery(interface, now))
         order.append((now, indication.pdu))
         return indication

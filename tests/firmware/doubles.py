@@ -1,0 +1,106 @@
+"""What stands in for the rest of a station: a scripted driver, a station that only notes, messages made by hand."""
+
+import math
+from collections.abc import Callable
+
+from board.errors import StationError
+from board.loop import Loop
+from drivers.contract import Can, Capabilities, Host, Sent
+from drivers.message import Confirm, Ego, Indication, MessageType, Outcome, Position, Request
+from firmware.config import QueueOptions
+from firmware.drops import Drops
+from firmware.interface import Interface
+from firmware.topics import Topics
+
+CAM_PDU = bytes.fromhex("02020000053900010203")
+BOTH_WAYS = Can.RECEIVE | Can.TRANSMIT
+INGOLSTADT = Position(487668616, 114320680)
+
+
+def pdu_of(number: int, station: int = 1337, body: bytes = b"body") -> bytes:
+    """An ITS PDU: protocolVersion 2, messageID, stationID, then whatever."""
+    return bytes((2, number)) + station.to_bytes(4, "big") + body
+
+
+def request_of(
+    number: int = 1,
+    priority: int = 2,
+    deadline: float = math.inf,
+    accepted: float = 1000.0,
+    pdu: bytes = CAM_PDU,
+    kind: MessageType | None = None,
+) -> Request:
+    kind = kind or Topics().by_number[2]
+    return Request(number, kind, pdu, 2001, accepted, deadline, priority, 2)
+
+
+class ScriptedDriver:
+    """A driver that notes what it is given, and does in start() and answers in send() what the test says."""
+
+    def __init__(self, can: Can = BOTH_WAYS) -> None:
+        self.capabilities = Capabilities(can, "test")
+        self.on_start: Callable[[Host], None] = lambda host: host.link(True, "plugged in")
+        self.answer: Sent | StationError = Sent.NOW
+        self.sent: list[Request] = []
+        self.starts = self.stops = self.refreshes = 0
+
+    def start(self, host: Host) -> None:
+        self.starts += 1
+        self.on_start(host)
+
+    def send(self, request: Request) -> Sent:
+        if isinstance(self.answer, StationError):
+            raise self.answer
+        if self.answer is not Sent.BUSY:
+            self.sent.append(request)
+        return self.answer
+
+    def refresh(self) -> None:
+        self.refreshes += 1
+
+    def stop(self) -> None:
+        self.stops += 1
+
+
+class NotingStation:
+    """firmware.interface.Above that keeps all that it is told."""
+
+    def __init__(self, position: Position | None = None) -> None:
+        self.is_confirm_wanted = True
+        self.indications: list[Indication] = []
+        self.confirms: list[Confirm] = []
+        self.link_changes = 0
+        self.position = position
+
+    def indicate(self, indication: Indication) -> None:
+        self.indications.append(indication)
+
+    def confirm(self, confirm: Confirm) -> None:
+        self.confirms.append(confirm)
+
+    def links_changed(self) -> None:
+        self.link_changes += 1
+
+    def ego(self) -> Ego:
+        return Ego(0, self.position or Position(), self.position is not None)
+
+    def outcomes(self) -> list[tuple[int, Outcome, object]]:
+        return [(confirm.request.number, confirm.outcome, confirm.reason) for confirm in self.confirms]
+
+
+def interface_of(
+    loop: Loop,
+    above: object,
+    driver: ScriptedDriver | None = None,
+    name: str = "g5",
+    topics: Topics | None = None,
+    drops: Drops | None = None,
+    queue: int = 256,
+    rate_per_s: float = 0.0,
+) -> Interface:
+    """An interface with its link up, as if its driver had been started."""
+    driver = driver or ScriptedDriver()
+    options = QueueOptions("scripted", queue, rate_per_s)
+    interface = Interface(name, driver, options, loop, above, topics or Topics(), drops or Drops())
+    driver.start(interface)
+    return interface
