@@ -44,7 +44,7 @@ ROWS = (
     TypeRow(13, "rtcmem", 2013, 2013),
     TypeRow(14, "cpm", 2009, 2001, priority=2),
     TypeRow(15, "imzm", 2019, None, lifetime=5.0),
-    TypeRow(16, "vam", 2018, None, priority=2),
+    TypeRow(16, "vam", 2018, 2001, priority=2),
     TypeRow(20, "mcm", 2017, None, priority=2),
     TypeRow(102, "vam", 2018, 2001, priority=2),
 )

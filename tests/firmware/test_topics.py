@@ -1,0 +1,141 @@
+"""The tables of both profiles, row by row as existing boxes and TS 103 248 have them."""
+
+import pytest
+
+from firmware.topics import ROWS, Topics, TypeRow
+
+# messageID, name, BTP port in profile standard, in profile legacy; None: not sent.
+TABLE = [
+    (1, "denm", 2002, 2002),
+    (2, "cam", 2001, 2001),
+    (3, "poi", 2010, 2010),
+    (4, "spatem", 2004, 2004),
+    (5, "mapem", 2003, 2003),
+    (6, "ivim", 2006, 2006),
+    (7, "ev_rsr", 2012, 2012),
+    (8, "tistpgtransaction", 2011, None),
+    (9, "srem", 2007, 2007),
+    (10, "ssem", 2008, 2008),
+    (11, "evcsn", 2010, 2010),
+    (12, "saem", 2005, 2005),
+    (13, "rtcmem", 2013, 2013),
+    (14, "cpm", 2009, 2001),
+    (15, "imzm", 2019, None),
+    (16, "vam", 2018, 2001),
+    (20, "mcm", 2017, None),
+    (102, "vam", 2018, 2001),
+]
+NAMELESS_IN_LEGACY = {15, 20}
+KNOWN = {row[0] for row in TABLE}
+
+
+def pdu(number: int) -> bytes:
+    return bytes((2, number))
+
+
+@pytest.mark.parametrize(("number", "name", "port", "_"), TABLE)
+def test_the_standard_profile_has_this_row(number: int, name: str, port: int, _: int | None) -> None:
+    kind = Topics("standard").classify(pdu(number))
+    assert (kind.number, kind.name, kind.btp_port) == (number, name, port)
+
+
+@pytest.mark.parametrize(("number", "name", "_", "port"), TABLE)
+def test_the_legacy_profile_has_this_row(number: int, name: str, _: int, port: int | None) -> None:
+    kind = Topics("legacy").classify(pdu(number))
+    assert (kind.number, kind.btp_port) == (number, port)
+    assert kind.name == ("" if number in NAMELESS_IN_LEGACY else name)
+
+
+def test_the_table_has_these_rows_and_no_other() -> None:
+    assert {(row.number, row.name, row.standard, row.legacy) for row in ROWS} == set(TABLE)
+
+
+@pytest.mark.parametrize("profile", ["standard", "legacy"])
+@pytest.mark.parametrize("number", [number for number in range(256) if number not in KNOWN])
+def test_every_other_id_is_nameless_and_has_no_port(profile: str, number: int) -> None:
+    topics = Topics(profile)
+    kind = topics.classify(pdu(number))
+    assert kind is topics.unknown
+    assert (kind.name, kind.btp_port) == ("", None)
+
+
+@pytest.mark.parametrize("profile", ["standard", "legacy"])
+def test_a_type_without_a_name_is_published_with_two_dots(profile: str) -> None:
+    topics = Topics(profile)
+    assert topics.envelopes[topics.unknown.index] == b"v2x.."
+
+
+def test_ids_15_and_20_are_published_with_two_dots_in_the_legacy_profile() -> None:
+    topics = Topics("legacy")
+    assert {topics.envelopes[topics.by_number[number].index] for number in (15, 20)} == {b"v2x.."}
+    assert not {b"v2x.imzm.", b"v2x.mcm."} & set(topics.by_envelope)
+
+
+def test_two_dots_are_no_envelope_of_a_user() -> None:
+    assert b"v2x.." not in Topics("standard").by_envelope
+    assert b"v2x.." not in Topics("legacy").by_envelope
+
+
+@pytest.mark.parametrize(("profile", "number"), [("standard", 16), ("legacy", 102)])
+def test_the_vam_envelope_means_the_id_that_the_profile_sends(profile: str, number: int) -> None:
+    assert Topics(profile).by_envelope[b"v2x.vam."].number == number
+
+
+@pytest.mark.parametrize("profile", ["standard", "legacy"])
+def test_every_envelope_leads_to_a_type_that_is_published_under_it(profile: str) -> None:
+    topics = Topics(profile)
+    for envelope, kind in topics.by_envelope.items():
+        assert topics.envelopes[kind.index] == envelope
+
+
+def test_reception_knows_the_ports_of_both_profiles_in_either() -> None:
+    ports = {port for _, _, *both in TABLE for port in both if port}
+    assert Topics("standard").ports == Topics("legacy").ports == ports
+
+
+def test_a_port_that_several_types_share_means_the_first_of_them() -> None:
+    legacy = Topics("legacy").types_by_port()
+    assert (legacy[2001], legacy[2010]) == (2, 3)
+    assert 2018 not in legacy
+
+
+def test_a_row_of_the_users_adds_a_type_in_both_profiles() -> None:
+    row = TypeRow(200, "mytest", 3000, 3000, priority=5, lifetime=0.5)
+    for profile in ("standard", "legacy"):
+        topics = Topics(profile, [row])
+        kind = topics.by_envelope[b"v2x.mytest."]
+        assert kind is topics.classify(pdu(200))
+        assert (kind.btp_port, kind.priority, kind.lifetime) == (3000, 5, 0.5)
+        assert 3000 in topics.ports
+        assert topics.types_by_port()[3000] == 200
+
+
+def test_a_row_of_the_users_replaces_the_one_of_its_number() -> None:
+    topics = Topics("standard", [TypeRow(2, "mycam", 2050, 2050)])
+    assert topics.classify(pdu(2)).name == "mycam"
+    assert b"v2x.cam." not in topics.by_envelope
+    assert [kind.number for kind in topics.kinds].count(2) == 1
+
+
+def test_a_row_of_the_users_gives_a_legacy_nameless_id_its_name() -> None:
+    topics = Topics("legacy", [TypeRow(20, "mcm", 2017, 2017)])
+    assert topics.by_envelope[b"v2x.mcm."].btp_port == 2017
+
+
+def test_a_second_id_of_a_standard_name_leaves_the_envelope_to_the_standards_id() -> None:
+    topics = Topics("standard", [TypeRow(200, "cam", 3000, 3000)])
+    assert topics.by_envelope[b"v2x.cam."].number == 2
+    assert topics.classify(pdu(200)).btp_port == 3000
+
+
+@pytest.mark.parametrize("profile", ["standard", "legacy"])
+def test_each_type_has_a_place_of_its_own_for_its_counters(profile: str) -> None:
+    topics = Topics(profile, [TypeRow(200, "mytest", 3000, 3000)])
+    assert [kind.index for kind in topics.kinds] == list(range(len(topics.kinds)))
+    assert len(topics.envelopes) == len(topics.kinds)
+
+
+def test_a_denm_is_more_urgent_than_a_cam_and_an_unknown_type_the_least() -> None:
+    topics = Topics()
+    denm, cam = topics.by_number[1], topics.by_number[2]
+    assert denm.priority == 0 < cam.priority < topics.unknown.priority
