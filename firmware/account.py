@@ -22,9 +22,7 @@ class Account:
         if self._is_json:
             print(json.dumps(described(flight)), flush=True)
         elif not self._is_brief or flight.outcome != "sent":
-            print(
-                clean(f"{flight.origin}: {flight.type} {flight.octets} octets: {_fate(flight)}"), flush=True
-            )
+            print(clean(f"{flight.origin}: {flight.type} {flight.octets} octets: {_fate(flight)}"), flush=True)
 
     def all(self, outgoing: Sending) -> None:
         """The end: how many of each outcome, and how each interface did."""
@@ -64,7 +62,7 @@ def _fate(flight: Flight) -> str:
         if hop.outcome == "sent":
             parts.append(f"sent{by}, {hop.queue_us:.0f} us queued, {hop.send_us:.0f} us to send")
         else:
-            parts.append(f"{hop.outcome}{by}: {hop.reason} ({hop.meaning})")
+            parts.append(f"{hop.outcome}{by}: {hop.reason} ({hop.detail or hop.meaning})")
     silent = sorted((flight.expected or set()) - {hop.interface for hop in flight.hops})
     if flight.expected is None and not parts:
         parts.append("no confirm came")

@@ -4,6 +4,7 @@ import argparse
 import json
 import os
 import socket
+import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -21,8 +22,8 @@ MAX_ANSWER = 1 << 20  # octets
 # Messages that libzmq keeps for a user who reads late: 10 s at 1,000 a second.
 HIGH_WATER = 10_000
 
-Socket: TypeAlias = "zmq.Socket[bytes]"
-Context: TypeAlias = "zmq.Context[zmq.Socket[bytes]]"
+Socket: TypeAlias = zmq.Socket[bytes]
+Context: TypeAlias = zmq.Context[zmq.Socket[bytes]]
 
 LOCAL = ("127.0.0.1", "localhost", "::1")
 START_ONE = "start one with `captain run`, or name another with --station HOST:PORT"
@@ -75,9 +76,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def address(options: argparse.Namespace) -> Address:
     """The address that the options of arguments() name."""
     host, first = options.station
-    return Address(
-        host, first, options.to_users or first + 1, options.pull or first + 2, options.report or first + 3
-    )
+    return Address(host, first, options.to_users or first + 1, options.pull or first + 2, options.report or first + 3)
 
 
 def station(text: str) -> tuple[str, int]:
@@ -178,9 +177,11 @@ def next_report(subscriber: Socket, topic: str, timeout: float = ANSWER_S) -> di
 
 
 def control_paths(from_users: int) -> list[Path]:
-    """Where a station on this machine may have its control socket, likeliest first."""
-    folders = [os.environ.get("XDG_RUNTIME_DIR", ""), "/run/captain", "/tmp"]
-    return [Path(folder) / f"captain-{from_users}.sock" for folder in folders if folder]
+    """Where a station of this machine may have its control socket: firmware/control_socket.py has the choice."""
+    name = f"captain-{from_users}.sock"
+    folders = [folder for folder in (os.environ.get("XDG_RUNTIME_DIR"), "/run/captain") if folder]
+    nowhere_else = Path(tempfile.gettempdir()) / f"captain-{os.getuid()}-{from_users}.sock"
+    return [*(Path(folder) / name for folder in folders), nowhere_else]
 
 
 def ask(path: Path, do: str, timeout: float = ANSWER_S) -> dict[str, object]:
@@ -196,9 +197,7 @@ def ask(path: Path, do: str, timeout: float = ANSWER_S) -> dict[str, object]:
     if not isinstance(answer, dict):
         raise StationError(f"{path}: what answers there is not a station: {line[:40]!r}", START_ONE)
     if answer.get("ok") is not True:
-        raise StationError(
-            f"the station refused {do}: {answer.get('error', '')}", str(answer.get("hint", ""))
-        )
+        raise StationError(f"the station refused {do}: {answer.get('error', '')}", str(answer.get("hint", "")))
     return answer
 
 
@@ -223,14 +222,14 @@ def status(place: Address, control: str = "", timeout: float = ANSWER_S) -> dict
     Raises StationError with a remedy when nobody answers in time.
     """
     if control:
-        return _status(ask(Path(control), "status", timeout))
+        return station_status(Path(control), timeout)
     for path in control_paths(place.from_users) if place.host in LOCAL else ():
         try:
-            return _status(ask(path, "status", timeout))
+            return station_status(path, timeout)
         except StationError:
             continue  # the report port says what is wrong, if anything is
-    with session() as context:
-        report = next_report(subscribe(context, place, place.report, "status."), "status.", timeout)
+    with session() as context, subscribe(context, place, place.report, "status.") as subscriber:
+        report = next_report(subscriber, "status.", timeout)
     if report is None:
         raise StationError(
             f"what listens at {place.host}:{place.report} sent no status within {timeout:g} s",
@@ -239,8 +238,9 @@ def status(place: Address, control: str = "", timeout: float = ANSWER_S) -> dict
     return report
 
 
-def _status(answer: dict[str, object]) -> dict[str, object]:
-    found = answer.get("status")
+def station_status(path: Path, timeout: float = ANSWER_S) -> dict[str, object]:
+    """The status of the station with this control socket. Raises StationError."""
+    found = ask(path, "status", timeout).get("status")
     if not isinstance(found, dict):
-        raise StationError("the station's answer holds no status", "are both of the same version?")
+        raise StationError(f"{path}: the answer holds no status", "is the station of another version?")
     return found

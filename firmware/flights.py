@@ -17,6 +17,7 @@ class Hop(NamedTuple):
     outcome: str  # sent, dropped, refused
     reason: str = ""
     meaning: str = ""
+    detail: str = ""
     queue_us: float = 0.0
     send_us: float = 0.0
 
@@ -101,10 +102,8 @@ class Flights:
 
     def _land(self, flight: Flight, outcome: str, confirm: Mapping[str, object]) -> None:
         interface = text(confirm, "interface")
-        reason, meaning = text(confirm, "reason"), text(confirm, "meaning")
-        hop = Hop(
-            interface, outcome, reason, meaning, number(confirm, "queue_us"), number(confirm, "send_us")
-        )
+        words = (text(confirm, "reason"), text(confirm, "meaning"), text(confirm, "detail"))
+        hop = Hop(interface, outcome, *words, number(confirm, "queue_us"), number(confirm, "send_us"))
         flight.hops.append(hop)
         self.hops[hop[:4]] += 1
         if outcome == "refused":

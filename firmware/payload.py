@@ -74,9 +74,7 @@ def _folder(folder: Path, form: str | None) -> Iterator[Payload]:
 def _file(path: Path, form: str | None) -> Iterator[Payload]:
     kind = form or SUFFIXES.get(path.suffix.lower())
     if kind is None:
-        raise RequestError(
-            f"{path}: {path.suffix or 'a name without a suffix'} is no known kind of file", ACCEPTED
-        )
+        raise RequestError(f"{path}: {path.suffix or 'a name without a suffix'} is no known kind of file", ACCEPTED)
     try:
         if path.stat().st_size > MAX_FILE:
             raise RequestError(f"{path}: {path.stat().st_size} octets are no file of PDUs", ACCEPTED)
@@ -89,9 +87,7 @@ def _file(path: Path, form: str | None) -> Iterator[Payload]:
     try:
         text = octets.decode()
     except UnicodeDecodeError as error:
-        raise RequestError(
-            f"{path}: octet {error.start} is not text, which {kind} is", "--format binary?"
-        ) from error
+        raise RequestError(f"{path}: octet {error.start} is not text, which {kind} is", "--format binary?") from error
     yield from _texts(text.splitlines(), kind, str(path))
 
 
@@ -164,9 +160,7 @@ def _bounded(octets: bytes, where: str) -> bytes:
     if not octets:
         raise RequestError(f"{where}: it has no octets")
     if len(octets) > MAX_OCTETS:
-        raise RequestError(
-            f"{where}: more than {MAX_OCTETS} octets are no PDU", "a station sends at most 1500"
-        )
+        raise RequestError(f"{where}: more than {MAX_OCTETS} octets are no PDU", "a station sends at most 1500")
     return octets
 
 
@@ -178,14 +172,14 @@ def _json(lines: Iterable[str], where: str) -> Iterator[Payload]:
         raise RequestError(f"{where}: it holds no PDU", ACCEPTED)
     try:
         is_lines = isinstance(json.loads(first), dict)
-    except ValueError:
-        is_lines = False
+    except (ValueError, RecursionError):
+        is_lines = False  # the list goes on, or it is none: then it is refused below
     if is_lines:
         yield _item(_parse(first, f"{where}: line {number}"), f"{where}: line {number}")
         for number, line in numbered:
             yield _item(_parse(line, f"{where}: line {number}"), f"{where}: line {number}")
         return
-    whole = _parse("".join([first, "\n", *(line + "\n" for _, line in numbered)]), where)
+    whole = _parse("\n".join([first, *(line for _, line in numbered)]), where)
     for at, item in enumerate(whole if isinstance(whole, list) else [whole]):
         yield _item(item, f"{where}: item {at}")
 
@@ -205,9 +199,7 @@ def _item(item: object, where: str) -> Payload:
         raise RequestError(f"{where}: {str(item)[:40]!r} is no object", ACCEPTED)
     kind = item.get("type", "")
     if not isinstance(kind, str) or not TYPE.fullmatch(kind.lower()):
-        raise RequestError(
-            f"{where}: type {kind!r} is no name of a type", "letters, digits and _, as in `cam`"
-        )
+        raise RequestError(f"{where}: type {kind!r} is no name of a type", "letters, digits and _, as in `cam`")
     for key, decode in (("hex", hex_octets), ("base64", base64_octets)):
         text = item.get(key)
         if isinstance(text, str):

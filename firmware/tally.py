@@ -8,6 +8,7 @@ from firmware.received import Message
 MAX_ROWS = 256
 # Rates are means over this many marks, which the caller sets once a second: a DENM a second shows as 1.0.
 MARKS = 5
+SHORTEST_S = 1.0  # the burst of a millisecond has no rate
 OTHERS = "others"
 
 
@@ -46,8 +47,8 @@ class Row:
         self._marks.append((now, self.count))
 
     def rate(self, now: float) -> float | None:
-        """Messages per second since the oldest mark; None before there is one."""
-        if not self._marks or now <= self._marks[0][0]:
+        """Messages per second since the oldest mark; None before that is SHORTEST_S ago."""
+        if not self._marks or now - self._marks[0][0] < SHORTEST_S:
             return None
         then, count = self._marks[0]
         return (self.count - count) / (now - then)
@@ -90,9 +91,7 @@ class Tally:
         """At most so many rows, those heard last, by type and station; the rest folded into one."""
         shown = list(self._rows.values())
         hidden = shown[: max(0, len(shown) - most)]
-        shown = sorted(
-            shown[len(hidden) :], key=lambda row: (row.type, -1 if row.station is None else row.station)
-        )
+        shown = sorted(shown[len(hidden) :], key=lambda row: (row.type, -1 if row.station is None else row.station))
         if not hidden and not self.others.count:
             return shown
         rest = Row("", OTHERS)

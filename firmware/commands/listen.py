@@ -13,7 +13,7 @@ from firmware.table import Screen, Table
 from firmware.tally import Row, Tally
 
 SUMMARY = "show the messages that a station's users receive, as a live table or as JSON"
-HELP = """\
+DESCRIPTION = """\
 Listens to a station as any user's program does, and shows for each type and
 station (stationID of the ITS PDU header): how many messages, how many a
 second, their sizes, the last signal strength where the interface knows it,
@@ -23,7 +23,7 @@ On a terminal the table stays in place; elsewhere the stations heard in the
 last second are printed every second. At most 256 rows are kept: those silent
 longest are folded into the row `others`.
 """
-EXAMPLES = """\
+EPILOG = """\
 examples:
   captain listen                            everything, until Ctrl-C
   captain listen --type denm --count 1      wait for one DENM
@@ -49,8 +49,6 @@ REDRAW_S = 0.5
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.description, parser.epilog = HELP, EXAMPLES
     parser.add_argument("--json", action="store_true", help="one JSON object a line for each message")
     parser.add_argument(
         "--type",
@@ -60,7 +58,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="only this type (cam, denm, ...); may be repeated",
     )
     parser.add_argument("--count", metavar="N", type=_count, help="end after so many messages")
-    parser.add_argument("--duration", metavar="S", type=_seconds, help="end after so many seconds")
+    parser.add_argument("--duration", metavar="S", type=seconds, help="end after so many seconds")
     client.arguments(parser)
 
 
@@ -70,7 +68,7 @@ def _count(text: str) -> int:
     return int(text)
 
 
-def _seconds(text: str) -> float:
+def seconds(text: str) -> float:
     try:
         value = float(text)
     except ValueError:
@@ -83,8 +81,10 @@ def _seconds(text: str) -> float:
 def main(arguments: argparse.Namespace) -> int:
     place = client.address(arguments)
     with client.session() as context:
-        topics = [f"v2x.{kind.lower()}." for kind in arguments.type] or ["v2x."]
-        subscriber = client.subscribe(context, place, place.to_users, "hb.", "raw.", *topics)
+        # Everything, where all types are wanted: what a station should not publish is to be seen as well.
+        types = [f"v2x.{kind.lower()}." for kind in arguments.type]
+        topics = ["hb.", "raw.", *types] if types else [""]
+        subscriber = client.subscribe(context, place, place.to_users, *topics)
         listening = Listening(subscriber, place, arguments.count, arguments.duration)
         if arguments.json:
             _print_json(listening)
@@ -99,9 +99,7 @@ class Listening:
     messages() calls `idle` at least every REDRAW_S, so that a table can be drawn while nothing comes.
     """
 
-    def __init__(
-        self, subscriber: client.Socket, place: client.Address, most: int | None, for_s: float | None
-    ):
+    def __init__(self, subscriber: client.Socket, place: client.Address, most: int | None, for_s: float | None):
         self.pairing = Pairing()
         self.place = place
         self.started = self.heard = time.monotonic()

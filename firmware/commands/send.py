@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress as RichProgress
 
 SUMMARY = "send PDUs from hexadecimal, base64, files or folders, and say what became of each"
-HELP = """\
+DESCRIPTION = """\
 Sends facilities PDUs (ITS PDU header first, no BTP) to the station's PULL
 socket, where nothing is lost, and waits for its confirms: by which interface
 each was sent, how long it was queued, or why it was not.
@@ -29,7 +29,7 @@ standard input. Files hold
              a line, as `captain listen --json` prints them
 and standard input holds hexadecimal or JSON lines, unless --format says.
 """
-EXAMPLES = """\
+EPILOG = """\
 examples:
   captain send 020200000539000102030405
         a CAM of station 1337, classified by its header
@@ -57,16 +57,12 @@ LINGER_MS = 2000  # what the socket still holds at the end of --no-confirm
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.description, parser.epilog = HELP, EXAMPLES
     parser.add_argument("what", metavar="WHAT", nargs="+", help="hexadecimal digits, a file, a folder, or -")
     parser.add_argument("--format", choices=payload.FORMATS, help="how to read WHAT, whatever its name says")
     parser.add_argument(
         "--type", metavar="T", type=_type, help="send as this type (cam, denm, ...) without a look at the PDU"
     )
-    parser.add_argument(
-        "--count", metavar="N", type=_integer(1, 10**9), default=1, help="send all so many times"
-    )
+    parser.add_argument("--count", metavar="N", type=_integer(1, 10**9), default=1, help="send all so many times")
     pace = parser.add_mutually_exclusive_group()
     pace.add_argument(
         "--rate",
@@ -76,9 +72,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     pace.add_argument("--interval", metavar="S", type=_seconds, help="seconds between two messages")
     wish = parser.add_argument_group("what the station shall do with them")
-    wish.add_argument(
-        "--interface", metavar="I", action="append", help="only by this interface; may be repeated"
-    )
+    wish.add_argument("--interface", metavar="I", action="append", help="only by this interface; may be repeated")
     wish.add_argument("--label", metavar="L", help="name in confirms, where each message adds /NUMBER")
     wish.add_argument(
         "--area",
@@ -89,9 +83,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     wish.add_argument("--lifetime", metavar="S", type=_seconds, help="not sent when older than this")
     wish.add_argument("--traffic-class", metavar="0..255", type=_integer(0, 255))
     wish.add_argument("--priority", metavar="0..7", type=_integer(0, 7), help="0 leaves its queue first")
-    wish.add_argument(
-        "--btp-port", metavar="PORT", type=_integer(0, 65535), help="in place of the type's own"
-    )
+    wish.add_argument("--btp-port", metavar="PORT", type=_integer(0, 65535), help="in place of the type's own")
     wish.add_argument("--hop-limit", metavar="1..255", type=_integer(1, 255), help="of a GeoBroadcast")
     answers = parser.add_argument_group("answers")
     answers.add_argument("--no-confirm", action="store_true", help="do not wait for what becomes of them")

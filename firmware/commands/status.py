@@ -13,7 +13,7 @@ from firmware.untrusted import listed, named, number, text, within
 LAST_TIME = 253402300799.0  # 9999-12-31: later ones of a peer have no calendar
 
 SUMMARY = "show a running station: interfaces, queues, counters, and every drop with its reason"
-HELP = """\
+DESCRIPTION = """\
 Shows the interfaces with their links and queues, what was received and sent
 per type, every drop by reason with its meaning and the last sample,
 duplicates, and how often each row of the policy matched.
@@ -21,7 +21,7 @@ duplicates, and how often each row of the policy matched.
 A station of this machine is asked over its control socket, any other one by
 the status that it reports once a second. Fits 80 columns and needs no colour.
 """
-EXAMPLES = """\
+EPILOG = """\
 examples:
   captain status                           the station of this machine
   captain status --watch                   again every second, until Ctrl-C
@@ -38,13 +38,9 @@ exit codes:
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.description, parser.epilog = HELP, EXAMPLES
     parser.add_argument("--json", action="store_true", help="one JSON object, as published under `status.`")
     parser.add_argument("--watch", action="store_true", help="show it again every second")
-    parser.add_argument(
-        "--control", metavar="PATH", default="", help="control socket of a station of this machine"
-    )
+    parser.add_argument("--control", metavar="PATH", default="", help="control socket of a station of this machine")
     client.arguments(parser)
 
 
@@ -65,9 +61,7 @@ def _statuses(place: client.Address) -> Iterator[dict[str, object]]:
         subscriber = client.subscribe(context, place, place.report, "status.")
         while (status := client.next_report(subscriber, "status.")) is not None:
             yield status
-    raise StationError(
-        f"no status from {place.host}:{place.report} for {client.ANSWER_S:g} s", "did the station stop?"
-    )
+    raise StationError(f"no status from {place.host}:{place.report} for {client.ANSWER_S:g} s", "did the station stop?")
 
 
 def _show(status: dict[str, object], is_json: bool, screen: Screen | None) -> None:
@@ -119,9 +113,7 @@ def _interfaces(status: Mapping[str, object]) -> Table:
             )
         )
         restarts = number(one, "restarts")
-        notes.append(
-            f"{name}: {text(one, 'why')}" + (f"; started again {restarts:.0f} times" if restarts else "")
-        )
+        notes.append(f"{name}: {text(one, 'why')}" + (f"; started again {restarts:.0f} times" if restarts else ""))
     heads = ("interface", "driver", "link", ">for", ">received", ">sent", ">queue", ">max", ">heard")
     return Table("interfaces" if rows else "no interfaces", heads, rows, notes)
 
@@ -178,9 +170,7 @@ def _duplicates(status: Mapping[str, object]) -> Table:
     if not window:
         return Table("duplicate suppression is off")
     first, lead = within(duplicates, "first"), within(duplicates, "lead_ms")
-    rows = [
-        (name, f"{number(first, name):.0f}", f"{number(lead, name):.1f}") for name in sorted({*first, *lead})
-    ]
+    rows = [(name, f"{number(first, name):.0f}", f"{number(lead, name):.1f}") for name in sorted({*first, *lead})]
     suppressed = number(duplicates, "suppressed")
     title = f"duplicates within {window:g} s: {suppressed:.0f} suppressed"
     return Table(title, ("interface", ">first", ">lead ms"), rows if suppressed else ())

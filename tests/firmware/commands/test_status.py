@@ -1,0 +1,175 @@
+import json
+import socket
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from firmware import cli, client
+from firmware.commands import status
+from firmware.control_socket import default_path
+from firmware.table import plain
+from tests.firmware.commands.fake import STATUS, FakeControl, FakeStation
+
+NOW = 1795182430.0
+
+anything = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=8), inner, max_size=3),
+    max_leaves=8,
+)
+
+
+def shown(told: dict[str, object]) -> list[str]:
+    return [line for table in status.tables(told, NOW) for line in [*plain(table, 80), ""]]
+
+
+def test_a_status_fits_a_terminal_of_80_columns_and_24_lines():
+    lines = shown(STATUS)
+    assert max(map(len, lines)) <= 80
+    assert len(lines) <= 32
+    assert not any("\x1b" in line for line in lines)
+
+
+def test_a_status_tells_links_queues_counters_and_drops_with_their_meaning():
+    text = "\n".join(shown(STATUS))
+    assert "fake: captain 0.1.0, profile standard, pid 4711, up 3 min" in text
+    assert "g5         udp     up    3 min      1208     1  1/256   17      3" in text
+    assert "g5: bound to 127.0.0.1:8947; started again 2 times" in text
+    assert "g5     short-pdu      3  10 s       5  0202000005" in text
+    assert "short-pdu: the PDU is shorter than the 6 octets of an ITS PDU header" in text
+    assert "duplicates within 2 s: 7 suppressed" in text
+
+
+@given(st.dictionaries(st.sampled_from(sorted(STATUS)), anything))
+def test_whatever_a_peer_calls_its_status_is_shown(told):
+    lines = shown(told)
+    assert all(len(line) <= 80 and (line.isprintable() or not line) for line in lines)
+
+
+@given(st.sampled_from(sorted(STATUS)), st.text(max_size=8), anything)
+def test_one_odd_value_does_not_hide_the_rest(key, name, value):
+    inner = STATUS[key]
+    told = STATUS | {key: inner | {name: value} if isinstance(inner, dict) else value}
+    assert len(shown(told)) > 8
+
+
+def test_a_station_elsewhere_is_asked_over_its_report_port(capsys):
+    with FakeStation() as station:
+        assert cli.main(["status", "--json", *station.options]) == 0
+    assert json.loads(capsys.readouterr().out) == STATUS
+
+
+def test_rubbish_before_the_status_is_skipped(capsys):
+    reports = [(b"status.",), (b"status.", b"{"), (b"status.", b"[1]"), (b"\xff", b"\xff"), (b"", b"", b"")]
+    with FakeStation() as station:
+        station._reports = reports
+        assert cli.main(["status", *station.options]) == 0
+    assert "fake: captain 0.1.0" in capsys.readouterr().out
+
+
+def test_a_station_of_this_machine_is_asked_over_its_control_socket(tmp_path, capsys):
+    answer = json.dumps({"ok": True, "status": STATUS}).encode() + b"\n"
+    with FakeControl(tmp_path / "control", answer) as control:
+        assert cli.main(["status", "--json", "--control", str(control.path)]) == 0
+    assert json.loads(capsys.readouterr().out) == STATUS
+    assert control.lines == [b'{"do": "status"}\n']
+
+
+def test_the_control_socket_is_found_by_the_first_port(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    answer = json.dumps({"ok": True, "status": STATUS}).encode() + b"\n"
+    with FakeControl(tmp_path / "captain-5999.sock", answer):
+        assert cli.main(["status", "--station", ":5999"]) == 0
+    assert "fake: captain" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("runtime", [True, False])
+def test_a_station_listens_where_its_command_line_looks(tmp_path, monkeypatch, runtime):
+    if runtime:
+        monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    else:
+        monkeypatch.delenv("XDG_RUNTIME_DIR", raising=False)
+    assert default_path(5555) in map(str, client.control_paths(5555))
+
+
+@pytest.mark.parametrize(
+    ("answer", "words"),
+    [
+        (b'{"ok": false, "error": "busy", "hint": "wait"}\n', "refused status: busy\n  (wait)"),
+        (b"not JSON\n", "what answers there is not a station"),
+        (b"[]\n", "what answers there is not a station"),
+        (b'{"ok": true}\n', "the answer holds no status"),
+        (b"", "what answers there is not a station"),
+        (b"[" * 100_000 + b"\n", "what answers there is not a station"),
+    ],
+)
+def test_a_strange_answer_of_the_control_socket_is_explained(tmp_path, capsys, answer, words):
+    with FakeControl(tmp_path / "control", answer) as control:
+        assert cli.main(["status", "--control", str(control.path)]) == 1
+    assert words in capsys.readouterr().err
+
+
+def test_nobody_at_the_control_socket_is_told_with_a_remedy(tmp_path, capsys):
+    assert cli.main(["status", "--control", str(tmp_path / "nothing")]) == 1
+    said = capsys.readouterr().err
+    assert "nothing: no station answers: No such file or directory" in said
+    assert "captain run" in said
+
+
+def test_nobody_at_the_port_is_told_with_a_remedy(capsys):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))  # bound, not listening: refuses
+        port = taken.getsockname()[1]
+        assert cli.main(["status", "--report", str(port), "--station", "127.0.0.1:1"]) == 1
+    said = capsys.readouterr().err
+    assert f"no station answers at 127.0.0.1:{port}" in said
+    assert "captain run" in said
+
+
+def test_a_listener_that_is_no_station_ends_in_a_message_and_not_in_waiting(monkeypatch, capsys):
+    monkeypatch.setattr(client, "ANSWER_S", 0.05)
+    monkeypatch.setattr(client.next_report, "__defaults__", (0.05,))
+    monkeypatch.setattr(client.status, "__defaults__", ("", 0.05))
+    with socket.create_server(("127.0.0.1", 0)) as mute:
+        port = mute.getsockname()[1]
+        assert cli.main(["status", "--report", str(port), "--station", "127.0.0.1:1"]) == 1
+    assert "sent no status within 0.05 s" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("box", ("box", 5555)),
+        ("10.0.0.1:6000", ("10.0.0.1", 6000)),
+        (":6000", ("127.0.0.1", 6000)),
+        ("[::1]:6000", ("::1", 6000)),
+        ("::1", ("::1", 5555)),
+    ],
+)
+def test_a_station_is_named_by_host_and_first_port(text, expected):
+    assert client.station(text) == expected
+
+
+@pytest.mark.parametrize("text", ["box:", "box:0", "box:65533", "box:70000", "box:x", "box:-1", "box:٣", "[::1]6000x"])
+def test_a_port_that_cannot_be_is_wrong_usage(text):
+    if text == "box:":  # nothing after the colon: the default
+        assert client.station(text) == ("box", 5555)
+        return
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["status", "--station", text])
+    assert ended.value.code == 2
+
+
+@given(st.lists(st.binary(max_size=40), max_size=4))
+def test_no_report_of_a_peer_is_fatal(frames):
+    report = client.parse_report(frames)
+    assert report is None or isinstance(report[1], dict)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [(0, "0.0 s"), (9.96, "10.0 s"), (42, "42 s"), (192, "3 min"), (7200, "2 h"), (864_000, "10 d")],
+)
+def test_a_span_is_short(seconds, text):
+    assert status.span(seconds) == text
