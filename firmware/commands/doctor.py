@@ -1,0 +1,88 @@
+"""captain doctor: looks at what a station needs, and says what to do about what it lacks."""
+
+import argparse
+import json
+import sys
+import textwrap
+import time
+from collections.abc import Iterator
+
+from board import echo
+from firmware import checks, config, ports
+from firmware.checks import Finding, Level
+from firmware.commands.run import add_configuration
+from firmware.table import clean, width_of
+
+SUMMARY = "check configuration, ports, interfaces, permissions and clock, and say what to do"
+DESCRIPTION = """\
+Looks at everything that `captain run` with the same options would need: the
+configuration, the ports, each interface (its driver is started for a moment
+and stopped; where a station runs already, that one is asked), what the kernel
+lets sockets keep, the clock, child processes, versions.
+
+Each line is ok, a warning (it runs, but not as well), or a problem, with what
+to do about it below.
+"""
+EPILOG = """\
+examples:
+  captain doctor                                the default, simulated board
+  captain doctor --config /etc/captain.toml --board none
+  captain doctor --json | jq -r '.[] | select(.level != "ok") | .remedy'
+
+exit codes:
+  0    no problem, perhaps warnings
+  1    a problem
+  2    wrong usage
+"""
+INDENT = " " * 9
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    add_configuration(parser)
+    parser.add_argument("--json", action="store_true", help="a list of objects: level, subject, text, remedy")
+
+
+def main(arguments: argparse.Namespace) -> int:
+    found = []
+    for finding in examine(arguments):
+        found.append(finding)
+        if not arguments.json:
+            print("\n".join(lines(finding, width_of(sys.stdout))), flush=True)
+    if arguments.json:
+        print(json.dumps([finding._asdict() | {"level": finding.level.value} for finding in found], indent=1))
+    problems = sum(finding.level is Level.PROBLEM for finding in found)
+    warnings = sum(finding.level is Level.WARNING for finding in found)
+    if not arguments.json:
+        print(f"problems: {problems}, warnings: {warnings}")
+    return 1 if problems else 0
+
+
+def examine(arguments: argparse.Namespace) -> Iterator[Finding]:
+    """All findings, in the order in which one would look."""
+    yield from checks.versions()
+    yield from checks.clock(time.time())
+    yield from checks.worker(echo.try_out)
+    read, found = checks.configuration(lambda: config.load(arguments.config, arguments.overrides, arguments.board))
+    yield from found
+    if read is None:
+        return
+    endpoint = read.tables.endpoint
+    running = ports.running(endpoint.from_users, endpoint.control)
+    yield from checks.endpoint(endpoint, running)
+    for interface in read.interfaces:
+        yield from checks.interface(interface, read.mac, running)
+    yield from checks.receive_buffer(read.interfaces)
+
+
+def lines(finding: Finding, width: int) -> list[str]:
+    """A finding on the screen, the remedy below it."""
+    told = textwrap.wrap(
+        clean(f"{finding.subject}: {finding.text}"),
+        width,
+        initial_indent=f"{finding.level.value:9}",
+        subsequent_indent=INDENT,
+    )
+    remedy = textwrap.wrap(
+        clean(finding.remedy), width, initial_indent=INDENT + "-> ", subsequent_indent=INDENT + "   "
+    )
+    return told + remedy
