@@ -44,15 +44,16 @@ class Range(NamedTuple):
         return all(bound is None or rule(value, bound) for (_, rule), bound in bounds)
 
 
-def read(kind: type[T], table: Mapping[str, object], where: str) -> T:
+def read(kind: type[T], table: Mapping[str, object], where: str, path: str = "") -> T:
     """A frozen dataclass from a table of load().
 
     where  begins every line of the message: the file's name.
+    path   of the table itself, where it is not the whole file.
 
     Raises ConfigurationError with one line per mistake: `file: key.path: what is wrong; what to do`.
     """
     reading = _Reading(where)
-    value: T = reading.table(kind, table, "")
+    value: T = reading.table(kind, table, path)
     if reading.mistakes:
         raise ConfigurationError("\n".join(reading.mistakes))
     return value

@@ -1,10 +1,11 @@
 """Every kind of interface, by the name that captain.toml calls it: a new one is one line here."""
 
+from drivers.contract import DriverClass
 from drivers.ethernet import Ethernet
 from drivers.uart import Uart
 from drivers.udp import Udp
 
-DRIVERS: dict[str, type] = {
+DRIVERS: dict[str, DriverClass] = {
     "udp": Udp,
     "ethernet": Ethernet,
     "uart": Uart,

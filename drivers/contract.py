@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from enum import Enum, Flag, auto
 from types import MappingProxyType
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from board.errors import StationError
 from board.loop import Loop
@@ -96,7 +96,9 @@ class Shared(NamedTuple):
 class Driver(Protocol):
     """One interface. The constructor takes its options and touches nothing."""
 
-    capabilities: Capabilities  # known once it is constructed: options may take some away
+    @property
+    def capabilities(self) -> Capabilities:
+        """Known once it is constructed: options may take some away."""
 
     def start(self, host: Host) -> None:
         """Open what it needs and return at once. Raises InterfaceError, having closed what it had opened."""
@@ -109,3 +111,12 @@ class Driver(Protocol):
 
     def stop(self) -> None:
         """Close everything; idempotent."""
+
+
+class DriverClass(Protocol):
+    """A driver's class as DRIVERS holds it; Options is the frozen dataclass of its keys in captain.toml."""
+
+    @property
+    def Options(self) -> type[Any]: ...  # noqa: N802 it names a class
+
+    def __call__(self, options: Any, shared: Shared) -> Driver: ...

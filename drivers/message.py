@@ -96,7 +96,7 @@ class MessageType(NamedTuple):
     number    messageID, octet 1 of the PDU.
     btp_port  that it leaves by in the profile in use; None where it has none.
     priority  0 leaves first; what the policy's default gives it.
-    index     place of its counters; unknown ids share the last.
+    row       of the table of types, and of its counters; unknown ids share the last.
     lifetime  seconds after which it is too old to leave, unless the policy or the user says otherwise.
     """
 
@@ -104,7 +104,7 @@ class MessageType(NamedTuple):
     number: int
     btp_port: int | None
     priority: int
-    index: int
+    row: int
     lifetime: float = 1.0
 
 

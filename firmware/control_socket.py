@@ -111,13 +111,15 @@ class Client:
 
     def _read(self) -> None:
         received = self._connection.recv(MAX_LINE)
-        self._unread += received
-        if not received or len(self._unread) > MAX_LINE:
+        if not received:
             self.close()
             return
-        *lines, self._unread = self._unread.split(b"\n")
-        for line in lines:
-            self._unsent += json.dumps(self._server.answer(line)).encode() + b"\n"
+        *lines, self._unread = (self._unread + received).split(b"\n")
+        answers = [self._server.answer(line) for line in lines]
+        if len(self._unread) > MAX_LINE:
+            answers.append({"ok": False, "error": f"a line of more than {MAX_LINE} octets", "hint": "no command is"})
+            self._unread = b""
+        self._unsent = b"".join(json.dumps(answer).encode() + b"\n" for answer in answers)
         if self._unsent:
             self._write()
 

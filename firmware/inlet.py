@@ -7,7 +7,7 @@ from zmq.backend import Socket as PlainSocket
 
 from board.errors import RequestError
 from board.loop import Loop
-from drivers.message import ITS_HEADER, MAX_PDU
+from drivers.message import ITS_HEADER, MAX_PDU, MessageType
 from drivers.reason import Reason
 from firmware import options
 from firmware.publisher import bind, is_readable
@@ -111,18 +111,21 @@ class Inlet:
                 return
             kind = topics.by_number[pdu[1]]
         elif not size:
-            self._refuse(Reason.EMPTY_PDU, pdu, asked)
+            self._refuse(Reason.EMPTY_PDU, pdu, asked, kind)
             return
-        elif self._is_strict and (size < ITS_HEADER or topics.by_number[pdu[1]].name != kind.name):
-            self._refuse(Reason.HEADER_MISMATCH, pdu, asked)
+        elif self._is_strict and size < ITS_HEADER:
+            self._refuse(Reason.SHORT_PDU, pdu, asked, kind)
+            return
+        elif self._is_strict and topics.by_number[pdu[1]].name != kind.name:
+            self._refuse(Reason.HEADER_MISMATCH, pdu, asked, kind)
             return
         if size > MAX_PDU:
-            self._refuse(Reason.LONG_PDU, pdu, asked)
+            self._refuse(Reason.LONG_PDU, pdu, asked, kind)
             return
         self._router.request(kind, pdu, self._name, asked)
 
-    def _refuse(self, reason: Reason, sample: bytes, asked: options.Parsed) -> None:
-        self._router.refuse_message(reason, sample, self._name, asked.options.label)
+    def _refuse(self, reason: Reason, sample: bytes, asked: options.Parsed, kind: MessageType | None = None) -> None:
+        self._router.refuse_message(reason, sample, self._name, kind, asked.options.label)
 
     def _take_with_more(self, envelope: bytes, pdu: bytes) -> None:
         """Three frames and more: the third may be options, the rest is read so that the next message is whole."""

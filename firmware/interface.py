@@ -90,7 +90,7 @@ class Interface:
             self.drop(Reason.BTP_PORT, pdu)
             return
         kind = self._by_number[pdu[1]]
-        self.received[kind.index] += 1
+        self.received[kind.row] += 1
         self.received_octets += size
         now = self.loop.clock()
         mac = rx.source_mac
@@ -140,15 +140,13 @@ class Interface:
             return None
 
     def sent(self, request: Request, handed_over: float) -> None:
-        self.sent_count[request.kind.index] += 1
+        self.sent_count[request.kind.row] += 1
         self.sent_octets += len(request.pdu)
         if self._above.is_confirm_wanted:
             queue_s, send_s = handed_over - request.accepted, self.loop.clock() - handed_over
             self._above.confirm(Confirm(request, Outcome.SENT, self.name, None, queue_s, send_s))
 
-    def dropped(
-        self, request: Request, reason: Reason, handed_over: float | None = None, detail: str = ""
-    ) -> None:
+    def dropped(self, request: Request, reason: Reason, handed_over: float | None = None, detail: str = "") -> None:
         self._drops.count(self.name, reason, request.pdu)
         if self._above.is_confirm_wanted:
             now = self.loop.clock()
@@ -159,7 +157,6 @@ class Interface:
     def status(self) -> dict[str, object]:
         """Counters by type, link and queue, as in the status message."""
         now = self.loop.clock()
-        kinds = self._topics.kinds
         outlet = self.outlet
         return {
             "driver": self.driver_name,
@@ -167,8 +164,8 @@ class Interface:
             "why": self.why,
             "since_s": round(now - self.since, 3),
             "neighbours": self.neighbours.count(now),
-            "received": {_label(kinds[i].name): n for i, n in enumerate(self.received) if n},
-            "sent": {_label(kinds[i].name): n for i, n in enumerate(self.sent_count) if n},
+            "received": _by_name(self._topics, self.received),
+            "sent": _by_name(self._topics, self.sent_count),
             "received_octets": self.received_octets,
             "sent_octets": self.sent_octets,
             "queue": {"length": outlet.length, "capacity": outlet.capacity, "longest": outlet.longest},
@@ -181,5 +178,11 @@ def _size_reason(size: int) -> Reason:
     return Reason.SHORT_PDU if size < ITS_HEADER else Reason.LONG_PDU
 
 
-def _label(name: str) -> str:
-    return name or "unknown"
+def _by_name(topics: Topics, counts: list[int]) -> dict[str, int]:
+    """Counts by the name in the envelope: two ids may have one name, and some have none."""
+    named: dict[str, int] = {}
+    for kind, count in zip(topics.kinds, counts, strict=True):
+        if count:
+            name = kind.name or "unknown"
+            named[name] = named.get(name, 0) + count
+    return named

@@ -1,7 +1,7 @@
 """Interface processes of vehicleCAPTAIN: programs of their own that bring RawRxMessages and take PDUs over ipc://."""
 
 from pathlib import Path
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import zmq
 from zmq.backend import Socket as PlainSocket
@@ -26,7 +26,7 @@ class IpcOptions(NamedTuple):
 class Ipc:
     """Lives beside the routing, not among the drivers, because it speaks ZeroMQ, which is the router's alone."""
 
-    capabilities: ClassVar[Capabilities] = Capabilities(Can.RECEIVE | Can.TRANSMIT, "ipc")
+    capabilities = Capabilities(Can.RECEIVE | Can.TRANSMIT, "ipc")
 
     def __init__(self, context: zmq.Context[zmq.Socket[bytes]], options: IpcOptions) -> None:
         self._context = context

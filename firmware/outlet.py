@@ -121,7 +121,8 @@ class Outlet:
                 queue.appendleft(request)
                 self.length += 1
             elif self._gap_s:
-                self._next_at = max(self._next_at + self._gap_s, now)
+                # On time, or later than a whole gap: then the pace begins anew, without a burst.
+                self._next_at = max(self._next_at, now - self._gap_s) + self._gap_s
 
     def _pump_again(self) -> None:
         self._pump_timer = None

@@ -98,7 +98,7 @@ class Policy:
 
     def choose(self, kind: MessageType, pdu: bytes, btp_port: int, traffic_class: int, area: Area | None) -> Row:
         """The first row that applies."""
-        rows = self._by_kind[kind.index]
+        rows = self._by_kind[kind.row]
         row = rows[0]
         if row.tests:
             candidate = Candidate(kind, pdu, btp_port, traffic_class, area)

@@ -86,7 +86,7 @@ class Router:
         if traffic_class is None:
             traffic_class = DEFAULT_TRAFFIC_CLASS
         row = self.policy.choose(kind, pdu, port, traffic_class, asked.area)
-        plan = row.plans[kind.index]
+        plan = row.plans[kind.row]
         request = Request(self.requests, kind, pdu, port, now, now + plan.lifetime, plan.priority, plan.traffic_class)
         targets = self._targets.get(row)
         if asked is not NOTHING_ASKED:
@@ -104,10 +104,18 @@ class Router:
         for interface in targets:
             interface.outlet.submit(request)
 
-    def refuse_message(self, reason: Reason, sample: bytes, where: str, label: str = "", detail: str = "") -> None:
+    def refuse_message(
+        self,
+        reason: Reason,
+        sample: bytes,
+        where: str,
+        kind: MessageType | None = None,
+        label: str = "",
+        detail: str = "",
+    ) -> None:
         """Count a message that no request can be made of, and tell its user."""
         self.requests += 1
-        self._refuse(self._not_made(self._unknown, sample, label), reason, where, detail)
+        self._refuse(self._not_made(kind or self._unknown, sample, label), reason, where, detail)
 
     # What the policy asks: firmware.policy.Surroundings.
 

@@ -68,5 +68,4 @@ def main(arguments: argparse.Namespace) -> int:
         loop.run()
     finally:
         station.close()
-        signals.close()
     return 0
