@@ -68,4 +68,7 @@ def main(arguments: argparse.Namespace) -> int:
         loop.run()
     finally:
         station.close()
+        # A second SIGTERM while the process ends must not change its exit status.
+        for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+            signal.signal(number, signal.SIG_IGN)
     return 0
