@@ -104,8 +104,7 @@ class Launcher:
                 station.stop()
         finally:
             for station in self._stations:
-                if station.child is not None:
-                    station.child.kill()
+                station.kill()
             while self._closing:
                 self._closing.pop()()
             self._context.destroy(linger=0)

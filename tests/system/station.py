@@ -46,6 +46,7 @@ class Station:
         self.file = folder / "captain.toml"
         self.stderr = folder / "stderr"
         self.child: subprocess.Popen[bytes] | None = None
+        self._is_told_to_end = False
 
     def address(self, endpoint: str) -> str:
         return f"tcp://127.0.0.1:{self.ports[endpoint]}"
@@ -61,6 +62,7 @@ class Station:
 
     def start(self, *arguments: str) -> None:
         """Start it and wait for the readiness that a service manager would wait for."""
+        self._is_told_to_end = False
         with _Readiness(self.folder / "notify.sock") as readiness, self.stderr.open("wb") as stderr:
             self.child = subprocess.Popen(
                 [*PROGRAM, "run", "--config", str(self.file), "--board", "none", *arguments],
@@ -78,15 +80,16 @@ class Station:
 
     def signal(self, number: int) -> None:
         assert self.child is not None
+        self._is_told_to_end = number == signal.SIGTERM
         self.child.send_signal(number)
 
     def stop(self) -> None:
         """End it as a service manager does; it must go at once, with exit code 0 and no traceback."""
         if self.child is None:
             return
+        if self.running and not self._is_told_to_end:
+            self.signal(signal.SIGTERM)
         child, self.child = self.child, None
-        if child.poll() is None:
-            child.send_signal(signal.SIGTERM)
         try:
             code = child.wait(timeout=PATIENCE)
         except subprocess.TimeoutExpired:
@@ -96,6 +99,13 @@ class Station:
         said = self.stderr.read_text(errors="replace")
         assert "Traceback" not in said, said
         assert code == 0, f"exit code {code}: {said}"
+
+    def kill(self) -> None:
+        """End it, however it is; for a test that has failed already."""
+        if self.child is not None:
+            self.child.kill()
+            self.child.wait()
+            self.child = None
 
     def ask(self, **question: Any) -> dict[str, Any]:
         """One question and its answer over the control socket."""

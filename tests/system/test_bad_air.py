@@ -50,7 +50,7 @@ def _random_datagrams(good: bytes) -> Iterator[bytes]:
 def _accounted(status: dict[str, Any]) -> int:
     """Datagrams that g5 has received, or dropped with a reason."""
     dropped = sum(row["count"] for row in status["drops"] if row["where"] == "g5")
-    return int(sum(status["interfaces"]["g5"]["received"].values())) + dropped
+    return int(sum(status["interfaces"]["g5"]["received"].values()) + dropped)
 
 
 def test_a_frame_cut_at_every_octet_is_dropped_with_a_reason(ethernet: Bench) -> None:

@@ -1,5 +1,6 @@
 """Contract, section 5, and bad input: what goes wrong elsewhere and must not here."""
 
+import contextlib
 import socket
 from typing import Any
 
@@ -162,9 +163,9 @@ def test_a_subscriber_that_never_reads_costs_the_others_nothing(launch: Launcher
     deaf.setsockopt(zmq.RCVBUF, 4096)
     deaf.subscribe(b"")
     deaf.connect(bench.station.address("to_users"))
-    _receive_all(bench, 3000)
+    _receive_all(bench, 2000)
     before = memory_kb(bench)
-    _receive_all(bench, 15_000)
+    _receive_all(bench, 10_000)
     # What waits for it is bounded by the socket's high water mark; 16,384 messages of 1.5 kB are 25 MB.
     assert memory_kb(bench) < before + 40_000
     assert bench.station.drops() == {}
@@ -205,8 +206,8 @@ def test_a_frame_of_megabytes_ends_only_its_senders_connection(launch: Launcher)
 def test_an_idle_station_sleeps(launch: Launcher) -> None:
     """Loops that poll wake a thousand times a second; two heartbeats and a status need a few wake-ups."""
     bench = launch("pdu")
-    bench.user.beat()
     before = _wakeups(bench)
+    bench.user.beat()
     bench.user.beat()
     assert _wakeups(bench) - before < 100
 
@@ -219,24 +220,25 @@ def _wakeups(bench: Bench) -> int:
 
 def test_control_octets_of_any_kind_do_not_end_it(launch: Launcher) -> None:
     bench = launch("pdu")
-    for line in (b"\n", b"{}\n", b"[]\n", b"null\n", b'{"do":"dance"}\n', b"\xff\xfe\n", b"{" * 5000 + b"\n"):
+    for line in (b"\n", b"{}\n", b"[]\n", b"null\n", b'{"do":"dance"}\n', b"\xff\xfe\n", b"[" * 1000 + b"\n"):
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as control:
             control.settimeout(5)
             control.connect(str(bench.station.control))
             control.sendall(line)
             answer = control.recv(65536)
             assert b'"ok": false' in answer or b'"ok":false' in answer, (line, answer)
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as control:
-        control.connect(str(bench.station.control))
-        control.sendall(b'{"do":')
+    for line in (b"", b'{"do":', b"{" * 100_000):
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as control, contextlib.suppress(BrokenPipeError):
+            control.connect(str(bench.station.control))
+            control.sendall(line)
     assert bench.station.status()["station"]
 
 
 def test_unknown_frames_of_geonetworking_neighbours_leave_memory_flat(launch: Launcher) -> None:
     bench = launch("ethernet")
-    _throw_sources(bench, 5_000, b"\2\1")
+    _throw_sources(bench, 4_000, b"\2\1")
     before = memory_kb(bench)
-    _throw_sources(bench, 20_000, b"\2\2")
+    _throw_sources(bench, 8_000, b"\2\2")
     assert memory_kb(bench) < before + 3000
 
 

@@ -69,6 +69,7 @@ def test_the_control_socket_ends_it_as_well(launch: Launcher) -> None:
 def test_it_starts_again_at_once_on_the_same_ports(launch: Launcher) -> None:
     bench = launch("pdu")
     bench.user.send(b"v2x.", CAM)
+    assert bench.air.hear().pdu == CAM
     bench.station.stop()
     bench.station.start()
     launch.user(bench.station).join(bench.air)
@@ -183,12 +184,12 @@ WRONG = {
     "unknown table": ("[statoin]\nname = 'x'\n", ["statoin", "station"]),
     "unknown key": ("[station]\nnmae = 'x'\n", ["station.nmae", "did you mean", "name"]),
     "unknown key of an interface": (UDP + "framming = 'btp'\n", ["interfaces.g5", "framming", "framing"]),
-    "wrong type": ("[endpoint]\nto_users = 'x'\n", ["endpoint.to_users", "'x'"]),
+    "wrong type": ("[endpoint]\nto_users = 'x'\n", ["endpoint.to_users", "x", "integer"]),
     "out of range": ("[endpoint]\npull = 70000\n", ["endpoint.pull", "70000", "65535"]),
     "wrong choice": ("[station]\nprofile = 'modern'\n", ["station.profile", "modern", "standard", "legacy"]),
     "missing key": ("[interfaces.g5]\nlisten = '127.0.0.1:1'\n", ["interfaces.g5", "driver"]),
     "unknown driver": ("[interfaces.g5]\ndriver = 'udq'\n", ["interfaces.g5.driver", "udq", "udp"]),
-    "wrong framing": (UDP.replace("pdu", "ip"), ["interfaces.g5.framing", "ip", "btp"]),
+    "wrong framing": (UDP.replace("pdu", "ip"), ["interfaces.g5", "framing", "ip"]),
     "no address": (UDP.replace("127.0.0.1:0", "here"), ["interfaces.g5", "here"]),
     "no TOML": ("[station\n", ["captain.toml", "line 1"]),
     "wrong address of the station": ("[station]\nmac = '01:02'\n", ["station.mac", "01:02"]),

@@ -1,0 +1,297 @@
+"""captain lab: the ten-message test between two stations, with a capture of every frame."""
+
+import argparse
+import json
+import math
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import NamedTuple
+
+import zmq
+
+from board.errors import StationError
+from firmware import dissection
+from firmware.commands.listen import seconds
+from firmware.dissection import Dissected
+from firmware.laboratory import Bench, Seat, Vector, bench, vectors
+from firmware.pcap import Pcap
+from firmware.received import Message
+from firmware.table import Screen, Table
+
+SUMMARY = "the ten-message test between two stations: sent, received, equal, lost"
+DESCRIPTION = """\
+Starts two stations, A and B, and a user's program at each. Both users send ten messages (DENM, CAM, MAPEM, SPATEM,
+IVIM, CPM of several origins) and count what the other's arrives as: whole, altered or not at all. At the end two
+more messages go each way once. Nothing leaves this machine.
+
+The stations hear each other as whole Ethernet frames in UDP datagrams; with --veth as frames on a virtual cable
+between two network namespaces, where root is not needed if the kernel lets users make namespaces.
+"""
+EPILOG = """\
+examples:
+  captain lab                                     60 s at 10 Hz over UDP
+  captain lab --veth --duration 10                over raw Ethernet
+  captain lab --capture lab.pcap --decode         and let tshark decode every frame
+
+exit codes:
+  0    nothing lost, nothing altered; with --decode every frame decoded, none malformed
+  1    otherwise, or a station could not start
+  2    wrong usage
+"""
+QUIET_S = 2.0  # what has not come so long after the last has not come
+REDRAW_S = 0.5
+HEADS = ("message", "from", ">sent", ">received", ">equal", ">altered", ">lost")
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--duration", metavar="S", type=seconds, default=60.0, help="of sending (default 60)")
+    parser.add_argument("--rate", metavar="HZ", type=seconds, default=10.0, help="of each message (default 10)")
+    parser.add_argument("--veth", action="store_true", help="raw Ethernet between two network namespaces")
+    parser.add_argument("--capture", metavar="FILE", type=Path, help="every frame, as a pcap file")
+    parser.add_argument("--decode", action="store_true", help="let tshark decode every frame of the capture")
+    parser.add_argument("--json", action="store_true", help="one JSON object in place of tables")
+
+
+def main(arguments: argparse.Namespace) -> int:
+    with ExitStack() as ending:
+        path = arguments.capture
+        if path is None and arguments.decode:
+            folder = ending.enter_context(tempfile.TemporaryDirectory(prefix="captain-lab-"))
+            path = Path(folder) / "lab.pcap"
+        count = _run(arguments, path, ending)
+        rows = dissection.dissect(path) if arguments.decode else []
+    result = Result(count, rows, arguments.decode)
+    print(json.dumps(result.as_json(arguments)) if arguments.json else "\n".join(result.lines(arguments)))
+    return 0 if result.is_good else 1
+
+
+def _run(arguments: argparse.Namespace, path: Path | None, ending: ExitStack) -> "Count":
+    capture = None
+    if path is not None:
+        try:
+            capture = Pcap(path)
+        except OSError as error:
+            raise StationError(f"{path}: {error.strerror}", "name another file with --capture") from error
+        ending.callback(capture.close)
+    with bench(arguments.veth, capture) as made, Screen(sys.stderr) as screen:
+        count = Count(made.seats)
+        test = Test(made, count, screen if screen.is_terminal and not arguments.json else None)
+        test.run(round(arguments.duration * arguments.rate), 1.0 / arguments.rate)
+    if capture is not None:
+        capture.close()
+        count.recorded = capture.frames
+    return count
+
+
+class Row(NamedTuple):
+    """One message in one direction."""
+
+    vector: Vector
+    sender: str
+    sent: int
+    received: int
+    equal: int
+
+    @property
+    def lost(self) -> int:
+        return max(0, self.sent - self.received)
+
+    @property
+    def altered(self) -> int:
+        """Also what came more often than it was sent."""
+        return self.received - self.equal + max(0, self.equal - self.sent)
+
+
+class Count:
+    """Copies of each message: the same octets travel again and again, so copies are what can be counted."""
+
+    def __init__(self, seats: Sequence[Seat]) -> None:
+        self.vectors = vectors()
+        self.recorded = 0
+        self.strange = 0  # received, and so much altered that it cannot be said from what
+        self._senders = [seat.name for seat in seats]
+        self._sent: Counter[tuple[str, int]] = Counter()
+        self._received: Counter[tuple[str, int]] = Counter()
+        self._equal: Counter[tuple[str, int]] = Counter()
+        self._place = {vector.pdu: place for place, vector in enumerate(self.vectors)}
+
+    def sent(self, sender: str, place: int) -> None:
+        self._sent[sender, place] += 1
+
+    def received(self, sender: str, message: Message) -> None:
+        """A message that can only be the sender's; whole when envelope, octets and raw. message are."""
+        place = self._place.get(message.pdu)
+        if place is None:
+            place = self._closest(message)
+        if place is None:
+            self.strange += 1
+            return
+        self._received[sender, place] += 1
+        vector = self.vectors[place]
+        is_equal = message.pdu == vector.pdu and message.type == vector.type and message.raw is not None
+        self._equal[sender, place] += is_equal
+
+    def rows(self) -> list[Row]:
+        return [
+            Row(vector, sender, self._sent[key], self._received[key], self._equal[key])
+            for sender in self._senders
+            for place, vector in enumerate(self.vectors)
+            if (key := (sender, place)) in self._sent or key in self._received
+        ]
+
+    @property
+    def missing(self) -> int:
+        return self._sent.total() - self._received.total() - self.strange
+
+    def _closest(self, message: Message) -> int | None:
+        """The message of this type and length, which this once was."""
+        for place, vector in enumerate(self.vectors):
+            if (vector.type, len(vector.pdu)) == (message.type, len(message.pdu)):
+                return place
+        return None
+
+
+class Test:
+    """Sends, receives and records, all in one place, until everything has come or nothing comes any more."""
+
+    def __init__(self, made: Bench, count: Count, screen: Screen | None) -> None:
+        self._seats = made.seats
+        self._recorder = made.recorder
+        self._count = count
+        self._screen = screen
+        self._redraw = 0.0
+        self._poller = zmq.Poller()
+        for seat in made.seats:
+            self._poller.register(seat.subscriber, zmq.POLLIN)
+            self._poller.register(seat.station, zmq.POLLIN)
+        self._poller.register(made.recorder, zmq.POLLIN)
+
+    def run(self, times: int, period: float) -> None:
+        """Every one of the ten `times` times, the ten spread over each period (seconds); the others once."""
+        ten = [place for place, vector in enumerate(self._count.vectors) if not vector.is_beside]
+        start = time.monotonic()
+        for number in range(times * len(ten)):
+            self._serve_until(start + number * period / len(ten))
+            self._send(ten[number % len(ten)])
+        self._collect()
+        for place, vector in enumerate(self._count.vectors):
+            if vector.is_beside:
+                self._send(place)
+        self._collect()
+
+    def _send(self, place: int) -> None:
+        for seat in self._seats:
+            seat.send(self._count.vectors[place])
+            self._count.sent(seat.name, place)
+
+    def _collect(self) -> None:
+        """Until all is there, or QUIET_S after the last that came."""
+        last, missing = time.monotonic(), self._count.missing
+        while missing > 0 and time.monotonic() < last + QUIET_S:
+            self._serve_until(time.monotonic() + QUIET_S, once=True)
+            if self._count.missing < missing:
+                last, missing = time.monotonic(), self._count.missing
+        self._recorder.record()
+
+    def _serve_until(self, when: float, once: bool = False) -> None:
+        while True:
+            now = time.monotonic()
+            events = self._poller.poll(math.ceil(max(0.0, when - now) * 1000))
+            for seat, sender in zip(self._seats, reversed(self._seats), strict=True):
+                for message in seat.receive():
+                    self._count.received(sender.name, message)
+                seat.station.check()
+            self._recorder.record()
+            if self._screen is not None and now > self._redraw:
+                self._redraw = now + REDRAW_S
+                self._screen.show([table(self._count)])
+            if not events or once:
+                return
+
+
+class Result(NamedTuple):
+    """What came out."""
+
+    counted: Count
+    dissected: Sequence[Dissected]
+    is_decoded: bool
+
+    @property
+    def is_good(self) -> bool:
+        return not (self.lost or self.altered) and (not self.is_decoded or self.is_well_formed)
+
+    @property
+    def lost(self) -> int:
+        return sum(row.lost for row in self.counted.rows())
+
+    @property
+    def altered(self) -> int:
+        return self.counted.strange + sum(row.altered for row in self.counted.rows())
+
+    @property
+    def is_well_formed(self) -> bool:
+        """Every frame is decoded to the end, but for the messages beside the ten; none is malformed."""
+        beside = sum(row.sent for row in self.counted.rows() if row.vector.is_beside)
+        messages = [row for row in self.dissected if row.port]
+        return (
+            not any(row.malformed for row in self.dissected)
+            and sum(row.btp for row in messages) == beside
+            and sum(row.frames for row in messages) == sum(row.sent for row in self.counted.rows())
+        )
+
+    def lines(self, arguments: argparse.Namespace) -> Iterator[str]:
+        from firmware.table import plain, width_of
+
+        width = width_of(sys.stdout)
+        yield from plain(table(self.counted), width)
+        yield ""
+        yield f"{self.lost} lost, {self.altered} altered"
+        if arguments.capture:
+            yield f"{self.counted.recorded} frames in {arguments.capture}"
+        if self.is_decoded:
+            yield ""
+            yield from plain(decoded_table(self.dissected), width)
+
+    def as_json(self, arguments: argparse.Namespace) -> dict[str, object]:
+        return {
+            "link": "veth" if arguments.veth else "udp",
+            "duration_s": arguments.duration,
+            "rate_hz": arguments.rate,
+            "messages": [
+                {
+                    "type": row.vector.type,
+                    "octets": len(row.vector.pdu),
+                    "from": row.sender,
+                    "sent": row.sent,
+                    "received": row.received,
+                    "equal": row.equal,
+                    "altered": row.altered,
+                    "lost": row.lost,
+                }
+                for row in self.counted.rows()
+            ],
+            "lost": self.lost,
+            "altered": self.altered,
+            "frames": self.counted.recorded,
+            "decoded": [row._asdict() for row in self.dissected],
+        }
+
+
+def table(count: Count) -> Table:
+    rows = [
+        [row.vector.name, row.sender, *(str(n) for n in (row.sent, row.received, row.equal, row.altered, row.lost))]
+        for row in count.rows()
+    ]
+    notes = [f"{count.strange} received that are none of these"] if count.strange else []
+    return Table("Messages by type and octets; what A sends, B receives", HEADS, rows, notes)
+
+
+def decoded_table(rows: Sequence[Dissected]) -> Table:
+    heads = (">BTP port", ">frames", ">to the ITS message", ">to BTP", ">malformed")
+    cells = [[str(row.port or dissection.BEACON), *(str(number) for number in row[1:])] for row in rows]
+    return Table("Every frame of the capture, as far as tshark decodes it", heads, cells)

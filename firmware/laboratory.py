@@ -1,0 +1,174 @@
+"""Two stations side by side, a user at each, and a recorder of every frame between them: the bench of the lab test."""
+
+import json
+import socket
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager, nullcontext
+from pathlib import Path
+from typing import NamedTuple
+
+import zmq
+
+import firmware
+from board.errors import StationError
+from firmware import client, netns, ports
+from firmware.child import Child
+from firmware.pcap import Pcap
+from firmware.received import Message, Pairing
+
+HOST = "127.0.0.1"
+FIRST_PORT = 5601  # besides those of a station that runs with its defaults
+GEONETWORKING = 0x8947
+ETH_P_ALL = 3  # linux/if_ether.h: with the EtherType alone, what leaves is not seen
+DEVICES = ("captain-a", "captain-b")
+UP_S = 5.0
+RECORD_BUFFER = 8 << 20  # octets
+
+# Neither is decoded by Debian's tshark beyond BTP: a message of 8 octets, and a type that it does not know.
+BESIDE = (("mapem", 8), ("vam", 34))
+
+UDP = '[interfaces.air]\ndriver = "udp"\nframing = "ethernet"\nlisten = "{own}"\npeers = ["{other}", "{recorder}"]\n'
+VETH = '[interfaces.air]\ndriver = "ethernet"\ndevice = "{device}"\n'
+
+
+class Vector(NamedTuple):
+    """One of the messages of firmware/vectors.json."""
+
+    type: str
+    pdu: bytes
+    is_beside: bool  # beside the ten that the test counts for minutes
+
+    @property
+    def name(self) -> str:
+        return f"{self.type} {len(self.pdu)}"
+
+
+def vectors() -> list[Vector]:
+    rows = json.loads((Path(firmware.__file__).parent / "vectors.json").read_bytes())
+    return [Vector(row["type"], bytes.fromhex(row["hex"]), (row["type"], row["octets"]) in BESIDE) for row in rows]
+
+
+class Seat:
+    """A user's program at one station: an XPUB, which on the wire is a PUB, and a SUB."""
+
+    def __init__(self, name: str, context: client.Context, place: client.Address, station: Child) -> None:
+        self.name = name
+        self.station = station
+        self.subscriber = client.subscribe(context, place, place.to_users, "")
+        self._pairing = Pairing()
+        self._publisher = context.socket(zmq.XPUB)
+        self._publisher.set(zmq.SNDHWM, 0)
+        self._publisher.connect(place.url(place.from_users))
+
+    def join(self) -> None:
+        """Wait for the word of both sockets that nothing sent from now on is lost. Raises StationError."""
+        # The station's subscription has come; then a heartbeat shows that ours has arrived there.
+        if not self._publisher.poll(client.ANSWER_S * 1000) or not self.subscriber.poll(client.ANSWER_S * 1000):
+            raise StationError(f"station {self.name} does not answer its user")
+        self._publisher.recv()
+
+    def send(self, vector: Vector) -> None:
+        self._publisher.send_multipart([b"v2x.", vector.pdu])
+
+    def receive(self) -> Iterator[Message]:
+        """What has arrived, both messages of each PDU joined."""
+        for frames in client.waiting(self.subscriber):
+            message = self._pairing.feed(frames)
+            if message is not None:
+                yield message
+
+
+class Recorder:
+    """A socket that sees every frame, and the capture file that it goes to."""
+
+    def __init__(self, seeing: socket.socket, capture: Pcap | None) -> None:
+        self.seeing = seeing
+        self._capture = capture
+        seeing.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECORD_BUFFER)
+        seeing.setblocking(False)
+
+    def fileno(self) -> int:
+        return self.seeing.fileno()
+
+    def record(self) -> None:
+        """Write down what has come."""
+        while True:
+            try:
+                frame = self.seeing.recv(65536)
+            except BlockingIOError:
+                return
+            if self._capture is not None and frame[12:14] == GEONETWORKING.to_bytes(2, "big"):
+                self._capture.write(frame, time.time_ns())
+
+
+class Bench(NamedTuple):
+    """Seats at A and B, and the recorder between them."""
+
+    seats: Sequence[Seat]
+    recorder: Recorder
+
+
+@contextmanager
+def bench(is_veth: bool, capture: Pcap | None) -> Iterator[Bench]:
+    """Start everything; users have joined and links are up. Raises StationError when anything is missing."""
+    with ExitStack() as ending:
+        folder = Path(ending.enter_context(tempfile.TemporaryDirectory(prefix="captain-lab-")))
+        if is_veth:
+            spaces = [space.inside for space in netns.cable(*DEVICES)]
+            seeing = ending.enter_context(socket.socket(socket.AF_PACKET, socket.SOCK_RAW))
+            seeing.bind((DEVICES[0], ETH_P_ALL))
+            boards = [VETH.format(device=device) for device in DEVICES]
+        else:
+            spaces = [nullcontext, nullcontext]
+            seeing = ending.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+            seeing.bind((HOST, 0))
+            boards = _udp_boards(seeing.getsockname()[1])
+        recorder = Recorder(seeing, capture)
+        seats = []
+        for name, space, board, first in zip("AB", spaces, boards, _first_ports(), strict=False):
+            with space():
+                place = client.Address(HOST, *range(first, first + 4))
+                child = _station(name, board, place, folder)
+                ending.callback(child.stop)
+                child.wait_until_ready()
+                _wait_for_link(folder / f"{name}.sock")
+                # The threads of a context are made with its first socket, in the namespace of this moment.
+                seats.append(Seat(name, ending.enter_context(client.session()), place, child))
+        for seat in seats:
+            seat.join()
+        yield Bench(seats, recorder)
+
+
+def _station(name: str, board: str, place: client.Address, folder: Path) -> Child:
+    options = {"station.name": f"lab-{name}", "endpoint.control": str(folder / f"{name}.sock")}
+    options |= {f"endpoint.{key}": str(getattr(place, key)) for key in ("from_users", "to_users", "pull", "report")}
+    given = ["run", "--board", "/dev/stdin", "--log", "warning"]
+    for key, value in options.items():
+        given += ["--set", f"{key}={value}"]
+    return Child(f"station {name}", given, f'name = "lab"\n{board}'.encode())
+
+
+def _wait_for_link(control: Path) -> None:
+    deadline = time.monotonic() + UP_S
+    while True:
+        air = client.station_status(control)["interfaces"]["air"]  # type: ignore[index]
+        if air["state"] == "up":
+            return
+        if time.monotonic() > deadline:
+            raise StationError(f"the link did not come up: {air['why']}")
+        time.sleep(0.02)  # this is a command's own process, no station's loop
+
+
+def _first_ports() -> Iterator[int]:
+    return ports.free_blocks(HOST, FIRST_PORT, 4)
+
+
+def _udp_boards(recorder: int) -> list[str]:
+    with ExitStack() as held:
+        found = [held.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) for _ in "AB"]
+        for one in found:
+            one.bind((HOST, 0))
+        a, b = (f"{HOST}:{one.getsockname()[1]}" for one in found)
+    return [UDP.format(own=own, other=other, recorder=f"{HOST}:{recorder}") for own, other in ((a, b), (b, a))]
