@@ -10,6 +10,7 @@ from drivers.reason import Reason
 
 PRIORITIES = 8
 SWEEP_S = 0.2  # how soon after its lifetime a waiting request is given up
+LATE_S = 0.002  # the grain of epoll's timer: what it comes late by is caught up, a pause is not
 
 
 class Outgoing(Protocol):
@@ -28,7 +29,7 @@ class Outlet:
     """Requests that wait for one interface.
 
     capacity  requests that may wait; one more pushes out the oldest of the lowest priority.
-    gap_s     the least time between two that leave; 0 paces nothing.
+    gap_s     the time between two that leave, less what a timer was late by; 0 paces nothing.
     """
 
     def __init__(self, loop: Loop, interface: Outgoing, capacity: int, gap_s: float = 0.0) -> None:
@@ -121,8 +122,7 @@ class Outlet:
                 queue.appendleft(request)
                 self.length += 1
             elif self._gap_s:
-                # On time, or later than a whole gap: then the pace begins anew, without a burst.
-                self._next_at = max(self._next_at, now - self._gap_s) + self._gap_s
+                self._next_at = max(self._next_at, now - LATE_S) + self._gap_s
 
     def _pump_again(self) -> None:
         self._pump_timer = None
