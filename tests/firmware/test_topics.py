@@ -62,12 +62,12 @@ def test_every_other_id_is_nameless_and_has_no_port(profile: str, number: int) -
 @pytest.mark.parametrize("profile", ["standard", "legacy"])
 def test_a_type_without_a_name_is_published_with_two_dots(profile: str) -> None:
     topics = Topics(profile)
-    assert topics.envelopes[topics.unknown.index] == b"v2x.."
+    assert topics.envelopes[topics.unknown.row] == b"v2x.."
 
 
 def test_ids_15_and_20_are_published_with_two_dots_in_the_legacy_profile() -> None:
     topics = Topics("legacy")
-    assert {topics.envelopes[topics.by_number[number].index] for number in (15, 20)} == {b"v2x.."}
+    assert {topics.envelopes[topics.by_number[number].row] for number in (15, 20)} == {b"v2x.."}
     assert not {b"v2x.imzm.", b"v2x.mcm."} & set(topics.by_envelope)
 
 
@@ -85,7 +85,7 @@ def test_the_vam_envelope_means_the_id_that_the_profile_sends(profile: str, numb
 def test_every_envelope_leads_to_a_type_that_is_published_under_it(profile: str) -> None:
     topics = Topics(profile)
     for envelope, kind in topics.by_envelope.items():
-        assert topics.envelopes[kind.index] == envelope
+        assert topics.envelopes[kind.row] == envelope
 
 
 def test_reception_knows_the_ports_of_both_profiles_in_either() -> None:
@@ -131,7 +131,7 @@ def test_a_second_id_of_a_standard_name_leaves_the_envelope_to_the_standards_id(
 @pytest.mark.parametrize("profile", ["standard", "legacy"])
 def test_each_type_has_a_place_of_its_own_for_its_counters(profile: str) -> None:
     topics = Topics(profile, [TypeRow(200, "mytest", 3000, 3000)])
-    assert [kind.index for kind in topics.kinds] == list(range(len(topics.kinds)))
+    assert [kind.row for kind in topics.kinds] == list(range(len(topics.kinds)))
     assert len(topics.envelopes) == len(topics.kinds)
 
 
