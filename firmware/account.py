@@ -20,27 +20,30 @@ class Account:
 
     def one(self, flight: Flight) -> None:
         if self._is_json:
-            print(json.dumps(described(flight)), flush=True)
+            print(json.dumps(record(flight)), flush=True)
         elif not self._is_brief or flight.outcome != "sent":
-            print(clean(f"{flight.origin}: {flight.type} {flight.octets} octets: {_fate(flight)}"), flush=True)
+            print(clean(f"{flight.origin}: {_described(flight)}: {_fate(flight)}"), flush=True)
 
     def all(self, outgoing: Sending) -> None:
         """The end: how many of each outcome, and how each interface did."""
         flights = outgoing.flights
         outcomes = ", ".join(f"{count} {outcome}" for outcome, count in sorted(flights.outcomes.items()))
-        title = f"{outgoing.count} messages given to the station" + (f": {outcomes}" if outcomes else "")
-        rubbish = [f"{flights.rubbish} unreadable reports"] if flights.rubbish else []
+        title = f"{outgoing.count} given to the station" + (f": {outcomes}" if outcomes else "")
+        meanings = {reason: meaning for _, _, reason, meaning in flights.hops if reason}
+        notes = [f"{reason}: {meaning}" for reason, meaning in sorted(meanings.items())]
+        if flights.rubbish:
+            notes.append(f"{flights.rubbish} unreadable reports")
         stream = sys.stderr if self._is_json else sys.stdout
         rows = [_summed(flights, hop, count) for hop, count in sorted(flights.hops.items())]
-        lines = plain(Table(title, SUMMED, rows, rubbish), width_of(stream))
+        lines = plain(Table(title, SUMMED, rows, notes), width_of(stream))
         print("\n".join(lines), file=stream, flush=True)
 
 
-SUMMED = ("interface", "outcome", ">count", ">queue us", ">longest", ">send us", ">longest", "why")
+SUMMED = ("interface", "outcome", ">count", ">queue us", ">longest", ">send us", ">longest", "reason")
 
 
 def _summed(flights: Flights, hop: tuple[str, str, str, str], count: int) -> tuple[str, ...]:
-    interface, outcome, reason, meaning = hop
+    interface, outcome, reason, _ = hop
     times = flights.times.get(interface) if outcome == "sent" else None
     if times is None:
         numbers = ("", "", "", "")
@@ -51,7 +54,12 @@ def _summed(flights: Flights, hop: tuple[str, str, str, str], count: int) -> tup
             f"{times.send_us / count:.0f}",
             f"{times.send_longest_us:.0f}",
         )
-    return (interface or "(station)", outcome, str(count), *numbers, f"{reason}: {meaning}" if reason else "")
+    return (interface or "(station)", outcome, str(count), *numbers, reason)
+
+
+def _described(flight: Flight) -> str:
+    octets = f"{flight.octets} octets"
+    return f"{flight.type} {octets}" if flight.type else octets
 
 
 def _fate(flight: Flight) -> str:
@@ -70,7 +78,7 @@ def _fate(flight: Flight) -> str:
     return "; ".join(parts) or "accepted, but for no interface"
 
 
-def described(flight: Flight) -> dict[str, object]:
+def record(flight: Flight) -> dict[str, object]:
     """A message as --json prints it."""
     return {
         "label": flight.label,

@@ -42,7 +42,7 @@ def test_a_sent_message_is_told_with_its_interface_and_times(capsys):
         assert sent(station, CAM) == 0
     said = capsys.readouterr().out
     assert "the argument: cam 10 octets: sent by g5, 12 us queued, 4 us to send" in said
-    assert "1 messages given to the station: 1 sent" in said
+    assert "1 given to the station: 1 sent" in said
     assert "\x1b" not in said
     assert station.requests[0][:2] == [b"v2x.", bytes.fromhex(CAM)]
 
@@ -142,7 +142,7 @@ def test_all_are_sent_as_often_as_asked_and_only_what_failed_is_told_one_by_one(
     said = capsys.readouterr().out
     assert len(station.requests) == 100
     assert said.count("octets:") == 1
-    assert "100 messages given to the station: 1 refused, 99 sent" in said
+    assert "100 given to the station: 1 refused, 99 sent" in said
 
 
 def test_types_of_a_list_become_envelopes(tmp_path):
@@ -170,7 +170,7 @@ def test_json_is_one_object_for_each_message(capsys):
 def test_without_confirms_it_is_enough_that_the_station_took_it(capsys):
     with FakeStation() as station:
         assert sent(station, CAM, CAM, "--no-confirm") == 0
-    assert "2 messages given to the station" in capsys.readouterr().out
+    assert "2 given to the station" in capsys.readouterr().out
 
 
 def test_rubbish_among_the_confirms_is_counted_and_not_fatal(capsys):

@@ -1,0 +1,16 @@
+import socket
+
+import pytest
+
+from firmware import ports
+
+
+@pytest.fixture
+def block() -> int:
+    """The first of twenty ports in a row that nobody has: enough for two stations."""
+    while True:
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            first: int = probe.getsockname()[1]
+        if first < 65_000 and all(ports.is_free("127.0.0.1", port) for port in range(first, first + 20)):
+            return first

@@ -1,0 +1,188 @@
+import json
+import socket
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from board import echo
+from board.errors import InterfaceError
+from drivers.udp import UdpOptions
+from firmware import checks, cli
+from firmware.checks import Finding, Level
+from firmware.commands import doctor
+from firmware.config import EndpointOptions, InterfaceConfig, QueueOptions
+from tests.firmware.commands.fake import STATUS, FakeControl
+
+MAC = bytes.fromhex("02000000000b")
+
+
+@pytest.fixture(autouse=True)
+def calm(tmp_path, monkeypatch):
+    """No station of this machine is asked, and a child process answers at once."""
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setattr(echo, "try_out", lambda: "a child process answered")
+
+
+def udp(listen: str) -> InterfaceConfig:
+    return InterfaceConfig("g5", QueueOptions("udp"), UdpOptions(listen=listen, beacon_s=0.0))
+
+
+def only(found: object) -> Finding:
+    (finding,) = found
+    return finding
+
+
+def options(block: int) -> list[str]:
+    keys = ("from_users", "to_users", "pull", "report")
+    return [word for at, key in enumerate(keys) for word in ("--set", f"endpoint.{key}={block + at}")]
+
+
+def test_a_machine_that_has_everything_has_no_problem(block, capsys):
+    air = ["--board", "none", "--set", "interfaces.g5.driver=udp", "--set", "interfaces.g5.listen=127.0.0.1:0"]
+    assert cli.main(["doctor", *air, *options(block)]) == 0
+    said = capsys.readouterr().out
+    assert "problem  " not in said
+    assert "interface g5: udp: " in said
+    assert said.endswith("problems: 0, warnings: 0\n")
+
+
+def test_json_is_a_list_of_findings(block, capsys):
+    assert cli.main(["doctor", "--json", "--board", "none", *options(block)]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert {"level", "subject", "text", "remedy"} == set(found[0])
+    assert [one["text"] for one in found if one["level"] == "warning"] == ["it has no interface"]
+
+
+def test_each_mistake_of_the_configuration_is_a_problem(tmp_path, capsys):
+    path = tmp_path / "captain.toml"
+    path.write_text('[station]\nnam = "a"\n[endpoint]\npull = 70000\n')
+    assert cli.main(["doctor", "--config", str(path)]) == 1
+    said = " ".join(capsys.readouterr().out.split())
+    assert said.count("problem configuration:") == 2
+    assert "station.nam" in said
+    assert "endpoint.pull" in said
+
+
+def test_a_configuration_that_is_not_there_is_a_problem(tmp_path, capsys):
+    assert cli.main(["doctor", "--config", str(tmp_path / "none.toml")]) == 1
+    assert "none.toml" in "".join(capsys.readouterr().out.split())
+
+
+def endpoint_of(block: int, **more: object) -> EndpointOptions:
+    return EndpointOptions(from_users=block, to_users=block + 1, pull=block + 2, report=block + 3, **more)
+
+
+def test_free_ports_are_fine(block):
+    assert only(checks.endpoint(endpoint_of(block), None)).level is Level.OK
+
+
+def test_a_port_of_another_program_is_a_problem_with_the_option_to_set(block):
+    with socket.create_server(("127.0.0.1", block + 2)):
+        found = only(checks.endpoint(endpoint_of(block), None))
+    assert found.level is Level.PROBLEM
+    assert f"ports {block + 2} of 127.0.0.1 are taken by another program" in found.text
+    assert "endpoint.pull" in found.remedy
+
+
+def test_ports_of_a_running_station_are_a_warning_with_its_name(block):
+    with socket.create_server(("127.0.0.1", block)):
+        found = only(checks.endpoint(endpoint_of(block), STATUS))
+    assert found.level is Level.WARNING
+    assert "belong to station 'fake', pid 4711" in found.text
+
+
+def test_an_address_of_another_machine_is_a_problem(block):
+    found = only(checks.endpoint(endpoint_of(block, address="192.0.2.1"), None))
+    assert found.level is Level.PROBLEM
+    assert "endpoint.address" in found.remedy
+
+
+def test_an_interface_that_can_start_says_what_it_would_do():
+    found = only(checks.interface(udp("127.0.0.1:0"), MAC, None))
+    assert found.level is Level.OK
+    assert found.text.startswith("udp: listens at 127.0.0.1:")
+
+
+def test_an_interface_whose_address_is_taken_is_a_problem_with_a_remedy():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        address = f"127.0.0.1:{taken.getsockname()[1]}"
+        found = only(checks.interface(udp(address), MAC, None))
+    assert found.level is Level.PROBLEM
+    assert found.remedy
+
+
+def test_a_trial_leaves_nothing_open():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        address = f"127.0.0.1:{probe.getsockname()[1]}"
+    for _ in range(2):
+        assert only(checks.interface(udp(address), MAC, None)).level is Level.OK
+
+
+def test_the_interface_of_a_running_station_is_not_touched_but_asked():
+    found = only(checks.interface(udp("192.0.2.1:1"), MAC, STATUS))
+    assert found.text == "udp: up in the running station: bound to 127.0.0.1:8947"
+
+
+def test_a_link_that_is_down_in_the_running_station_is_a_warning():
+    told = {"interfaces": {"g5": {"driver": "udp", "state": "waiting", "why": "address is gone"}}}
+    found = only(checks.interface(udp("127.0.0.1:0"), MAC, told))
+    assert (found.level, found.text) == (Level.WARNING, "udp: waiting in the running station: address is gone")
+
+
+def test_the_running_station_is_found_by_its_control_socket(block, tmp_path, capsys):
+    answer = json.dumps({"ok": True, "status": STATUS}).encode() + b"\n"
+    with FakeControl(tmp_path / f"captain-{block}.sock", answer), socket.create_server(("127.0.0.1", block)):
+        assert cli.main(["doctor", "--json", *options(block)]) == 0
+    texts = {one["subject"]: one["text"] for one in json.loads(capsys.readouterr().out)}
+    assert "station 'fake', pid 4711" in texts["endpoint"]
+    assert "in the running station" in texts["interface g5"]
+
+
+@pytest.mark.parametrize(
+    ("utc_s", "level"), [(1795182426.0, Level.OK), (0.0, Level.PROBLEM), (1e9, Level.PROBLEM), (5e9, Level.PROBLEM)]
+)
+def test_a_clock_that_was_never_set_is_a_problem(utc_s, level):
+    assert only(checks.clock(utc_s, is_monotonic=True)).level is level
+
+
+def test_a_clock_that_goes_back_is_a_problem():
+    assert [one.level for one in checks.clock(1795182426.0, is_monotonic=False)] == [Level.OK, Level.PROBLEM]
+
+
+@pytest.mark.parametrize(
+    ("most", "level"), [("212992\n", Level.WARNING), ("4194304\n", Level.OK), ("x", Level.WARNING)]
+)
+def test_a_small_receive_buffer_is_a_warning_with_the_number_to_set(tmp_path, most, level):
+    (tmp_path / "rmem_max").write_text(most)
+    found = only(checks.receive_buffer([udp("127.0.0.1:0")], tmp_path / "rmem_max"))
+    assert found.level is level
+    assert found.text
+    if most == "212992\n":
+        assert found.remedy == "sysctl -w net.core.rmem_max=4194304"
+
+
+def test_interfaces_without_a_receive_buffer_need_none(tmp_path):
+    assert list(checks.receive_buffer([InterfaceConfig("a", QueueOptions("udp"), object())], tmp_path)) == []
+
+
+@pytest.mark.parametrize(("python", "libzmq"), [((3, 10, 2), (4, 3, 5)), ((3, 11, 2), (4, 1, 6))])
+def test_versions_that_are_too_old_are_a_problem(python, libzmq):
+    assert Level.PROBLEM in [one.level for one in checks.versions(python, libzmq)]
+    assert {one.level for one in checks.versions()} == {Level.OK}
+
+
+def test_a_worker_that_does_not_answer_is_a_problem():
+    def silent() -> str:
+        raise InterfaceError("it ended with 2", "look above")
+
+    assert only(checks.worker(silent)) == Finding(Level.PROBLEM, "worker", "it ended with 2", "look above")
+
+
+@given(st.builds(Finding, st.sampled_from(Level), st.text(), st.text(), st.text()), st.integers(40, 120))
+def test_a_finding_fits_the_screen_and_obeys_nobody(finding, width):
+    lines = doctor.lines(finding, width)
+    assert all(len(line) <= width and line.isprintable() for line in lines)
+    assert lines[0].startswith(finding.level.value)
