@@ -2,6 +2,7 @@
 
 from drivers.contract import DriverClass
 from drivers.ethernet import Ethernet
+from drivers.morse import Morse
 from drivers.uart import Uart
 from drivers.udp import Udp
 
@@ -9,4 +10,5 @@ DRIVERS: dict[str, DriverClass] = {
     "udp": Udp,
     "ethernet": Ethernet,
     "uart": Uart,
+    "morse": Morse,
 }

@@ -1,0 +1,199 @@
+"""PDUs that two stations whistle to each other through directories, or blink at a line."""
+
+import sys
+import wave
+from itertools import pairwise
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+
+import pytest
+
+from board.describe import read
+from board.errors import ConfigurationError, InterfaceError, RequestError
+from drivers.contract import Sent
+from drivers.morse import KEEP, Morse, MorseOptions
+from drivers.reason import Reason
+from drivers.wire import morse
+from tests.drivers.host import CAM, DENM, SHARED, Host, request
+from tests.virtual import VirtualLoop
+
+
+@pytest.fixture
+def loop():
+    loop = VirtualLoop()
+    yield loop
+    loop.close()
+
+
+@pytest.fixture
+def start(host):
+    started = []
+
+    def start(host=host, **options):
+        paths = {key: str(value) if isinstance(value, Path) else value for key, value in options.items()}
+        driver = Morse(MorseOptions(**paths), SHARED)
+        driver.start(host)
+        started.append(driver)
+        return driver
+
+    yield start
+    for driver in started:
+        driver.stop()
+
+
+def write(path, samples, channels=1, width=1):
+    with wave.open(str(path), "wb") as file:
+        file.setparams((channels, width, 8000, 0, "NONE", ""))
+        file.writeframes(samples)
+
+
+def test_two_stations_hear_each_other_through_a_directory(loop, host, start, tmp_path):
+    other = Host(loop)
+    driver = start(speak=tmp_path)
+    start(other, listen=tmp_path)
+    for pdu in (CAM, DENM):
+        assert driver.send(request(pdu)) is Sent.NOW
+    loop.run_until(lambda: other.count == 2)
+    assert other.pdus == [CAM, DENM]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_is_spoken_is_a_wav_file_that_players_play(start, tmp_path):
+    start(speak=tmp_path).send(request(CAM))
+    (path,) = tmp_path.iterdir()
+    with wave.open(str(path)) as file:
+        assert (file.getnchannels(), file.getsampwidth(), file.getframerate()) == (1, 1, 8000)
+        assert morse.decode(morse.listen(file.readframes(10_000_000))) == CAM
+
+
+def test_what_nobody_listens_to_does_not_fill_the_disk(start, tmp_path):
+    driver = start(speak=tmp_path)
+    for number in range(KEEP + 5):
+        driver.send(request(bytes([2, 2, number])))
+    assert len(list(tmp_path.iterdir())) == KEEP
+
+
+@pytest.mark.parametrize("octets", [b"", b"RIFF", b"no sound at all", bytes(1000)])
+def test_a_file_that_is_no_message_is_named_and_removed(loop, host, start, tmp_path, octets):
+    (tmp_path / "1.wav").write_bytes(octets)
+    write(tmp_path / "2.wav", morse.sound(morse.encode(CAM), 20))
+    start(listen=tmp_path)
+    loop.run_until(lambda: host.indications)
+    assert (host.pdus, host.drops) == ([CAM], {Reason.FRAMING: 1})
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_stereo_is_not_understood_and_said_so(loop, host, start, tmp_path):
+    write(tmp_path / "1.wav", morse.sound(morse.encode(CAM), 20), channels=2)
+    start(listen=tmp_path)
+    loop.run_until(lambda: host.total)
+    assert host.drops == {Reason.FRAMING: 1}
+
+
+def test_what_is_no_wav_file_is_left_alone(loop, host, start, tmp_path):
+    (tmp_path / "directory.wav").mkdir()
+    (tmp_path / "part").write_bytes(b"half")
+    start(listen=tmp_path)
+    loop.run_for(1)
+    assert (host.total, len(list(tmp_path.iterdir()))) == (0, 2)
+
+
+def test_a_directory_that_disappears_fails_the_interface(loop, host, start, tmp_path):
+    directory = tmp_path / "air"
+    directory.mkdir()
+    driver = start(speak=directory, listen=directory)
+    directory.rmdir()
+    loop.run_until(lambda: host.failures)
+    assert driver.send(request(CAM)) is Sent.BUSY
+    assert str(host.failures[0]) == f"{directory}: No such file or directory"
+    with pytest.raises(InterfaceError, match="no directory"):
+        start(listen=directory)
+
+
+def test_a_pdu_that_takes_minutes_is_refused(start, tmp_path):
+    driver = start(speak=tmp_path)
+    with pytest.raises(RequestError, match="513"):
+        driver.send(request(CAM.ljust(513, b"\0")))
+
+
+class Gpio:
+    """gpiod as far as a line needs it: this machine has no GPIO. It writes down when the line changed."""
+
+    def __init__(self, loop):
+        self.changes = []
+        self.is_released = False
+        self.failure = None
+        gpiod, line = ModuleType("gpiod"), ModuleType("gpiod.line")
+        line.Direction = SimpleNamespace(OUTPUT="output")
+        line.Value = SimpleNamespace(INACTIVE=False, ACTIVE=True)
+        gpiod.LineSettings = lambda **settings: settings
+        gpiod.request_lines = self.request_lines
+        self.modules = {"gpiod": gpiod, "gpiod.line": line}
+        self.loop = loop
+
+    def request_lines(self, path, consumer, config):
+        if path != "/dev/gpiochip0":
+            raise FileNotFoundError(2, "No such file or directory")
+        return self
+
+    def set_value(self, offset, value):
+        if self.failure is not None:
+            raise self.failure
+        self.changes.append((self.loop.clock(), value))
+
+    def release(self):
+        self.is_released = True
+
+
+@pytest.fixture
+def gpio(loop, monkeypatch):
+    gpio = Gpio(loop)
+    for name, module in gpio.modules.items():
+        monkeypatch.setitem(sys.modules, name, module)
+    return gpio
+
+
+def test_a_line_blinks_the_message_and_the_request_is_confirmed_at_its_end(loop, host, start, gpio):
+    driver = start(line=17)
+    wanted = request(CAM)
+    assert driver.send(wanted) is Sent.LATER
+    assert driver.send(request(DENM)) is Sent.BUSY
+    loop.run_until(lambda: host.times_writable)
+    assert host.confirms == [(wanted, None)]
+    times = [when for when, _ in gpio.changes]
+    assert [value for _, value in gpio.changes] == [True, False] * (len(times) // 2)
+    durations = [later - sooner for sooner, later in pairwise(times)]
+    assert morse.decode(durations) == CAM
+
+
+def test_stopping_in_the_middle_of_a_message_leaves_the_line_inactive_and_free(loop, host, start, gpio):
+    driver = start(line=17)
+    driver.send(request(CAM))
+    loop.run_for(0.3)
+    driver.stop()
+    driver.stop()
+    loop.run_for(60)
+    assert gpio.changes[-1][1] is False
+    assert gpio.is_released
+    assert host.confirms == []
+
+
+def test_a_line_that_is_not_there_is_said(start, gpio):
+    with pytest.raises(InterfaceError, match="/dev/gpiochip1, line 17"):
+        start(line=17, chip="gpiochip1")
+
+
+def test_a_line_that_disappears_fails_the_interface(loop, host, start, gpio):
+    driver = start(line=17)
+    driver.send(request(CAM))
+    gpio.failure = OSError(19, "No such device")
+    loop.run_until(lambda: host.failures)
+    gpio.failure = None
+
+
+@pytest.mark.parametrize("table", [
+    {}, {"line": "gpiochip0:17"}, {"line": -1}, {"chip": "gpiochip0"}, {"speak": ".", "unit_ms": 0},
+])  # fmt: skip
+def test_options_that_cannot_be_meant_are_refused(table):
+    with pytest.raises(ConfigurationError):
+        read(MorseOptions, table, "captain.toml")
