@@ -118,8 +118,8 @@ def reach(host: str, number: int, timeout: float = ANSWER_S) -> None:
     """Raise StationError unless something accepts TCP connections there: ZeroMQ itself would try for ever."""
     try:
         socket.create_connection((host, number), timeout).close()
-    except OSError as error:
-        why = error.strerror or str(error)
+    except (OSError, UnicodeError) as error:  # UnicodeError: a name that DNS cannot have
+        why = getattr(error, "strerror", None) or str(error)
         raise StationError(f"no station answers at {host}:{number}: {why}", START_ONE) from error
 
 

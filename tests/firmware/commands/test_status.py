@@ -127,6 +127,12 @@ def test_nobody_at_the_port_is_told_with_a_remedy(capsys):
     assert "captain run" in said
 
 
+@pytest.mark.parametrize("host", ["a" * 80, ".."])
+def test_a_host_that_cannot_be_is_told(capsys, host):
+    assert cli.main(["status", "--station", host]) == 1
+    assert "no station answers at" in capsys.readouterr().err
+
+
 def test_a_listener_that_is_no_station_ends_in_a_message_and_not_in_waiting(monkeypatch, capsys):
     monkeypatch.setattr(client, "ANSWER_S", 0.05)
     monkeypatch.setattr(client.next_report, "__defaults__", (0.05,))
