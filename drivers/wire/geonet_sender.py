@@ -6,7 +6,7 @@ from struct import Struct
 
 from board.errors import RequestError
 from board.time import gn_timestamp
-from drivers.message import Area, Ego, Request
+from drivers.message import Area, Ego, Request, Shape
 from drivers.wire import btp
 from drivers.wire.geonet_header import BasicNext, CommonNext, HeaderType, lifetime_octet
 
@@ -98,6 +98,8 @@ class Sender:
 
     def _geo_broadcast(self, request: Request, area: Area, now: float, ego: Ego) -> bytes:
         pdu = request.pdu
+        # Clause 9.8.5.2: a circle's radius is distance a, and nothing else is filled in.
+        distance_b, angle = (0, 0) if area.shape is Shape.CIRCLE else (area.distance_b, area.angle)
         head = _GEO_BROADCAST_OUT.pack(
             _FIRST,
             lifetime_octet(request.deadline - now),
@@ -112,8 +114,8 @@ class Sender:
             *self._position(ego),
             *area.centre,
             area.distance_a,
-            area.distance_b,
-            area.angle,
+            distance_b,
+            angle,
             request.btp_port,
         )
         self._sequence = (self._sequence + 1) & 0xFFFF

@@ -1,0 +1,45 @@
+"""BTP headers, both kinds."""
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from board.errors import ProtocolError
+from drivers.wire.btp import BtpA, BtpB, decode_a, decode_b, encode
+
+PORT = st.integers(0, 65535)
+
+
+def test_a_btp_b_header_is_the_port_and_its_info():
+    assert encode(BtpB(2001), b"pdu") == bytes.fromhex("07d10000") + b"pdu"
+    assert decode_b(bytes.fromhex("07d20017") + b"pdu") == (BtpB(2002, 23), b"pdu")
+
+
+def test_a_btp_a_header_is_both_ports():
+    assert encode(BtpA(2001, 4000), b"pdu") == bytes.fromhex("07d10fa0") + b"pdu"
+    assert decode_a(bytes.fromhex("07d10fa0")) == (BtpA(2001, 4000), b"")
+
+
+@pytest.mark.parametrize("octets", [0, 1, 2, 3])
+@pytest.mark.parametrize("decode", [decode_a, decode_b])
+def test_a_packet_shorter_than_its_header_is_refused(decode, octets):
+    with pytest.raises(ProtocolError, match=f"{octets} octets"):
+        decode(bytes(octets))
+
+
+@given(first=PORT, second=PORT, pdu=st.binary(max_size=50))
+@settings(deadline=None, max_examples=100)
+def test_a_packet_survives_the_way_to_octets_and_back(first, second, pdu):
+    assert decode_a(encode(BtpA(first, second), pdu)) == (BtpA(first, second), pdu)
+    assert decode_b(encode(BtpB(first, second), pdu)) == (BtpB(first, second), pdu)
+
+
+@given(octets=st.binary(max_size=10))
+@settings(deadline=None, max_examples=100)
+def test_random_octets_are_refused_or_decoded(octets):
+    if len(octets) < 4:
+        with pytest.raises(ProtocolError):
+            decode_b(octets)
+    else:
+        header, pdu = decode_b(octets)
+        assert encode(header, pdu) == octets
