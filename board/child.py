@@ -38,7 +38,7 @@ class Parent(Protocol):
         """Half of a full queue has left."""
 
     def ended(self, child: "Child", why: str) -> None:
-        """The process is gone and reaped. Never called after leave()."""
+        """The process is gone and reaped."""
 
 
 class Child:
@@ -56,7 +56,8 @@ class Child:
         self.is_up = False
         self.queue: deque[bytes] = deque()
         self.lost = self.longest = 0
-        self._parent: Parent | None = parent
+        self._parent = parent
+        self._is_left = False
         self._was_full = False
         self._reason = "ended"
         self._channel, far = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -108,13 +109,13 @@ class Child:
         return True
 
     def leave(self) -> None:
-        """Close its socket, which tells it to end; kill it GRACE_S later. The parent hears no more of it."""
-        self._parent = None
+        """Close its socket, which tells it to end; kill it GRACE_S later. Of what it says no more is heard."""
+        self._is_left = True
         self._close()
-        self._deadline = self.loop.after(GRACE_S, self._process.kill)
+        self._deadline = self.loop.after(GRACE_S, lambda: self._kill("was stopped and stayed"))
 
     def finish(self, within: float) -> None:
-        """leave(), and wait for it here, so many seconds at most before it is killed."""
+        """leave(), and wait here for its end, so many seconds at most before it is killed."""
         self.leave()
         if not self._exit.comes(within):
             self._process.kill()
@@ -128,14 +129,13 @@ class Child:
         self._deadline.cancel()
         self.loop.remove(self._exit)
         self._exit.close()
-        status = self._process.poll()
-        if self._parent is not None:
-            self._parent.ended(self, f"process {self._process.pid} {self._reason}, {_status(status)}")
+        status = _status(self._process.poll())
+        self._parent.ended(self, f"process {self._process.pid} {self._reason}, {status}")
 
     def _read(self, most: int) -> bool:
         """Pass on so many messages at most; False when there will be no more."""
         for _ in range(most):
-            if self._parent is None:  # the last message made it let the child go
+            if self._is_left:  # because of the last message perhaps
                 return True
             try:
                 message = self._channel.recv(MAX_MESSAGE + 1)
@@ -145,18 +145,18 @@ class Child:
                 continue  # it ended with messages of ours unread; its own come after this error
             if not message:
                 return False
-            self._take(message, self._parent)
+            self._take(message)
         return True
 
-    def _take(self, message: bytes, parent: Parent) -> None:
+    def _take(self, message: bytes) -> None:
         if len(message) > MAX_MESSAGE:
             self._kill(f"sent a message of more than {MAX_MESSAGE} octets")
         elif self.is_up:
-            parent.message(message)
+            self._parent.message(message)
         elif message == HELLO:
             self._deadline.cancel()
             self.is_up = True
-            parent.up(self, self._process.pid)
+            self._parent.up(self, self._process.pid)
         else:
             self._kill("is not this program: its first message is another")
 
@@ -169,7 +169,7 @@ class Child:
             return  # full again, or ended: the next event tells
         if not self.queue:
             self.loop.want(self, READ)
-        if self._was_full and len(self.queue) <= QUEUE // 2 and self._parent is not None:
+        if self._was_full and len(self.queue) <= QUEUE // 2:
             self._was_full = False
             self._parent.writable()
 

@@ -57,6 +57,7 @@ class Worker:
         self._command = command
         self._jitter = jitter
         self._child: Child | None = None
+        self._leaving: list[Child] = []
         self._restart: Timer | None = None
         self._failures = 0
         self._up_since: float | None = None
@@ -103,9 +104,12 @@ class Worker:
 
         Its socket is closed; if that does not make it end within GRACE_S, the loop kills it.
         """
-        self._stay_down()
+        if self._restart is not None:
+            self._restart.cancel()
+            self._restart = None
         if self._child is not None:
             self._child.leave()
+            self._leaving.append(self._child)
             self._forget(self._child)
 
     def finish(self, within: float = GRACE_S) -> None:
@@ -113,16 +117,18 @@ class Worker:
 
         Waits here for `within` seconds, then kills it.
         """
-        self._stay_down()
-        if self._child is not None:
-            self._child.finish(within)
-            self._forget(self._child)
+        self.stop()
+        for child in tuple(self._leaving):
+            child.finish(within)
 
     def up(self, child: Child, pid: int) -> None:
         self._up_since = self.loop.clock()
         self._on_state(True, f"process {pid} runs")
 
     def ended(self, child: Child, why: str) -> None:
+        if child in self._leaving:
+            self._leaving.remove(child)
+            return
         if self._up_since is not None and self.loop.clock() - self._up_since >= STEADY_S:
             self._failures = 0
         self._forget(child)
@@ -135,11 +141,6 @@ class Worker:
             self._child = Child(self.loop, self, self._command or program(), self.name)
         except OSError as error:
             self._again(f"cannot be started: {error.strerror}")
-
-    def _stay_down(self) -> None:
-        if self._restart is not None:
-            self._restart.cancel()
-            self._restart = None
 
     def _again(self, why: str) -> None:
         delay = min(LONGEST_DELAY_S, FIRST_DELAY_S * 2.0 ** min(self._failures, 16))

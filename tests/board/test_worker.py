@@ -332,6 +332,15 @@ def test_finish_returns_when_the_child_is_gone_even_one_that_stays(make):
         assert len(os.listdir("/proc/self/fd")) == before
 
 
+def test_finish_after_stop_sees_the_child_gone(make):
+    bench = make("stubborn")
+    pid = bench.up()
+    bench.worker.stop()
+    bench.worker.finish(within=0.1)
+    assert is_gone(pid)
+    assert bench.loop.delay() is None
+
+
 def test_stop_and_finish_may_come_at_any_time_and_twice(make):
     bench = make("echo")
     bench.worker.stop()
@@ -340,7 +349,8 @@ def test_stop_and_finish_may_come_at_any_time_and_twice(make):
     bench.worker.stop()
     bench.worker.stop()
     bench.worker.finish()
-    bench.loop.run_until(lambda: is_gone(pid))
+    bench.worker.finish()
+    assert is_gone(pid)
 
 
 def test_a_worker_that_was_stopped_before_it_ran_says_nothing_any_more(make):
