@@ -52,13 +52,16 @@ class Sender:
         The lifetime of a GeoBroadcast is what is left of the request's, its hop limit is the request's. A single
         hop broadcast keeps the default of 60 s. Raises RequestError when a number does not fit its header.
         """
-        self._sent_at = now
+        area = request.area
         try:
-            if request.area is None:
-                return self._single_hop(request, ego)
-            return self._geo_broadcast(request, request.area, now, ego)
+            if area is None:
+                packet = self._single_hop(request, ego)
+            else:
+                packet = self._geo_broadcast(request, area, now, ego)
         except struct.error as error:
-            raise RequestError(f"GeoNetworking: {error}; {request.area}, {request.hop_limit} hops") from error
+            raise RequestError(f"GeoNetworking: {error}; {area}, {request.hop_limit} hops") from error
+        self._sent_at = now
+        return packet
 
     def deadline(self) -> float | None:
         """When expire() wants to be called, None where there are no beacons. Each packet sent moves it away."""

@@ -137,7 +137,8 @@ def test_a_number_that_does_not_fit_its_header_is_the_users_mistake(wrong):
     core = station()
     with pytest.raises(RequestError, match="GeoNetworking"):
         broadcast(core=core, **wrong)
-    assert broadcast(core=core).extended.sequence == 0  # nothing was sent
+    assert core.deadline() == 0.0  # nothing was sent
+    assert broadcast(core=core).extended.sequence == 0
 
 
 @given(
