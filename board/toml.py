@@ -3,6 +3,7 @@
 import tomllib
 from datetime import date, time
 from pathlib import Path
+from types import NoneType
 from typing import Any
 
 from board.errors import ConfigurationError
@@ -21,6 +22,7 @@ NAMES: dict[type, str] = {
     dict: "a table",
     date: "a date",
     time: "a time",
+    NoneType: "nothing",
 }
 
 
@@ -67,6 +69,8 @@ def override(table: dict[str, Any], assignment: str, where: str = "--set") -> No
 
 def show(value: object) -> str:
     """A value nearly as TOML writes it, shortened."""
+    if value is None:
+        return "null"  # as JSON has it; TOML has none
     if isinstance(value, bool):
         return "true" if value else "false"
     try:
@@ -102,9 +106,7 @@ def _index(holder: object, key: str, where: str) -> Any:
         return key
     if isinstance(holder, list) and key.isdecimal() and int(key) < len(holder):
         return int(key)
-    what = (
-        f"an array of {len(holder)}" if isinstance(holder, list) else f"{show(holder)}, {kind_name(holder)}"
-    )
+    what = f"an array of {len(holder)}" if isinstance(holder, list) else f"{show(holder)}, {kind_name(holder)}"
     raise ConfigurationError(f"{where}: there is no {show(key)} in {what}")
 
 
