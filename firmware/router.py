@@ -96,7 +96,7 @@ class Router:
         if targets is None:
             targets = self._targets[row] = self._usable(row.interfaces, row.fallback)
         if not targets or (row.rate is not None and not row.rate.allows(now)):
-            self._refuse(request, self._why_not(row, targets), where)
+            self._refuse(request, _why_not(targets, row.interfaces or asked.options.interfaces), where)
             return
         self.accepted += 1
         if self.is_confirm_wanted:
@@ -141,11 +141,6 @@ class Router:
         if self.is_confirm_wanted:
             self.report(Confirm(request, Outcome.REFUSED, "", reason, detail=detail), ())
 
-    def _why_not(self, row: Row, targets: tuple[Interface, ...]) -> Reason:
-        if targets:
-            return Reason.RATE_LIMIT
-        return Reason.NO_INTERFACE if row.interfaces else Reason.POLICY
-
     def _usable(self, names: Sequence[str], fallback: Sequence[str]) -> tuple[Interface, ...]:
         """Those of the named interfaces whose link is up; else the fall-back's; else all named, to wait there."""
         named = self._transmitting(names)
@@ -157,6 +152,12 @@ class Router:
         interfaces = self.interfaces
         chosen = interfaces if "*" in names else dict.fromkeys(name for name in names if name in interfaces)
         return tuple(interfaces[name] for name in chosen if interfaces[name].can_transmit)
+
+
+def _why_not(targets: tuple[Interface, ...], named: Sequence[str]) -> Reason:
+    if targets:
+        return Reason.RATE_LIMIT
+    return Reason.NO_INTERFACE if named else Reason.POLICY
 
 
 def _as_asked(request: Request, asked: Parsed) -> Request:
