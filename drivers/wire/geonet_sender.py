@@ -52,14 +52,11 @@ class Sender:
         The lifetime of a GeoBroadcast is what is left of the request's, its hop limit is the request's. A single
         hop broadcast keeps the default of 60 s. Raises RequestError when a number does not fit its header.
         """
-        area = request.area
         try:
-            if area is None:
-                packet = self._single_hop(request, ego)
-            else:
-                packet = self._geo_broadcast(request, area, now, ego)
+            packet = self._packet(request, now, ego)
         except struct.error as error:
-            raise RequestError(f"GeoNetworking: {error}; {area}, {request.hop_limit} hops") from error
+            hops = request.hop_limit
+            raise RequestError(f"GeoNetworking: {error}; {request.area}, {hops} hops") from error
         self._sent_at = now
         return packet
 
@@ -86,7 +83,9 @@ class Sender:
         self._is_due = False
         return _BEACON_OUT.pack(_BEACON, 0, _MOBILE, 0, 1, *self._position(ego))
 
-    def _single_hop(self, request: Request, ego: Ego) -> bytes:
+    def _packet(self, request: Request, now: float, ego: Ego) -> bytes:
+        if request.area is not None:
+            return self._geo_broadcast(request, request.area, now, ego)
         pdu = request.pdu
         head = _SINGLE_HOP_OUT.pack(
             _SINGLE_HOP,
