@@ -211,9 +211,7 @@ def test_any_other_exception_of_a_dataclass_is_a_bug_and_passes_through():
 
 
 toml_values = st.recursive(
-    st.none().flatmap(
-        lambda _: st.booleans() | st.integers() | st.floats() | st.text() | st.dates() | st.times()
-    ),
+    st.none().flatmap(lambda _: st.booleans() | st.integers() | st.floats() | st.text() | st.dates() | st.times()),
     lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(), inner, max_size=4),
     max_leaves=12,
 )
