@@ -83,7 +83,7 @@ def _single(key: str, floor: list[Round], station: list[Round], most: float, uni
 
 
 def _median(rounds: list[Round], key: str) -> float:
-    return median(one[key] for one in rounds)
+    return float(median(one[key] for one in rounds))
 
 
 def _row(line: Line) -> str:

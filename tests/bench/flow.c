@@ -5,7 +5,8 @@
 #define _GNU_SOURCE
 #include "load.h"
 
-#include <errno.h>
+#include <netinet/in.h>
+#include <netinet/udp.h>
 #include <pthread.h>
 #include <stdatomic.h>
 #include <stdio.h>
@@ -29,11 +30,16 @@ struct arrivals {
     uint64_t count;
 };
 
+struct flow;
+typedef uint64_t send_function(struct flow *flow, unsigned char messages[][MAX_DATAGRAM], uint64_t count);
+
 struct flow {
     struct load load;
+    send_function *send;
     void *context;
     void *user;        /* PUB or PUSH to the subject, or SUB */
     int udp;           /* towards the subject, or the sink */
+    int flood;         /* towards the subject, cut into datagrams by the kernel */
     atomic_bool over;
     atomic_uint_fast64_t received;
     uint64_t last_ns;  /* when the latest arrived */
@@ -153,6 +159,25 @@ static uint64_t send_as_interface(struct flow *flow, unsigned char messages[][MA
     return sent > 0 ? (uint64_t)sent : 0;
 }
 
+/* As send_as_interface, for what has no rate: one system call and one way through the stack, where the kernel cuts
+ * the datagrams apart (UDP_SEGMENT, udp(7)). All of them go to the socket that the first one is steered to, so a
+ * DENM travels by itself. */
+static uint64_t flood_as_interface(struct flow *flow, unsigned char messages[][MAX_DATAGRAM], uint64_t count)
+{
+    static unsigned char segments[BATCH * (MAX_PREFIX + PDU_OCTETS)];
+    size_t octets = flow->load.prefix_octets + PDU_OCTETS;
+    uint64_t sent = 0;
+    if (messages[0][flow->load.prefix_octets + 1] == DENM) {
+        sent = send_as_interface(flow, messages, 1);
+        messages++;
+        count--;
+    }
+    for (uint64_t i = 0; i < count; i++) {
+        memcpy(segments + i * octets, messages[i], octets);
+    }
+    return sent + (count > 0 && send(flow->flood, segments, count * octets, 0) > 0 ? count : 0);
+}
+
 struct sending {
     unsigned char messages[BATCH][MAX_DATAGRAM];
     uint64_t start;
@@ -201,8 +226,7 @@ static void send_all(struct flow *flow, struct sending *sending)
         if (is_denm) {
             sending->messages[0][id_at] = DENM;
         }
-        uint64_t sent = load->to_station ? send_as_user(flow, sending->messages, count)
-                                         : send_as_interface(flow, sending->messages, count);
+        uint64_t sent = flow->send(flow, sending->messages, count);
         sending->denms += is_denm && sent > 0;
         sending->sent += sent;
     }
@@ -221,9 +245,12 @@ static void open_sockets(struct flow *flow)
         setsockopt(flow->udp, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
     } else {
         int patience_ms = PATIENCE_MS;
+        int octets = (int)load->prefix_octets + PDU_OCTETS;
         flow->user = user_socket(flow->context, ZMQ_SUB, load->to_users, "v2x.");
         zmq_setsockopt(flow->user, ZMQ_RCVTIMEO, &patience_ms, sizeof patience_ms);
         flow->udp = udp_open(0, load->listen);
+        flow->flood = udp_open(0, load->listen);
+        setsockopt(flow->flood, IPPROTO_UDP, UDP_SEGMENT, &octets, sizeof octets);
     }
     sleep_until_ns(now_ns() + SETTLE_MS * 1000000ull);
 }
@@ -267,6 +294,7 @@ int main(int argc, char **argv)
         pthread_create(&watcher, NULL, watch, &flow);
     }
     open_sockets(&flow);
+    flow.send = flow.load.to_station ? send_as_user : flow.load.rate > 0 ? send_as_interface : flood_as_interface;
     pthread_create(&receiver, NULL, flow.load.to_station ? receive_as_interface : receive_as_user, &flow);
     send_all(&flow, &sending);
     wait_for_the_rest(&flow, sending.sent);

@@ -89,7 +89,7 @@ def first_message_s(subject: Subject) -> float:
 
 def ratio_of_medians(pairs: list[tuple[float, float]]) -> float:
     """The median of what the second of each pair is to the first."""
-    return median(second / first for first, second in pairs if first)
+    return float(median(second / first for first, second in pairs if first))
 
 
 def ethernet_prefix(pdu_octets: int) -> bytes:
