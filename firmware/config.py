@@ -1,21 +1,23 @@
 """captain.toml: what is wanted of the station; with a board file, which says what is there."""
 
+import os
 import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
-
-from drivers.sim.neighbours import NeighboursOptions
 
 from board import describe
 from board.describe import Range
 from board.errors import ConfigurationError
 from drivers import DRIVERS
+from drivers.sim.neighbours import NeighboursOptions
+from firmware import consistency
 
 BOARDS = Path(describe.__file__).parent / "boards"
 Port = Annotated[int, Range(0, 65535)]
 Octet = Annotated[int, Range(0, 255)]
+StationId = Annotated[int, Range(0, 4294967295)]
 Priority = Annotated[int, Range(0, 7)]
 Seconds = Annotated[float, Range(0.0, 86400.0)]
 
@@ -134,7 +136,7 @@ class Match:
     """When a row of the policy applies: all that is given must hold; an empty one always does."""
 
     type: tuple[str, ...] = ()
-    station: tuple[int, ...] = ()
+    station: tuple[StationId, ...] = ()
     size: Span = Span()
     btp_port: tuple[Port, ...] = ()
     traffic_class: tuple[Octet, ...] = ()
@@ -214,16 +216,18 @@ def load(path: str | None, overrides: Sequence[str] = (), board: str = "sim") ->
         describe.override(merged, text)
     where = path or "captain.toml"
     mistakes: list[str] = []
-    tables = _collect(mistakes, lambda: describe.read(Tables, merged, where))
+    # Each table by itself: a mistake in one must not hide those of another, nor what several make together.
+    tables = Tables()
+    for key, value in merged.items():
+        part = _collect(mistakes, lambda key=key, value=value: describe.read(Tables, {key: value}, where))
+        if part is not None:
+            tables = replace(tables, **{key: getattr(part, key)})
     interfaces = []
-    for name, options in merged["interfaces"].items() if isinstance(merged["interfaces"], dict) else ():
-        if isinstance(options, dict):
-            read = _collect(mistakes, lambda name=name, options=options: _interface(name, options, where))
-            interfaces.append(read)
-    mac = b""
-    if tables is not None:
-        mistakes += _cross_check(tables, where)
-        mac = _collect(mistakes, lambda: _mac(tables.station, where))
+    for name, options in tables.interfaces.items():
+        read = _collect(mistakes, lambda name=name, options=options: _interface(name, options, where))
+        interfaces.append(read)
+    mistakes += [f"{where}: {text}" for text in consistency.mistakes(tables)]
+    mac = _collect(mistakes, lambda: _mac(tables.station, where))
     if mistakes:
         raise ConfigurationError("\n".join(mistakes))
     return Config(tables, tuple(interfaces), there, mac)
@@ -250,56 +254,17 @@ def _interface(name: str, table: Mapping[str, Any], where: str) -> InterfaceConf
     common = {key: value for key, value in table.items() if key in QueueOptions.__dataclass_fields__}
     own = {key: value for key, value in table.items() if key not in common}
     place = f"{where}: interfaces.{name}"
-    queue = describe.read(QueueOptions, common, place)
-    driver = DRIVERS.get(queue.driver)
-    if driver is None:
-        raise ConfigurationError(f"{place}.driver: {queue.driver!r} is no driver; one of {', '.join(sorted(DRIVERS))}")
-    return InterfaceConfig(name, queue, describe.read(driver.Options, own, place))
-
-
-def _cross_check(tables: Tables, where: str) -> list[str]:
-    """What only two tables together can tell: names that mean nothing, bits that do not fit."""
-    mistakes = []
-    known = set(tables.interfaces) | {"*"} | ({"ipc"} if tables.endpoint.ipc_out else set())
-    for index, row in enumerate(tables.policy):
-        match = row.match
-        named = [*row.interfaces, *row.fallback, *match.link_up, *match.link_down]
-        named += [near.interface for near in (match.neighbours, match.no_neighbours) if near]
-        mistakes += [
-            f"{where}: policy[{index}]: {name!r} is no interface; one of {', '.join(sorted(known))}"
-            for name in named
-            if name not in known
-        ]
-        for place, payload in enumerate(match.payload):
-            mistakes += _payload_mistakes(payload, f"{where}: policy[{index}].match.payload[{place}]")
-    numbers = [row.number for row in tables.types]
-    mistakes += [
-        f"{where}: types: number {number} stands {numbers.count(number)} times; once is enough"
-        for number in sorted({number for number in numbers if numbers.count(number) > 1})
-    ]
-    mistakes += [
-        f"{where}: types: name {row.name!r} must be lower-case letters, digits and _"
-        for row in tables.types
-        if not row.name.replace("_", "a").isalnum() or row.name != row.name.lower() or not row.name.isascii()
-    ]
-    ports = [getattr(tables.endpoint, key) for key in ("from_users", "to_users", "pull", "report")]
-    mistakes += [
-        f"{where}: endpoint: port {port} is given to two sockets; each needs its own"
-        for port in sorted({port for port in ports if port and ports.count(port) > 1})
-    ]
-    return mistakes
-
-
-def _payload_mistakes(payload: PayloadMatch, where: str) -> list[str]:
-    try:
-        value, mask = bytes.fromhex(payload.value), bytes.fromhex(payload.mask)
-    except ValueError:
-        return [f"{where}: value {payload.value!r} and mask {payload.mask!r} must be hexadecimal octets"]
-    if not value:
-        return [f"{where}: value is empty; give the octets to compare"]
-    if mask and len(mask) != len(value):
-        return [f"{where}: mask has {len(mask)} octets and value {len(value)}; they must be as many"]
-    return []
+    mistakes: list[str] = []
+    queue = _collect(mistakes, lambda: describe.read(QueueOptions, common, place))
+    word = table.get("driver")
+    driver = DRIVERS.get(word) if isinstance(word, str) else None
+    if driver is not None:
+        options = _collect(mistakes, lambda: describe.read(driver.Options, own, place))
+    elif isinstance(word, str):
+        mistakes.append(f"{place}.driver: {word!r} is no driver; one of {', '.join(sorted(DRIVERS))}")
+    if mistakes:
+        raise ConfigurationError("\n".join(mistakes))
+    return InterfaceConfig(name, queue, options)
 
 
 def _mac(station: StationOptions, where: str) -> bytes:
@@ -309,7 +274,7 @@ def _mac(station: StationOptions, where: str) -> bytes:
         mac = bytes(int(part, 16) for part in station.mac.split(":"))
     except ValueError:
         mac = b""
-    if len(mac) != 6 or mac[0] & 1:
+    if len(mac) != 6 or mac[0] & 1 or not any(mac):
         raise ConfigurationError(
             f"{where}: station.mac: {station.mac!r} is no station's address; six octets such as 02:00:00:00:00:0b"
         )
@@ -322,5 +287,6 @@ def _made_mac(name: str) -> bytes:
         machine = Path("/etc/machine-id").read_text().strip()
     except OSError:
         machine = ""
+    machine = machine or os.uname().nodename  # containers have no machine-id, or share an empty one
     seed = f"{machine}/{name}".encode()
     return b"\x02" + zlib.crc32(seed).to_bytes(4, "big") + bytes((zlib.adler32(seed) & 0xFF,))

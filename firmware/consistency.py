@@ -1,0 +1,85 @@
+"""What only several tables of captain.toml together can tell: names that mean nothing, bits that do not fit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from firmware.topics import ROWS
+
+if TYPE_CHECKING:
+    from firmware.config import EndpointOptions, PayloadMatch, PolicyRow, Tables, TypeConfig
+
+# Interface processes appear as an interface of this name.
+IPC = "ipc"
+# Where messages are dropped that no interface has: an interface so called would share their counters.
+PLACES = frozenset({"from_users", "to_users", "pull", "report", "router"})
+
+
+def mistakes(tables: Tables) -> list[str]:
+    """Each as `key.path: what is wrong; what to do`."""
+    return [*_interfaces(tables), *_policy(tables), *_types(tables.types), *_endpoint(tables.endpoint)]
+
+
+def _interfaces(tables: Tables) -> Iterator[str]:
+    for name in tables.interfaces:
+        if name in PLACES or name in {"", "*"}:
+            yield f"interfaces: {name!r} cannot be an interface's name: it means something else"
+    if IPC in tables.interfaces and (tables.endpoint.ipc_in or tables.endpoint.ipc_out):
+        yield f"interfaces.{IPC}: is the name of the interface processes of endpoint.ipc_in and ipc_out"
+
+
+def _policy(tables: Tables) -> Iterator[str]:
+    own = {row.number: row.name for row in tables.types}
+    names = {row.name for row in ROWS if row.number not in own} | set(own.values())
+    interfaces = set(tables.interfaces)
+    if tables.endpoint.ipc_in or tables.endpoint.ipc_out:
+        interfaces.add(IPC)
+    for index, row in enumerate(tables.policy):
+        where = f"policy[{index}]"
+        for name in _unknown_interfaces(row, interfaces):
+            yield f"{where}: {name!r} is no interface; one of {', '.join(sorted(interfaces)) or 'none'}"
+        for name in row.match.type:
+            if name not in names:
+                yield f"{where}.match.type: {name!r} is no type; one of {', '.join(sorted(names))}"
+        for place, payload in enumerate(row.match.payload):
+            yield from _payload(payload, f"{where}.match.payload[{place}]")
+
+
+def _unknown_interfaces(row: PolicyRow, known: set[str]) -> Iterator[str]:
+    """Names in a row that are no interface's; "*" is each, where a message leaves, and none, where one is asked."""
+    match = row.match
+    asked = [*match.link_up, *match.link_down]
+    asked += [near.interface for near in (match.neighbours, match.no_neighbours) if near]
+    yield from (name for name in (*row.interfaces, *row.fallback) if name not in known and name != "*")
+    yield from (name for name in asked if name not in known)
+
+
+def _payload(payload: PayloadMatch, where: str) -> Iterator[str]:
+    try:
+        value, mask = bytes.fromhex(payload.value), bytes.fromhex(payload.mask)
+    except ValueError:
+        yield f"{where}: value {payload.value!r} and mask {payload.mask!r} must be hexadecimal octets"
+        return
+    if not value:
+        yield f"{where}: value is empty; give the octets to compare"
+    elif mask and len(mask) != len(value):
+        yield f"{where}: mask has {len(mask)} octets and value {len(value)}; they must be as many"
+
+
+def _types(types: tuple[TypeConfig, ...]) -> Iterator[str]:
+    numbers = [row.number for row in types]
+    for number in sorted({number for number in numbers if numbers.count(number) > 1}):
+        yield f"types: number {number} stands {numbers.count(number)} times; once is enough"
+    for name in (row.name for row in types):
+        if not name.replace("_", "a").isalnum() or name != name.lower() or not name.isascii():
+            yield f"types: name {name!r} must be lower-case letters, digits and _"
+
+
+def _endpoint(endpoint: EndpointOptions) -> Iterator[str]:
+    ports = [endpoint.from_users, endpoint.to_users, endpoint.pull, endpoint.report]
+    for port in sorted({port for port in ports if port and ports.count(port) > 1}):
+        yield f"endpoint: port {port} is given to two sockets; each needs its own"
+    for key, address in (("ipc_in", endpoint.ipc_in), ("ipc_out", endpoint.ipc_out)):
+        if address and not (address.startswith("ipc://") and address.removeprefix("ipc://")):
+            yield f"endpoint.{key}: {address!r} is no path; write ipc:///run/captain/{key}"

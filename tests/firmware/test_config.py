@@ -1,0 +1,377 @@
+"""captain.toml over a board file: what is taken, and that every mistake is named at once with its place."""
+
+from pathlib import Path
+
+import pytest
+
+from board.errors import ConfigurationError
+from firmware import config
+from firmware.config import Config, Place, Span
+
+TWO_UDP = """
+[interfaces.g5]
+driver = "udp"
+listen = "127.0.0.1:0"
+[interfaces.mqtt]
+driver = "udp"
+listen = "127.0.0.1:0"
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return tmp_path
+
+
+def loaded(folder: Path, text: str, *overrides: str, board: str = "none") -> Config:
+    path = folder / "captain.toml"
+    path.write_text(text)
+    return config.load(str(path), overrides, board)
+
+
+def mistakes(folder: Path, text: str, *overrides: str, board: str = "none") -> list[str]:
+    with pytest.raises(ConfigurationError) as caught:
+        loaded(folder, text, *overrides, board=board)
+    return str(caught.value).splitlines()
+
+
+def mistake(folder: Path, text: str, *overrides: str) -> str:
+    lines = mistakes(folder, text, *overrides)
+    assert len(lines) == 1, lines
+    assert lines[0].startswith(f"{folder}/captain.toml: ")
+    return lines[0].removeprefix(f"{folder}/captain.toml: ")
+
+
+def test_an_empty_file_is_a_station_with_defaults(folder: Path) -> None:
+    tables = loaded(folder, "").tables
+    assert (tables.station.name, tables.station.profile, tables.station.position) == ("captain", "standard", None)
+    ports = tables.endpoint
+    assert (ports.from_users, ports.to_users, ports.pull, ports.report) == (5555, 5556, 5557, 5558)
+    assert ports.address == "127.0.0.1"
+    assert (tables.reception.unverified, tables.reception.gn_versions) == ("drop", (1,))
+    assert tables.reception.duplicate_window_s == 2.0
+
+
+def test_no_file_at_all_is_the_board_with_defaults() -> None:
+    read = config.load(None)
+    assert read.board.name == "sim"
+    assert [interface.name for interface in read.interfaces] == ["g5"]
+    assert read.board.neighbours is not None
+
+
+@pytest.mark.parametrize("board", ["sim", "none"])
+def test_each_board_of_the_project_is_read(board: str) -> None:
+    assert config.load(None, (), board).board.name == board
+
+
+def test_every_board_file_that_ships_is_read() -> None:
+    for path in config.BOARDS.glob("*.toml"):
+        assert config.load(None, (), path.stem).board.name == path.stem
+
+
+def test_all_sections_are_read(folder: Path) -> None:
+    text = """
+[station]
+name = "rsu"
+profile = "legacy"
+mac = "02:00:00:00:00:0b"
+position = { latitude = 48.5, longitude = -11 }
+[endpoint]
+from_users = 0
+to_users = 0
+strict = true
+[reception]
+gn_versions = [0, 1]
+[interfaces.g5]
+driver = "udp"
+listen = "127.0.0.1:0"
+queue = 7
+rate_per_s = 2
+[[types]]
+number = 200
+name = "my_test2"
+btp_port = 3000
+[[policy]]
+name = "near"
+match = { type = ["my_test2"], size = { min = 7 }, link_up = ["g5"] }
+interfaces = ["g5"]
+"""
+    read = loaded(folder, text)
+    assert read.mac == bytes.fromhex("02000000000b")
+    assert read.tables.station.position == Place(48.5, -11.0)
+    assert read.tables.reception.gn_versions == (0, 1)
+    (interface,) = read.interfaces
+    assert (interface.name, interface.queue.driver, interface.queue.queue) == ("g5", "udp", 7)
+    assert interface.options.listen == "127.0.0.1:0"
+    (row,) = read.tables.policy
+    assert (row.match.type, row.match.size, row.interfaces) == (("my_test2",), Span(7, None), ("g5",))
+
+
+def test_the_file_lies_over_the_board(folder: Path) -> None:
+    text = '[interfaces.uplink]\ndriver = "udp"\nlisten = "127.0.0.1:0"\n'
+    assert [entry.name for entry in loaded(folder, text, board="sim").interfaces] == ["g5", "uplink"]
+    text = text.replace("uplink", "g5")
+    (g5,) = loaded(folder, text, board="sim").interfaces
+    assert g5.options.listen == "127.0.0.1:0"
+
+
+def test_an_override_goes_before_the_file_and_the_board(folder: Path) -> None:
+    read = loaded(folder, '[station]\nname = "a"\n', "station.name=b", "interfaces.g5.queue=9", board="sim")
+    assert read.tables.station.name == "b"
+    assert read.interfaces[0].queue.queue == 9
+
+
+def test_an_override_of_one_load_is_not_seen_by_the_next() -> None:
+    config.load(None, ["interfaces.g5.queue=9"])
+    assert config.load(None).interfaces[0].queue.queue == 256
+
+
+def test_overrides_alone_can_make_an_interface() -> None:
+    read = config.load(None, ["interfaces.air.driver=udp", "interfaces.air.listen=127.0.0.1:0"], "none")
+    assert [interface.name for interface in read.interfaces] == ["air"]
+
+
+def test_a_board_file_is_read_by_its_path(folder: Path) -> None:
+    path = folder / "mine.toml"
+    path.write_text('name = "mine"\n[interfaces.air]\ndriver = "udp"\nlisten = "127.0.0.1:0"\n')
+    assert config.load(None, (), str(path)).interfaces[0].name == "air"
+
+
+def test_an_unknown_board_is_refused_with_those_that_there_are() -> None:
+    with pytest.raises(ConfigurationError, match="'simm' is not known") as caught:
+        config.load(None, (), "simm")
+    assert "none, sim" in caught.value.hint
+
+
+@pytest.mark.parametrize("board", ["", "no/such.toml", "nosuch.toml", "../../etc/passwd"])
+def test_a_board_file_that_is_none_is_refused(board: str) -> None:
+    with pytest.raises(ConfigurationError):
+        config.load(None, (), board)
+
+
+def test_a_board_file_with_a_mistake_names_itself(folder: Path) -> None:
+    path = folder / "mine.toml"
+    path.write_text('nam = "mine"\n')
+    with pytest.raises(ConfigurationError) as caught:
+        config.load(None, (), str(path))
+    assert f"{path}: nam: is not a known key; did you mean name?" in str(caught.value)
+
+
+def test_a_file_that_is_not_there_is_refused(folder: Path) -> None:
+    with pytest.raises(ConfigurationError, match="cannot be read"):
+        config.load(str(folder / "nowhere.toml"))
+
+
+def test_a_file_that_is_not_toml_names_the_line(folder: Path) -> None:
+    assert "line 2" in mistakes(folder, "[station]\nname = \n")[0]
+
+
+@pytest.mark.parametrize(
+    ("text", "key"),
+    [
+        ("[station]\nname = 5", "station.name"),
+        ('[station]\nprofile = "legcy"', "station.profile"),
+        ("[station]\nposition = { latitude = 91, longitude = 0 }", "station.position.latitude"),
+        ("[station]\nposition = { latitude = 1 }", "station.position.longitude"),
+        ("[endpoint]\npull = 65536", "endpoint.pull"),
+        ("[endpoint]\npull = -1", "endpoint.pull"),
+        ("[endpoint]\nstrict = 1", "endpoint.strict"),
+        ("[reception]\ngn_versions = [16]", "reception.gn_versions[0]"),
+        ("[reception]\ngn_versions = 1", "reception.gn_versions"),
+        ('[reception]\nunverified = "maybe"', "reception.unverified"),
+        ("[reception]\nduplicate_window_s = -1", "reception.duplicate_window_s"),
+        ("[[types]]\nnumber = 256\nname = 'x'", "types[0].number"),
+        ("[[types]]\nname = 'x'", "types[0].number"),
+        ("[[types]]\nnumber = 1", "types[0].name"),
+        ("[types]\nnumber = 1", "types"),
+        ("[[policy]]\npriority = 8", "policy[0].priority"),
+        ("[[policy]]\nrate_per_s = -1", "policy[0].rate_per_s"),
+        ("[[policy]]\n[[policy]]\nmatch = { area = 'here' }", "policy[1].match.area"),
+        ("[[policy]]\nmatch = { typ = ['cam'] }", "policy[0].match.typ"),
+        ("[[policy]]\nmatch = { station = [-1] }", "policy[0].match.station[0]"),
+        ("[[policy]]\nmatch = { station = [4294967296] }", "policy[0].match.station[0]"),
+        ("[[policy]]\nmatch = { payload = [{ offset = 1500, value = '00' }] }", "policy[0].match.payload[0].offset"),
+        ("[[policy]]\nmatch = { neighbours = { within_s = 5 } }", "policy[0].match.neighbours.interface"),
+        ("interfaces = 5", "interfaces"),
+        ("[interfaces]\ng5 = 5", "interfaces.g5"),
+        ("[interfaces.g5]\nqueue = 5", "interfaces.g5"),
+        ("[interfaces.g5]\ndriver = 'udpp'", "interfaces.g5.driver"),
+        ("[interfaces.g5]\ndriver = 'udp'\nlisten = '127.0.0.1:0'\nqueue = 0", "interfaces.g5: queue"),
+        ("[interfaces.g5]\ndriver = 'udp'\nlisten = '127.0.0.1:0'\nlistn = 1", "interfaces.g5: listn"),
+        ("[stations]\nname = 'x'", "stations"),
+    ],
+)
+def test_one_mistake_is_one_line_that_names_the_key(folder: Path, text: str, key: str) -> None:
+    assert mistake(folder, text).startswith(f"{key}: ")
+
+
+def test_mistakes_of_all_sections_are_named_at_once(folder: Path) -> None:
+    text = """
+[station]
+profile = "legcy"
+mac = "nonsense"
+[endpoint]
+pull = 70000
+[interfaces.g5]
+driver = "udp"
+queue = 0
+listn = "x"
+[interfaces.mqtt]
+driver = "mqqt"
+[[types]]
+number = 300
+name = "A"
+[[policy]]
+interfaces = ["nobody"]
+"""
+    said = "\n".join(mistakes(folder, text))
+    for key in ("profile", "endpoint.pull", "queue", "listn", "interfaces.mqtt.driver", "types[0].number", "'nobody'"):
+        assert key in said, key
+
+
+def test_a_mistake_in_one_section_does_not_hide_what_two_have_to_do_with_each_other(folder: Path) -> None:
+    text = """
+[station]
+mac = "nonsense"
+[endpoint]
+strict = 5
+[reception]
+gn_versions = [99]
+[[types]]
+number = 200
+name = "Wrong"
+[[policy]]
+interfaces = ["nobody"]
+match = { type = ["camm"] }
+"""
+    said = mistakes(folder, text)
+    assert len(said) == 6, said
+
+
+@pytest.mark.parametrize(
+    ("row", "name"),
+    [
+        ('interfaces = ["g6"]', "g6"),
+        ('fallback = ["g6"]', "g6"),
+        ('match = { link_up = ["g6"] }', "g6"),
+        ('match = { link_down = ["g6"] }', "g6"),
+        ('match = { neighbours = { interface = "g6" } }', "g6"),
+        ('match = { no_neighbours = { interface = "g6" } }', "g6"),
+        ('interfaces = ["ipc"]', "ipc"),
+        ('match = { link_up = ["*"] }', "*"),
+        ('match = { link_down = ["*"] }', "*"),
+        ('match = { neighbours = { interface = "*" } }', "*"),
+    ],
+)
+def test_a_row_that_names_no_interface_is_a_mistake(folder: Path, row: str, name: str) -> None:
+    said = mistake(folder, f"{TWO_UDP}[[policy]]\n[[policy]]\n{row}\n")
+    assert said.startswith(f"policy[1]: '{name}' is no interface")
+    assert "g5, mqtt" in said
+
+
+@pytest.mark.parametrize("row", ['interfaces = ["*"]', 'fallback = ["*", "mqtt"]', "interfaces = []"])
+def test_a_row_may_name_all_interfaces_or_none(folder: Path, row: str) -> None:
+    loaded(folder, f"{TWO_UDP}[[policy]]\n{row}\n")
+
+
+def test_the_interface_processes_are_an_interface_where_they_are_on(folder: Path) -> None:
+    ipc = f'[endpoint]\nipc_out = "ipc://{folder}/out"\n[[policy]]\ninterfaces = ["ipc"]\n'
+    assert loaded(folder, ipc).tables.endpoint.ipc_out
+    heard = f'[endpoint]\nipc_in = "ipc://{folder}/in"\n[[policy]]\nmatch = {{ link_up = ["ipc"] }}\n'
+    assert loaded(folder, heard).tables.endpoint.ipc_in
+
+
+def test_an_interface_of_the_name_that_the_interface_processes_have_is_a_mistake(folder: Path) -> None:
+    text = f'[endpoint]\nipc_in = "ipc://{folder}/in"\n' + TWO_UDP.replace("g5", "ipc")
+    assert mistake(folder, text).startswith("interfaces.ipc: ")
+    loaded(folder, TWO_UDP.replace("g5", "ipc"))
+
+
+@pytest.mark.parametrize("name", ["*", "", "from_users", "to_users", "pull", "report", "router"])
+def test_an_interface_whose_name_means_something_else_is_a_mistake(folder: Path, name: str) -> None:
+    text = TWO_UDP.replace("interfaces.g5", f'interfaces."{name}"')
+    assert f"{name!r} cannot be an interface's name" in mistake(folder, text)
+
+
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "/tmp/v2x/in/0", "ipc://"])
+@pytest.mark.parametrize("key", ["ipc_in", "ipc_out"])
+def test_an_address_of_interface_processes_is_a_path(folder: Path, key: str, address: str) -> None:
+    assert mistake(folder, f'[endpoint]\n{key} = "{address}"\n').startswith(f"endpoint.{key}: ")
+
+
+def test_a_row_that_names_no_type_is_a_mistake(folder: Path) -> None:
+    said = mistake(folder, '[[policy]]\nmatch = { type = ["denm", "camm"] }\n')
+    assert said.startswith("policy[0].match.type: 'camm' is no type")
+
+
+def test_a_name_that_the_users_have_replaced_is_no_type_any_more(folder: Path) -> None:
+    text = "[[types]]\nnumber = 2\nname = 'mycam'\n[[policy]]\nmatch = { type = ['cam'] }\n"
+    assert "'cam' is no type" in mistake(folder, text)
+
+
+def test_a_row_may_name_a_type_of_the_users(folder: Path) -> None:
+    loaded(folder, "[[types]]\nnumber = 200\nname = 'mine'\n[[policy]]\nmatch = { type = ['mine', 'vam'] }\n")
+
+
+@pytest.mark.parametrize(
+    ("payload", "word"),
+    [
+        ('{ offset = 0, value = "0g" }', "hexadecimal"),
+        ('{ offset = 0, value = "000" }', "hexadecimal"),
+        ('{ offset = 0, value = "00", mask = "zz" }', "hexadecimal"),
+        ('{ offset = 0, value = "" }', "empty"),
+        ('{ offset = 0, value = "0000", mask = "ff" }', "mask has 1 octets and value 2"),
+    ],
+)
+def test_payload_octets_that_cannot_be_compared_are_a_mistake(folder: Path, payload: str, word: str) -> None:
+    said = mistake(folder, f"[[policy]]\nmatch = {{ payload = [{payload}] }}\n")
+    assert said.startswith("policy[0].match.payload[0]: ")
+    assert word in said
+
+
+def test_two_types_of_one_number_are_a_mistake(folder: Path) -> None:
+    row = "[[types]]\nnumber = 200\nname = 'x'\n"
+    assert mistake(folder, row * 3).startswith("types: number 200 stands 3 times")
+
+
+@pytest.mark.parametrize("name", ["", "Cam", "my test", "my.test", "é", "_-"])
+def test_a_types_name_that_no_envelope_can_carry_is_a_mistake(folder: Path, name: str) -> None:
+    assert f"name '{name}' must be" in mistake(folder, f"[[types]]\nnumber = 200\nname = '{name}'\n")
+
+
+def test_two_sockets_on_one_port_are_a_mistake(folder: Path) -> None:
+    assert "port 5556 is given to two sockets" in mistake(folder, "[endpoint]\npull = 5556\n")
+
+
+def test_port_0_is_any_free_one_and_may_be_given_to_all(folder: Path) -> None:
+    loaded(folder, "[endpoint]\nfrom_users = 0\nto_users = 0\npull = 0\nreport = 0\n")
+
+
+@pytest.mark.parametrize(
+    "mac",
+    [
+        "02:00:00:00:00",
+        "02:00:00:00:00:00:01",
+        "03:00:00:00:00:01",
+        "ff:ff:ff:ff:ff:ff",
+        "00:00:00:00:00:00",
+        "02:00:00:00:00:100",
+        "02:00:00:00:00:-1",
+        "02-00-00-00-00-01",
+        "g2:00:00:00:00:01",
+        "nonsense",
+        ":::::",
+    ],
+)
+def test_what_is_no_address_of_a_station_is_a_mistake(folder: Path, mac: str) -> None:
+    assert mistake(folder, f'[station]\nmac = "{mac}"\n').startswith("station.mac: ")
+
+
+def test_an_address_that_nobody_gave_is_made_from_the_name() -> None:
+    def mac(name: str) -> bytes:
+        return config.load(None, [f"station.name={name}"], "none").mac
+
+    macs = {mac(f"station{number}") for number in range(200)}
+    assert len(macs) == 200
+    assert mac("a") == mac("a")
+    assert all(len(made) == 6 and made[0] == 0x02 for made in macs)
