@@ -20,7 +20,7 @@ second, their sizes, the last signal strength where the interface knows it,
 and how long ago the last one came. Payloads are not decoded.
 
 On a terminal the table stays in place; elsewhere the stations heard in the
-last second are printed every second. At most 256 rows are kept: those silent
+last second are printed every second, and all of them at the end. At most 256 rows are kept: those silent
 longest are folded into the row `others`.
 """
 EPILOG = """\
@@ -187,8 +187,7 @@ def _show_table(listening: Listening) -> None:
         tick = Tick(tally, screen, listening)
         for message in listening.messages(tick):
             tally.add(message, time.monotonic())
-        if screen.is_terminal or not tick.drawn:
-            tick.draw(time.monotonic())
+        tick.draw(time.monotonic(), is_last=True)
     print(f"{tally.total} messages in {time.monotonic() - listening.started:.1f} s")
 
 
@@ -196,7 +195,6 @@ class Tick:
     """Draws the table: often on a terminal, the rows that changed every second elsewhere."""
 
     def __init__(self, tally: Tally, screen: Screen, listening: Listening) -> None:
-        self.drawn = 0
         self._tally = tally
         self._screen = screen
         self._listening = listening
@@ -211,13 +209,12 @@ class Tick:
             self._tally.mark(now)
             self._marked = now
 
-    def draw(self, now: float) -> None:
-        most = max(1, self._screen.height - 4) if self._screen.is_terminal else 20
+    def draw(self, now: float, is_last: bool = False) -> None:
+        most = max(1, self._screen.height - 4)
         rows = self._tally.rows(most)
-        if not self._screen.is_terminal:
+        if not (self._screen.is_terminal or is_last):
             rows = [row for row in rows if row.last >= self._marked]
         self._screen.show([Table(self._title(now), HEADS, [cells(row, now) for row in rows])])
-        self.drawn += 1
 
     def _title(self, now: float) -> str:
         place, pairing = self._listening.place, self._listening.pairing

@@ -160,23 +160,33 @@ def _label(asked: str | None) -> str:
     return asked or f"captain-send-{os.getpid()}-{time.time_ns():x}"
 
 
+# Of an area, in the order of writing: key, least, most. EN 302 931, and RawRxMessage for the distances.
+AREA = (
+    ("latitude", -90.0, 90.0),
+    ("longitude", -180.0, 180.0),
+    ("distance_a", 0, 65535),
+    ("distance_b", 0, 65535),
+    ("angle", 0, 360),
+)
+SHAPES = {"circle": (3, 3), "rectangle": (4, 5), "ellipse": (4, 5)}  # how many of them
+
+
 def area(text: str) -> dict[str, object]:
     """`circle:LAT,LON,RADIUS`, `rectangle:LAT,LON,A,B[,ANGLE]` or `ellipse:...` as the options have it."""
     shape, _, rest = text.partition(":")
-    least, most = {"circle": (3, 3), "rectangle": (4, 5), "ellipse": (4, 5)}.get(shape, (0, -1))
-    try:
-        numbers = [float(part) for part in rest.split(",")]
-    except ValueError:
-        numbers = []
-    if not least <= len(numbers) <= most or not all(map(math.isfinite, numbers)):
+    least, most = SHAPES.get(shape, (0, -1))
+    parts = rest.split(",")
+    if not least <= len(parts) <= most:
         raise argparse.ArgumentTypeError(
             f"{text!r} is no area; write circle:LAT,LON,RADIUS or rectangle:LAT,LON,A,B,ANGLE or ellipse:..."
         )
-    latitude, longitude, *metres = numbers
-    keys = ("distance_a", "distance_b", "angle")
-    return {"shape": shape, "latitude": latitude, "longitude": longitude} | {
-        key: round(value) for key, value in zip(keys, metres, strict=False)
-    }
+    found: dict[str, object] = {"shape": shape}
+    for (key, low, high), part in zip(AREA, parts, strict=False):
+        value = _finite(part)
+        if value is None or not low <= value <= high:
+            raise argparse.ArgumentTypeError(f"{part!r} is no {key} of {low:g} ... {high:g}")
+        found[key] = round(value) if isinstance(low, int) else value
+    return found
 
 
 def _integer(least: int, most: int) -> Callable[[str], int]:
@@ -190,24 +200,24 @@ def _integer(least: int, most: int) -> Callable[[str], int]:
 
 def _seconds(text: str) -> float:
     value = _finite(text)
-    if not 0.0 < value <= 86400.0:
+    if value is None or not 0.0 < value <= 86400.0:
         raise argparse.ArgumentTypeError(f"{text!r} is no number of seconds above 0, at most 86400")
     return value
 
 
 def _rate(text: str) -> float:
     value = _finite(text)
-    if not 0.0 <= value <= 1e6:
+    if value is None or not 0.0 <= value <= 1e6:
         raise argparse.ArgumentTypeError(f"{text!r} is no number of messages per second")
     return value
 
 
-def _finite(text: str) -> float:
+def _finite(text: str) -> float | None:
     try:
         value = float(text)
     except ValueError:
-        return -1.0
-    return value if math.isfinite(value) else -1.0
+        return None
+    return value if math.isfinite(value) else None
 
 
 def _type(text: str) -> str:

@@ -159,6 +159,23 @@ def test_standard_input_is_sent(monkeypatch):
     assert len(station.requests) == 2
 
 
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_a_terminal_shows_a_bar_and_it_is_gone_at_the_end(monkeypatch):
+    monkeypatch.setenv("TERM", "xterm")
+    out, err = Terminal(), Terminal()
+    monkeypatch.setattr("sys.stdout", out)
+    monkeypatch.setattr("sys.stderr", err)
+    with FakeStation(answer=sent_by("g5")) as station:
+        assert sent(station, CAM, "--count", "50") == 0
+    assert "50/50" in out.getvalue()
+    assert out.getvalue().count("\x1b[2K") > 0
+    assert "50 given to the station: 50 sent" in out.getvalue()
+
+
 def test_json_is_one_object_for_each_message(capsys):
     with FakeStation(answer=sent_by("g5")) as station:
         assert sent(station, CAM, "--json", "--label", "a") == 0
@@ -216,6 +233,10 @@ def test_wrong_hexadecimal_is_refused_before_anything_is_sent(capsys):
         ["--area", "circle:1,2,3,4"],
         ["--area", "square:1,2,3"],
         ["--area", "circle:1,2,x"],
+        ["--area", "circle:91,2,3"],
+        ["--area", "circle:1,-181,3"],
+        ["--area", "circle:1,2,65536"],
+        ["--area", "rectangle:1,2,3,4,361"],
         ["--area", "ellipse:1,2,nan,4"],
         ["--format", "pcap"],
     ],
