@@ -5,6 +5,7 @@ import os
 import socket
 import struct
 from collections.abc import Callable
+from contextlib import ExitStack
 from typing import NamedTuple
 
 from board.errors import InterfaceError
@@ -12,7 +13,7 @@ from board.loop import Loop
 
 # Numbers of linux/if.h, linux/sockios.h and linux/rtnetlink.h.
 IFF_UP, IFF_RUNNING = 0x1, 0x40
-SIOCGIFFLAGS, SIOCGIFHWADDR = 0x8913, 0x8927
+SIOCGIFFLAGS, SIOCGIFHWADDR, SIOCGIFINDEX = 0x8913, 0x8927, 0x8933
 GROUP_LINK = 1
 
 BATCH = 64  # netlink messages read in one turn
@@ -38,15 +39,9 @@ class Device(NamedTuple):
 
 
 def device(name: str) -> Device | None:
-    """Look a network device up by its name; None where there is none."""
+    """Look a network device up by its name; None where there is none. Raises OSError without a free descriptor."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asker:
-        try:
-            number = socket.if_nametoindex(name)
-            flags = struct.unpack_from("=H", _ask(asker, SIOCGIFFLAGS, name), 16)[0]
-            mac = _ask(asker, SIOCGIFHWADDR, name)[18:24]
-        except OSError:  # ENODEV, ENXIO: it may also go between two of these questions
-            return None
-    return Device(number, bool(flags & IFF_UP), bool(flags & IFF_RUNNING), mac)
+        return _device(asker, name)
 
 
 class DeviceWatch:
@@ -61,14 +56,17 @@ class DeviceWatch:
         self._loop = loop
         self._name = name
         self._changed = changed
-        self._state = device(name)
-        self._socket = socket.socket(socket.AF_NETLINK, socket.SOCK_RAW | socket.SOCK_NONBLOCK, 0)
-        try:
-            self._socket.bind((0, GROUP_LINK))
-        except OSError as error:
-            self._socket.close()
-            raise InterfaceError(f"{name}: cannot watch network devices: {error.strerror}") from error
-        loop.add(self)
+        with ExitStack() as opening:
+            try:
+                # Any socket answers the questions: this one does, so that a look needs no further descriptor.
+                self._socket = socket.socket(socket.AF_NETLINK, socket.SOCK_RAW | socket.SOCK_NONBLOCK, 0)
+                opening.enter_context(self._socket)
+                self._socket.bind((0, GROUP_LINK))
+            except OSError as error:
+                raise InterfaceError(f"{name}: cannot watch network devices: {error.strerror}") from error
+            self._state = _device(self._socket, name)
+            loop.add(self)
+            opening.pop_all()
 
     @property
     def state(self) -> Device | None:
@@ -89,7 +87,7 @@ class DeviceWatch:
 
     def look(self) -> None:
         """Ask for the state now, and call if it is another one."""
-        before, now = self._state, device(self._name)
+        before, now = self._state, _device(self._socket, self._name)
         if now == before:
             return
         is_another = now is not None and before is not None and now.number != before.number
@@ -101,6 +99,16 @@ class DeviceWatch:
         if self._socket.fileno() >= 0:
             self._loop.remove(self)
             self._socket.close()
+
+
+def _device(asker: socket.socket, name: str) -> Device | None:
+    try:
+        number = struct.unpack_from("=i", _ask(asker, SIOCGIFINDEX, name), 16)[0]
+        flags = struct.unpack_from("=H", _ask(asker, SIOCGIFFLAGS, name), 16)[0]
+        mac = _ask(asker, SIOCGIFHWADDR, name)[18:24]
+    except OSError:  # ENODEV, ENXIO: it may also go between two of these questions
+        return None
+    return Device(number, bool(flags & IFF_UP), bool(flags & IFF_RUNNING), mac)
 
 
 def _ask(asker: socket.socket, question: int, name: str) -> bytes:

@@ -113,14 +113,14 @@ class Morse:
         self._poll = self._host.loop.after(POLL_S, self._look)
         try:
             for path in _files(self._options.listen)[:1]:
-                self._hear(path)
+                with open(path, "rb") as file:
+                    octets = file.read(MAX_FILE)
+                os.unlink(path)
+                self._hear(octets)
         except OSError as error:
             self._host.fail(InterfaceError(f"{self._options.listen}: {error.strerror}"))
 
-    def _hear(self, path: str) -> None:
-        with open(path, "rb") as file:
-            octets = file.read(MAX_FILE)
-        os.unlink(path)
+    def _hear(self, octets: bytes) -> None:
         heard = morse.decode(morse.read_wav(octets))
         if isinstance(heard, Reason):
             self._host.drop(heard, octets)

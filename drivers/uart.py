@@ -98,6 +98,8 @@ class Uart:
     def _take(self, events: list[Event]) -> None:
         received_ns = time.time_ns()
         for event in events:
+            if self._port is None:  # what was indicated stopped the interface
+                return
             if isinstance(event, Frame):
                 rx = RxInfo(btp_port=event.port) if event.port else NO_RX_INFO
                 self._host.indicate(event.pdu, received_ns, rx)

@@ -1,7 +1,7 @@
 """A station above a driver under test: it answers as a station does and remembers what it was told."""
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 from board.errors import StationError
 from board.loop import Loop
@@ -33,6 +33,7 @@ class Host:
         self.links: list[tuple[bool, str]] = []
         self.failures: list[StationError] = []
         self.times_writable = 0
+        self.on_indication: Callable[[], None] = lambda: None
 
     @property
     def pdus(self) -> list[bytes]:
@@ -51,6 +52,7 @@ class Host:
         self.count += 1
         if self.keeps:
             self.indications.append((pdu, received_ns, rx))
+        self.on_indication()
 
     def heard(self, mac: bytes, rssi_dbm: int | None) -> None:
         self.neighbours.append(mac)

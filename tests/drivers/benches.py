@@ -1,0 +1,224 @@
+"""One bench per driver: the interface under test and what is at the other end of it."""
+
+import os
+import socket
+import subprocess
+from pathlib import Path
+from typing import ClassVar
+
+from board.netlink import device
+from drivers.contract import Driver
+from drivers.ethernet import Ethernet, EthernetOptions
+from drivers.message import Ego, Position
+from drivers.morse import Morse, MorseOptions
+from drivers.sim.serial_line import SerialLine
+from drivers.uart import Uart, UartOptions
+from drivers.udp import Udp, UdpOptions
+from drivers.udp_socket import address, open_group, open_sender
+from drivers.wire import btp, frame, morse
+from drivers.wire.geonet import GeoNetworking, Received
+from drivers.wire.serial_frame import Frame
+from tests.drivers.host import SHARED, request
+from tests.virtual import VirtualLoop
+
+GROUP = "239.118.122.97:8947"
+NOWHERE = Ego(722_130_000_000, Position(), is_known=False)
+
+
+def ip(command: str) -> None:
+    subprocess.run(["ip", *command.split()], check=True)
+
+
+class OtherStation:
+    """A GeoNetworking station that makes and reads frames."""
+
+    def __init__(self) -> None:
+        self._mac = bytes.fromhex("020000000077")
+        self._core = GeoNetworking(self._mac, beacon_s=0.0)
+
+    def encode(self, pdu: bytes) -> bytes:
+        return frame.wrap(self._mac, self._core.encode(request(pdu), 0.0, NOWHERE))
+
+    def decode(self, octets: bytes) -> bytes:
+        ethernet = frame.unwrap(octets)
+        assert isinstance(ethernet, frame.Ethernet)
+        event = self._core.receive(ethernet.packet, ethernet.source, 0.0, NOWHERE)
+        assert isinstance(event, Received)
+        return event.pdu
+
+
+class NetworkBench:
+    """A veth pair: v2x0 is the station's, air0 the other end."""
+
+    def __init__(self, loop: VirtualLoop, folder: Path) -> None:
+        self.driver = self.make()
+        self._station = OtherStation()
+        self._sockets: list[socket.socket] = []
+
+    def make(self) -> Driver:
+        raise NotImplementedError
+
+    def open(self) -> None:
+        raise NotImplementedError
+
+    def plug(self) -> None:
+        ip("link add v2x0 type veth peer name air0")
+        ip("addr add 10.0.0.1/24 dev v2x0")
+        for name in ("v2x0", "air0"):
+            Path(f"/proc/sys/net/ipv6/conf/{name}/disable_ipv6").write_text("1")
+            ip(f"link set {name} up")
+        self.open()
+
+    def unplug(self) -> None:
+        ip("link del v2x0")
+        self.close()
+
+    def close(self) -> None:
+        for one in self._sockets:
+            one.close()
+        self._sockets = []
+
+    def say(self, pdu: bytes) -> None:
+        self._sockets[1].send(self.encode(pdu))
+
+    def heard(self) -> list[bytes]:
+        found = []
+        try:
+            while True:
+                octets = self._sockets[0].recv(4096)
+                if self.is_theirs(octets):
+                    found.append(self.decode(octets))
+        except BlockingIOError:
+            return found
+
+    def is_theirs(self, octets: bytes) -> bool:
+        return True
+
+    def encode(self, pdu: bytes) -> bytes:
+        return self._station.encode(pdu)
+
+    def decode(self, octets: bytes) -> bytes:
+        return self._station.decode(octets)
+
+
+class UdpBench(NetworkBench):
+    framing: ClassVar = "ethernet"
+
+    def make(self) -> Driver:
+        return Udp(UdpOptions(framing=self.framing, group=GROUP, device="v2x0", beacon_s=0.0), SHARED)
+
+    def open(self) -> None:
+        self._sockets = [open_group(address(GROUP), "v2x0"), open_sender(address(GROUP), "v2x0")]
+
+    def is_theirs(self, octets: bytes) -> bool:
+        return octets != self._last
+
+    _last = b""
+
+    def say(self, pdu: bytes) -> None:
+        self._last = self.encode(pdu)
+        self._sockets[1].send(self._last)
+
+
+class BtpBench(UdpBench):
+    framing: ClassVar = "btp"
+
+    def encode(self, pdu: bytes) -> bytes:
+        return btp.encode(btp.BtpB(request(pdu).btp_port), pdu)
+
+    def decode(self, octets: bytes) -> bytes:
+        return btp.decode_b(octets)[1]
+
+
+class PduBench(UdpBench):
+    framing: ClassVar = "pdu"
+
+    def encode(self, pdu: bytes) -> bytes:
+        return pdu
+
+    def decode(self, octets: bytes) -> bytes:
+        return octets
+
+
+class EthernetBench(NetworkBench):
+    def make(self) -> Driver:
+        return Ethernet(EthernetOptions(device="v2x0", beacon_s=0.0), SHARED)
+
+    def open(self) -> None:
+        cable = socket.socket(socket.AF_PACKET, socket.SOCK_RAW | socket.SOCK_NONBLOCK, 0)
+        cable.bind(("air0", 0x8947))
+        assert device("air0") is not None
+        self._sockets = [cable, cable]
+
+
+class UartBench:
+    """A pty behind a name that stays the same, as one of /dev/serial/by-id."""
+
+    def __init__(self, loop: VirtualLoop, folder: Path) -> None:
+        self._loop = loop
+        self._path = folder / "tty"
+        self.driver = Uart(UartOptions(device=str(self._path)), SHARED)
+
+    def plug(self) -> None:
+        self._line = SerialLine(self._loop)
+        self._path.symlink_to(self._line.path)
+
+    def unplug(self) -> None:
+        self._path.unlink()
+        self._line.unplug()
+
+    def close(self) -> None:
+        self._line.unplug()
+
+    def say(self, pdu: bytes) -> None:
+        self._line.say(request(pdu).btp_port, pdu)
+
+    def heard(self) -> list[bytes]:
+        found, self._line.heard = self._line.heard, []
+        return [event.pdu for event in found if isinstance(event, Frame)]
+
+
+class MorseBench:
+    """Two directories: one for each direction."""
+
+    def __init__(self, loop: VirtualLoop, folder: Path) -> None:
+        self._speak, self._listen = folder / "speak", folder / "listen"
+        self._count = 0
+        self.driver = Morse(MorseOptions(speak=str(self._speak), listen=str(self._listen)), SHARED)
+
+    def plug(self) -> None:
+        self._speak.mkdir()
+        self._listen.mkdir()
+
+    def unplug(self) -> None:
+        for folder in (self._speak, self._listen):
+            for path in folder.iterdir():
+                path.unlink()
+            folder.rmdir()
+
+    def close(self) -> None: ...
+
+    def say(self, pdu: bytes) -> None:
+        self._count += 1
+        part = self._listen / "part"
+        part.write_bytes(morse.write_wav(morse.encode(pdu), 20))
+        os.rename(part, self._listen / f"{self._count:09}.wav")
+
+    def heard(self) -> list[bytes]:
+        found = []
+        for path in sorted(self._speak.glob("*.wav")):
+            pdu = morse.decode(morse.read_wav(path.read_bytes()))
+            assert isinstance(pdu, bytes)
+            found.append(pdu)
+            path.unlink()
+        return found
+
+
+BENCHES = {
+    "udp-pdu": PduBench,
+    "udp-btp": BtpBench,
+    "udp-ethernet": UdpBench,
+    "ethernet": EthernetBench,
+    "uart": UartBench,
+    "morse": MorseBench,
+}

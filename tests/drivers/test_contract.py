@@ -1,0 +1,187 @@
+"""What every driver promises, whatever is at its other end: drivers/contract.py."""
+
+import os
+import resource
+
+import pytest
+
+from board.errors import InterfaceError
+from drivers import DRIVERS
+from drivers.contract import Can, Sent
+from drivers.message import RxInfo
+from tests.drivers.benches import BENCHES
+from tests.drivers.host import CAM, DENM, requests
+
+pytestmark = [pytest.mark.namespace, pytest.mark.parametrize("kind", BENCHES)]
+
+PDUS = [CAM, DENM, CAM + bytes(300), bytes(range(256))]
+
+
+@pytest.fixture
+def bench(loop, kind, tmp_path):
+    # Plugged in by each test: the network namespace is the test's own, not the fixture's.
+    return BENCHES[kind](loop, tmp_path)
+
+
+def descriptors():
+    return {name: os.readlink(f"/proc/self/fd/{name}") for name in os.listdir("/proc/self/fd") if _is_open(name)}
+
+
+def _is_open(name):
+    return os.path.lexists(f"/proc/self/fd/{name}") and "/fd" not in os.readlink(f"/proc/self/fd/{name}")
+
+
+def sources(loop):
+    return len(loop._sources)
+
+
+def send_all(loop, host, driver, pdus):
+    """Send as a host does: what is BUSY waits for writable()."""
+    for wanted in requests(pdus):
+        while (outcome := driver.send(wanted)) is Sent.BUSY:
+            before = host.times_writable
+            loop.run_until(lambda before=before: host.times_writable > before)
+        if outcome is Sent.LATER:
+            loop.run_until(lambda wanted=wanted: (wanted, None) in host.confirms)
+
+
+def test_its_link_is_up_when_start_returns(bench, host):
+    bench.plug()
+    bench.driver.start(host)
+    assert [is_up for is_up, _ in host.links] == [True]
+    assert host.links[0][1]
+
+
+def test_it_indicates_what_the_other_end_says(bench, loop, host):
+    bench.plug()
+    bench.driver.start(host)
+    for pdu in PDUS:
+        bench.say(pdu)
+    loop.run_until(lambda: host.count == len(PDUS))
+    assert sorted(host.pdus) == sorted(PDUS)
+    assert host.drops == {}
+    assert all(received_ns > 1_600_000_000 * 10**9 for _, received_ns, _ in host.indications)
+
+
+def test_it_fills_only_the_metadata_that_it_declares(bench, loop, host):
+    bench.plug()
+    bench.driver.start(host)
+    bench.say(CAM)
+    loop.run_until(lambda: host.indications)
+    nothing, found = RxInfo(), host.indications[0][2]
+    filled = {name for name in RxInfo._fields if getattr(found, name) != getattr(nothing, name)}
+    assert filled - {"transport"} <= bench.driver.capabilities.metadata
+
+
+def test_it_sends_requests_unchanged_and_confirms_them(bench, loop, host):
+    bench.plug()
+    bench.driver.start(host)
+    send_all(loop, host, bench.driver, PDUS)
+    heard = []
+    loop.run_until(lambda: heard.extend(bench.heard()) or len(heard) == len(PDUS))
+    assert heard == PDUS
+    assert host.failures == []
+
+
+def test_it_carries_the_longest_pdu_that_it_declares(bench, loop, host):
+    size = bench.driver.capabilities.max_payload
+    longest, other = CAM.ljust(size, b"\xa5"), DENM.ljust(size, b"\x5a")
+    bench.plug()
+    bench.driver.start(host)
+    send_all(loop, host, bench.driver, [longest])
+    bench.say(other)
+    heard = []
+    loop.run_until(lambda: (heard.extend(bench.heard()) or heard) and host.pdus)
+    assert (heard, host.pdus) == ([longest], [other])
+
+
+def test_it_fails_when_its_device_disappears_and_serves_again_when_it_is_back(bench, loop, host):
+    bench.plug()
+    bench.driver.start(host)
+    bench.unplug()
+    loop.run_until(lambda: host.failures)
+    assert isinstance(host.failures[0], InterfaceError)
+    bench.driver.stop()
+    before = descriptors()
+    for _ in range(3):
+        with pytest.raises(InterfaceError):
+            bench.driver.start(host)
+    assert descriptors() == before
+    bench.plug()
+    bench.driver.start(host)
+    bench.say(DENM)
+    send_all(loop, host, bench.driver, [CAM])
+    heard = []
+    loop.run_until(lambda: (heard.extend(bench.heard()) or heard) and host.pdus)
+    assert (heard, host.pdus) == ([CAM], [DENM])
+    assert len(host.failures) == 1
+
+
+def test_it_may_be_stopped_before_it_was_started(bench):
+    bench.driver.stop()
+    bench.driver.stop()
+
+
+def test_stopped_it_leaves_no_descriptor_no_source_and_no_timer(bench, loop, host):
+    bench.plug()
+    before, others = descriptors(), sources(loop)
+    bench.driver.start(host)
+    send_all(loop, host, bench.driver, PDUS)
+    bench.driver.stop()
+    bench.driver.stop()
+    assert (descriptors(), sources(loop)) == (before, others)
+    bench.close()
+    loop.run_for(1)
+    assert loop.delay() is None
+
+
+def test_stopped_it_says_nothing_more(bench, loop, host):
+    bench.plug()
+    bench.driver.start(host)
+    bench.driver.stop()
+    told = len(host.links)
+    bench.say(CAM)
+    loop.run_for(10)
+    assert (host.total, len(host.links), host.failures) == (0, told, [])
+
+
+def test_it_may_be_stopped_by_what_it_indicates(bench, loop, host):
+    bench.plug()
+    bench.driver.start(host)
+    host.on_indication = bench.driver.stop
+    for pdu in PDUS:
+        bench.say(pdu)
+    loop.run_until(lambda: host.count)
+    loop.run_for(10)
+    assert (host.count, host.failures) == (1, [])
+
+
+@pytest.mark.parametrize("free", range(6))
+def test_a_start_that_fails_for_want_of_descriptors_closes_what_it_had_opened(bench, loop, host, kind, free):
+    bench.plug()
+    bench.driver.start(host)  # what is imported at the first start is imported
+    bench.driver.stop()
+    before, others = descriptors(), sources(loop)
+    highest = max(map(int, before))
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    holes = [os.open("/dev/null", os.O_RDONLY) for _ in range(highest - len(before) + 2)]
+    resource.setrlimit(resource.RLIMIT_NOFILE, (max(highest, *holes) + 1 + free, hard))
+    try:
+        bench.driver.start(host)
+    except InterfaceError:
+        assert not host.failures
+    else:
+        bench.driver.stop()
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+        for hole in holes:
+            os.close(hole)
+    assert (descriptors(), sources(loop)) == (before, others)
+    bench.driver.start(host)
+
+
+def test_every_driver_has_a_bench(kind):
+    assert {name.partition("-")[0] for name in BENCHES} == set(DRIVERS)
+    driver = DRIVERS[kind.partition("-")[0]]
+    assert Can.RECEIVE in driver.capabilities.can
+    assert driver.Options.__doc__
