@@ -9,7 +9,7 @@ import socket
 import subprocess
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from board.child import program
@@ -104,7 +104,7 @@ class Child:
         return "\n  ".join(self._lines) or "it said nothing"
 
 
-def _die_with(parent: int):  # type: ignore[no-untyped-def]
+def _die_with(parent: int) -> Callable[[], None]:
     """What the child does before it becomes the program: ask for SIGTERM when its parent is gone."""
 
     def ask() -> None:
