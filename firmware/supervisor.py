@@ -43,13 +43,12 @@ class Supervised:
         try:
             self.interface.driver.start(self.interface)
         except StationError as error:
-            self._retry(error)
+            if self._state == "starting":  # else it has failed before it raised, and a retry is on its way
+                self._retry(error)
             return
-        # A driver may have failed from inside start(): then a retry is already on its way.
         if self._state == "starting":
             self._state = "running"
-            self._said = ""
-            self._loop.after(MOST_S, self._forgive)
+            self._timer = self._loop.after(MOST_S, self._forgive)
 
     def stop(self) -> None:
         if self._timer is not None:
@@ -76,6 +75,8 @@ class Supervised:
         self._retry(error)
 
     def _retry(self, error: StationError) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
         self._state = "waiting"
         self.restarts += 1
         delay = self._delay * (1.0 + JITTER * (2.0 * self._chance() - 1.0))
@@ -88,5 +89,6 @@ class Supervised:
         self._timer = self._loop.after(delay, self.start)
 
     def _forgive(self) -> None:
-        if self._state == "running":
-            self._delay = FIRST_S
+        """It has run for as long as the longest delay: its next fault is a new one."""
+        self._delay = FIRST_S
+        self._said = ""
