@@ -156,7 +156,8 @@ def _is_deserted(path: str) -> bool:
     """Whether a socket file is there that nobody listens on any more: a station that was killed left it."""
     if not Path(path).is_socket():
         return False
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
+    # A station that is stuck accepts nobody: whoever waited for it would be stuck as well.
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_NONBLOCK) as probe:
         try:
             probe.connect(path)
         except ConnectionRefusedError:
