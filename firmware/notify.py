@@ -16,7 +16,7 @@ class ServiceNotice:
         self._address = "\0" + address[1:] if address.startswith("@") else address
         is_ours = environment.get("WATCHDOG_PID", str(os.getpid())) == str(os.getpid())
         watchdog_us = environment.get("WATCHDOG_USEC", "") if is_ours else ""
-        self.watchdog_s = int(watchdog_us) / 1e6 if watchdog_us.isdigit() else 0.0
+        self.watchdog_s = int(watchdog_us) / 1e6 if watchdog_us.isdecimal() else 0.0
 
     def send(self, text: str) -> None:
         if not self._address:
