@@ -51,7 +51,7 @@ class Users:
         if self._is_raw_wanted:
             publish(RAW, raw.build(indication.pdu, indication.received_ns, indication.rx, self._local_info()))
             self.raw += 1
-        publish(self._envelopes[indication.kind.index], indication.pdu)
+        publish(self._envelopes[indication.kind.row], indication.pdu)
         self.published += 1
 
     def _local_info(self) -> tuple[int, tuple[int, int]] | None:
