@@ -28,11 +28,13 @@ check: setup-test ## lint, format, types, and who may import whom
 	@.venv/bin/mypy
 	@$(PYTEST) tests/test_imports.py
 
-bench: setup-test ## latency, loss-free rate, processor and memory beside a C forwarder in the same run
+bench: setup-test binary ## latency, loss-free rate, processor and memory beside a C forwarder in the same run
 	@.venv/bin/python -m tests.bench $(ARGS)
 
-lab: setup-test ## ten types of message at 10 Hz from one station to another: sent, received, equal, lost
-	@.venv/bin/captain lab $(ARGS)
+lab: setup-test ## ten messages at 10 Hz for 60 s between two stations, by UDP and by raw Ethernet; tshark decodes all
+	@mkdir -p build
+	@.venv/bin/captain lab --capture build/lab-udp.pcap --decode $(ARGS)
+	@.venv/bin/captain lab --capture build/lab-ethernet.pcap --decode --veth $(ARGS)
 
 binary: setup-freeze ## one file to copy by hand and one directory for the image, in build/binary
 	@.ci/freeze
