@@ -29,6 +29,15 @@ def ip(command: str) -> None:
     subprocess.run(["ip", *command.split()], check=True)
 
 
+def wait_for_carrier(*names: str) -> None:
+    """Until devices that were set up run: the kernel tells a moment later, by netlink."""
+    with socket.socket(socket.AF_NETLINK, socket.SOCK_RAW, 0) as news:
+        news.bind((0, 1))
+        news.settimeout(2)
+        while not all((found := device(name)) and found.is_usable for name in names):
+            news.recv(4096)
+
+
 class OtherStation:
     """A GeoNetworking station that makes and reads frames."""
 
@@ -50,6 +59,8 @@ class OtherStation:
 class NetworkBench:
     """A veth pair: v2x0 is the station's, air0 the other end."""
 
+    patience_s = 2.0  # real time for the kernel to tell
+
     def __init__(self, loop: VirtualLoop, folder: Path) -> None:
         self.driver = self.make()
         self._station = OtherStation()
@@ -67,6 +78,7 @@ class NetworkBench:
         for name in ("v2x0", "air0"):
             Path(f"/proc/sys/net/ipv6/conf/{name}/disable_ipv6").write_text("1")
             ip(f"link set {name} up")
+        wait_for_carrier("v2x0", "air0")
         self.open()
 
     def unplug(self) -> None:
@@ -147,12 +159,13 @@ class EthernetBench(NetworkBench):
     def open(self) -> None:
         cable = socket.socket(socket.AF_PACKET, socket.SOCK_RAW | socket.SOCK_NONBLOCK, 0)
         cable.bind(("air0", 0x8947))
-        assert device("air0") is not None
         self._sockets = [cable, cable]
 
 
 class UartBench:
     """A pty behind a name that stays the same, as one of /dev/serial/by-id."""
+
+    patience_s = 2.0
 
     def __init__(self, loop: VirtualLoop, folder: Path) -> None:
         self._loop = loop
@@ -180,6 +193,8 @@ class UartBench:
 
 class MorseBench:
     """Two directories: one for each direction."""
+
+    patience_s = 0.0  # a file is there when it is written, and the driver looks by a timer
 
     def __init__(self, loop: VirtualLoop, folder: Path) -> None:
         self._speak, self._listen = folder / "speak", folder / "listen"

@@ -8,6 +8,7 @@ from board.loop import Loop
 from drivers.contract import Shared
 from drivers.message import NO_RX_INFO, Area, Ego, MessageType, Position, Request, RxInfo
 from drivers.reason import Reason
+from tests.virtual import VirtualLoop
 
 MAC = bytes.fromhex("02000000000c")
 SHARED = Shared(mac=MAC, types_by_port={2001: 2, 2002: 1})
@@ -76,6 +77,13 @@ class Host:
 
     def ego(self) -> Ego:
         return EGO
+
+
+def told(loop: VirtualLoop, is_done: Callable[[], bool], patience_s: float = 2.0) -> None:
+    """Turn until the kernel has told something. Its own threads tell it: they get more real time than usual."""
+    usual, loop.patience_s = loop.patience_s, patience_s
+    loop.run_until(is_done)
+    loop.patience_s = usual
 
 
 def request(pdu: bytes, number: int = 1, area: Area | None = None) -> Request:

@@ -10,7 +10,7 @@ from drivers import DRIVERS
 from drivers.contract import Can, Sent
 from drivers.message import RxInfo
 from tests.drivers.benches import BENCHES
-from tests.drivers.host import CAM, DENM, requests
+from tests.drivers.host import CAM, DENM, requests, told
 
 pytestmark = [pytest.mark.namespace, pytest.mark.parametrize("kind", BENCHES)]
 
@@ -57,7 +57,7 @@ def test_it_indicates_what_the_other_end_says(bench, loop, host):
     bench.driver.start(host)
     for pdu in PDUS:
         bench.say(pdu)
-    loop.run_until(lambda: host.count == len(PDUS))
+    told(loop, lambda: host.count == len(PDUS), bench.patience_s)
     assert sorted(host.pdus) == sorted(PDUS)
     assert host.drops == {}
     assert all(received_ns > 1_600_000_000 * 10**9 for _, received_ns, _ in host.indications)
@@ -67,7 +67,7 @@ def test_it_fills_only_the_metadata_that_it_declares(bench, loop, host):
     bench.plug()
     bench.driver.start(host)
     bench.say(CAM)
-    loop.run_until(lambda: host.indications)
+    told(loop, lambda: host.indications, bench.patience_s)
     nothing, found = RxInfo(), host.indications[0][2]
     filled = {name for name in RxInfo._fields if getattr(found, name) != getattr(nothing, name)}
     assert filled - {"transport"} <= bench.driver.capabilities.metadata
@@ -78,7 +78,7 @@ def test_it_sends_requests_unchanged_and_confirms_them(bench, loop, host):
     bench.driver.start(host)
     send_all(loop, host, bench.driver, PDUS)
     heard = []
-    loop.run_until(lambda: heard.extend(bench.heard()) or len(heard) == len(PDUS))
+    told(loop, lambda: heard.extend(bench.heard()) or len(heard) == len(PDUS), bench.patience_s)
     assert heard == PDUS
     assert host.failures == []
 
@@ -91,7 +91,7 @@ def test_it_carries_the_longest_pdu_that_it_declares(bench, loop, host):
     send_all(loop, host, bench.driver, [longest])
     bench.say(other)
     heard = []
-    loop.run_until(lambda: (heard.extend(bench.heard()) or heard) and host.pdus)
+    told(loop, lambda: (heard.extend(bench.heard()) or heard) and host.pdus, bench.patience_s)
     assert (heard, host.pdus) == ([longest], [other])
 
 
@@ -99,7 +99,7 @@ def test_it_fails_when_its_device_disappears_and_serves_again_when_it_is_back(be
     bench.plug()
     bench.driver.start(host)
     bench.unplug()
-    loop.run_until(lambda: host.failures)
+    told(loop, lambda: host.failures, bench.patience_s)
     assert isinstance(host.failures[0], InterfaceError)
     bench.driver.stop()
     before = descriptors()
@@ -112,7 +112,7 @@ def test_it_fails_when_its_device_disappears_and_serves_again_when_it_is_back(be
     bench.say(DENM)
     send_all(loop, host, bench.driver, [CAM])
     heard = []
-    loop.run_until(lambda: (heard.extend(bench.heard()) or heard) and host.pdus)
+    told(loop, lambda: (heard.extend(bench.heard()) or heard) and host.pdus, bench.patience_s)
     assert (heard, host.pdus) == ([CAM], [DENM])
     assert len(host.failures) == 1
 
@@ -151,7 +151,7 @@ def test_it_may_be_stopped_by_what_it_indicates(bench, loop, host):
     host.on_indication = bench.driver.stop
     for pdu in PDUS:
         bench.say(pdu)
-    loop.run_until(lambda: host.count)
+    told(loop, lambda: host.count, bench.patience_s)
     loop.run_for(10)
     assert (host.count, host.failures) == (1, [])
 

@@ -3,7 +3,6 @@
 import json
 import os
 import socket
-import subprocess
 from pathlib import Path
 
 import pytest
@@ -15,7 +14,8 @@ from drivers.contract import Sent
 from drivers.ethernet import Ethernet, EthernetOptions
 from drivers.message import Area, Position, Shape
 from drivers.reason import Reason
-from tests.drivers.host import CAM, DENM, EGO, MAC, SHARED, Host, request
+from tests.drivers.benches import ip, wait_for_carrier
+from tests.drivers.host import CAM, DENM, EGO, MAC, SHARED, Host, request, told
 
 CAPTURES = json.loads((Path(__file__).parents[1] / "captures" / "frames.json").read_text())
 FRAMES = {frame["name"]: bytes.fromhex(frame["hex"]) for frame in CAPTURES["frames"]}
@@ -24,14 +24,11 @@ DENM_FRAME = CAM_FRAME.replace(bytes.fromhex("07d1"), bytes.fromhex("07d2"), 1)
 PDU = CAM_FRAME[58:]
 
 
-def ip(command):
-    subprocess.run(["ip", *command.split()], check=True)
-
-
 def veth():
     ip("link add v2x0 type veth peer name air0")
     ip("link set v2x0 up")
     ip("link set air0 up")
+    wait_for_carrier("v2x0", "air0")
 
 
 def air():
@@ -54,7 +51,7 @@ def test_a_frame_of_another_station_arrives_with_all_that_it_says(loop, host):
     veth()
     started(host)
     air().send(CAM_FRAME)
-    loop.run_until(lambda: host.indications)
+    told(loop, lambda: host.indications)
     ((pdu, received_ns, rx),) = host.indications
     assert pdu == PDU
     assert received_ns > 1_600_000_000 * 10**9
@@ -79,7 +76,7 @@ def test_a_request_with_an_area_is_a_geobroadcast_and_arrives_as_one(loop, host)
     started(other, device="air0")
     area = Area(Shape.CIRCLE, EGO.position, 500)
     driver.send(request(DENM, area=area))
-    loop.run_until(lambda: other.indications)
+    told(loop, lambda: other.indications)
     ((pdu, _, rx),) = other.indications
     assert (pdu, rx.btp_port, rx.transport, rx.area) == (DENM, 2002, "gbc", area)
 
@@ -108,7 +105,7 @@ def test_denms_are_read_before_a_queue_of_cams(loop, host):
     other = air()
     for frame in [CAM_FRAME] * 20 + [DENM_FRAME] * 3:
         other.send(frame)
-    loop.run_until(lambda: host.count == 23)
+    told(loop, lambda: host.count == 23)
     ports = [rx.btp_port for _, _, rx in host.indications]
     assert ports == [2001] * 8 + [2002] * 3 + [2001] * 12
 
@@ -122,7 +119,7 @@ def test_what_the_kernel_dropped_is_counted_to_the_last_frame(loop, host, frame)
         other.send(frame)
     driver.refresh()
     dropped = host.drops[Reason.KERNEL_QUEUE]
-    loop.run_until(lambda: host.count == 3000 - dropped)
+    told(loop, lambda: host.count == 3000 - dropped)
     driver.refresh()
     assert host.drops == {Reason.KERNEL_QUEUE: dropped}
     assert 0 < host.count < 3000
@@ -134,7 +131,7 @@ def test_own_frames_that_come_back_are_named(loop, host):
     other = air()
     driver.send(request(CAM))
     other.send(other.recv(2048))
-    loop.run_until(lambda: host.total)
+    told(loop, lambda: host.total)
     assert host.drops == {Reason.OWN_ECHO: 1}
 
 
@@ -149,7 +146,7 @@ def test_frames_to_other_stations_are_taken_only_when_promiscuous(loop, host):
     driver.stop()
     started(second, promiscuous=True)
     air().send(frame)
-    loop.run_until(lambda: second.total)
+    told(loop, lambda: second.total)
     assert (alone, second.pdus) == (0, [PDU])
 
 
@@ -159,7 +156,7 @@ def test_a_device_that_is_down_at_the_start_is_waited_for(loop, host):
     driver = started(host)
     assert host.links == [(False, "v2x0 is down or has no carrier: ip link set v2x0 up")]
     ip("link set v2x0 up")
-    loop.run_until(lambda: host.is_up)
+    told(loop, lambda: host.is_up)
     assert driver.send(request(CAM)) is Sent.NOW
 
 
@@ -167,9 +164,9 @@ def test_a_cable_that_is_pulled_takes_the_link_down_and_up_again(loop, host):
     veth()
     driver = started(host)
     ip("link set air0 down")
-    loop.run_until(lambda: not host.is_up)
+    told(loop, lambda: not host.is_up)
     ip("link set air0 up")
-    loop.run_until(lambda: host.is_up)
+    told(loop, lambda: host.is_up)
     other = air()
     assert driver.send(request(CAM)) is Sent.NOW
     assert other.recv(2048).endswith(CAM)
@@ -180,7 +177,7 @@ def test_a_device_that_is_gone_fails_the_interface_and_serves_again_when_it_is_b
     veth()
     driver = started(host)
     ip("link del v2x0")
-    loop.run_until(lambda: host.failures)
+    told(loop, lambda: host.failures)
     assert str(host.failures[0]) == "network device v2x0 is gone"
     driver.stop()
     with pytest.raises(InterfaceError, match="v2x0: no such network device"):
@@ -188,7 +185,7 @@ def test_a_device_that_is_gone_fails_the_interface_and_serves_again_when_it_is_b
     veth()
     driver.start(host)
     air().send(CAM_FRAME)
-    loop.run_until(lambda: host.indications)
+    told(loop, lambda: host.indications)
 
 
 def test_a_device_made_again_under_its_name_is_not_mistaken_for_the_old_one(loop, host):
@@ -196,7 +193,7 @@ def test_a_device_made_again_under_its_name_is_not_mistaken_for_the_old_one(loop
     started(host)
     ip("link del v2x0")
     veth()
-    loop.run_until(lambda: host.failures)
+    told(loop, lambda: host.failures)
 
 
 def test_sending_by_a_device_that_has_just_gone_fails_once(loop, host):

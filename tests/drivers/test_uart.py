@@ -11,7 +11,7 @@ from drivers.reason import Reason
 from drivers.sim.serial_line import SerialLine
 from drivers.uart import Uart, UartOptions
 from drivers.wire.serial_frame import Frame, encode
-from tests.drivers.host import CAM, DENM, SHARED, request
+from tests.drivers.host import CAM, DENM, SHARED, request, told
 
 
 @pytest.fixture
@@ -41,7 +41,7 @@ def test_frames_cross_the_line_both_ways_with_their_ports(loop, host, line, star
     assert driver.send(request(DENM)) is Sent.NOW
     line.say(2001, CAM)
     line.say(0, CAM)
-    loop.run_until(lambda: line.heard and host.count == 2)
+    told(loop, lambda: line.heard and host.count == 2)
     assert line.heard == [Frame(2002, DENM)]
     assert [(pdu, rx.btp_port) for pdu, _, rx in host.indications] == [(CAM, 2001), (CAM, None)]
 
@@ -71,7 +71,7 @@ def test_a_line_that_takes_nothing_keeps_one_message_and_confirms_it_when_it_has
     line.listen()
     loop.run_until(lambda: host.times_writable)
     assert [(asked.number, reason) for asked, reason in host.confirms] == [(len(sent) - 1, None)]
-    loop.run_until(lambda: len(line.heard) == len(sent))
+    told(loop, lambda: len(line.heard) == len(sent))
     assert line.heard == [Frame(2001, pdu)] * len(sent)
     line.unplug()
 
@@ -79,9 +79,9 @@ def test_a_line_that_takes_nothing_keeps_one_message_and_confirms_it_when_it_has
 def test_garbage_and_damaged_frames_are_named_and_the_next_frame_passes(loop, host, line, start):
     start(line.path)
     line.say_octets(b"noise" + encode(2001, CAM)[:-1] + b"\xff" + encode(2002, DENM))
-    loop.run_until(lambda: host.indications)
+    told(loop, lambda: host.indications)
     line.say_octets(b"half of a frame: " + encode(2001, CAM)[:9])
-    loop.run_until(lambda: host.drops.total() == 2)
+    told(loop, lambda: host.drops.total() == 2, patience_s=0.3)
     assert host.pdus == [DENM]
     assert host.drops == {Reason.CHECKSUM: 1, Reason.FRAMING: 1}
     assert host.samples[0].startswith(b"noise")
@@ -90,7 +90,7 @@ def test_garbage_and_damaged_frames_are_named_and_the_next_frame_passes(loop, ho
 def test_an_unplugged_port_fails_the_interface_and_serves_when_it_is_back(loop, host, line, start):
     driver = start(line.path)
     line.unplug()
-    loop.run_until(lambda: host.failures)
+    told(loop, lambda: host.failures)
     assert str(host.failures[0]).startswith(f"{line.path} is gone")
     driver.stop()
     with pytest.raises(InterfaceError, match="no such file or directory"):
@@ -98,7 +98,7 @@ def test_an_unplugged_port_fails_the_interface_and_serves_when_it_is_back(loop, 
     again = SerialLine(loop)
     back = start(again.path)
     back.send(request(CAM))
-    loop.run_until(lambda: again.heard)
+    told(loop, lambda: again.heard)
     again.unplug()
 
 
@@ -110,7 +110,7 @@ def test_a_port_that_breaks_while_a_message_waits_keeps_the_loop_clean(loop, hos
         loop.run_for(0.01)
         outcome = driver.send(request(CAM.ljust(1500, b"\0")))
     line.unplug()
-    loop.run_until(lambda: host.failures)
+    told(loop, lambda: host.failures)
     driver.stop()
     loop.run_for(1)
     assert (len(host.failures), host.confirms) == (1, [])

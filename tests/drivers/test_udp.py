@@ -3,7 +3,6 @@
 import errno
 import os
 import socket
-import subprocess
 
 import pytest
 
@@ -14,7 +13,8 @@ from drivers.intake import SO_RCVBUFFORCE, enlarge
 from drivers.message import NO_RX_INFO
 from drivers.reason import Reason
 from drivers.udp import Udp, UdpOptions
-from tests.drivers.host import CAM, DENM, SHARED, Host, request
+from tests.drivers.benches import ip, wait_for_carrier
+from tests.drivers.host import CAM, DENM, SHARED, Host, request, told
 
 
 @pytest.fixture
@@ -215,15 +215,12 @@ def test_a_peer_that_returns_gets_the_next_message(start, peer):
         assert back.recv(2048) == DENM
 
 
-def _veth(name="v2x0", other="air0"):
-    commands = f"""
-        link add {name} type veth peer name {other}
-        addr add 10.0.0.1/24 dev {name}
-        addr add 10.0.1.1/24 dev {other}
-        link set {name} up
-        link set {other} up"""
-    for command in commands.strip().splitlines():
-        subprocess.run(["ip", *command.split()], check=True)
+def _veth():
+    ip("link add v2x0 type veth peer name air0")
+    ip("addr add 10.0.0.1/24 dev v2x0")
+    ip("link set v2x0 up")
+    ip("link set air0 up")
+    wait_for_carrier("v2x0")
 
 
 GROUP = "239.118.122.97:8947"
@@ -255,14 +252,14 @@ def test_a_device_that_goes_down_or_away_is_noticed(loop, host):
     driver = Udp(UdpOptions(framing="pdu", group=GROUP, device="v2x0"), SHARED)
     driver.start(host)
     assert host.is_up
-    subprocess.run(["ip", "link", "set", "v2x0", "down"], check=True)
-    loop.run_until(lambda: not host.is_up)
-    subprocess.run(["ip", "link", "set", "v2x0", "up"], check=True)
-    loop.run_until(lambda: host.is_up)
+    ip("link set v2x0 down")
+    told(loop, lambda: not host.is_up)
+    ip("link set v2x0 up")
+    told(loop, lambda: host.is_up)
     driver.send(request(CAM))
-    loop.run_until(lambda: host.drops[Reason.OWN_ECHO])
-    subprocess.run(["ip", "link", "del", "v2x0"], check=True)
-    loop.run_until(lambda: host.failures)
+    told(loop, lambda: host.drops[Reason.OWN_ECHO])
+    ip("link del v2x0")
+    told(loop, lambda: host.failures)
     assert str(host.failures[0]) == "network device v2x0 is gone"
 
 
