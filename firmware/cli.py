@@ -1,6 +1,7 @@
 """The command line: one verb, its arguments, and how failures are told."""
 
 import argparse
+import io
 import os
 import sys
 from types import ModuleType
@@ -59,6 +60,10 @@ def main(argv: list[str]) -> int:
     """Run one verb. Returns the exit status: 0 done, 1 failed, 2 wrong usage, 130 interrupted."""
     if not argv or argv[0] not in VERBS:
         return _help(argv)
+    for stream in (sys.stdout, sys.stderr):
+        # A name that the terminal's character set lacks is shown as an escape, not as a traceback.
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
     command = load(argv[0])
     parser = argparse.ArgumentParser(
         prog=f"captain {argv[0]}",

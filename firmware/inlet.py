@@ -139,6 +139,7 @@ class Inlet:
             asked = options.parse(third.bytes)
         except RequestError as error:
             log.debug("%s: %s", self._name, error)
-            self._router.refuse_message(Reason.BAD_OPTIONS, third.bytes, self._name, detail=str(error))
+            label = options.label_of(third.bytes)
+            self._router.refuse_message(Reason.BAD_OPTIONS, third.bytes, self._name, label=label, detail=str(error))
             return
         self._take(envelope, pdu, asked)

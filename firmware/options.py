@@ -55,6 +55,16 @@ class Parsed(NamedTuple):
 NOTHING_ASKED = Parsed(NO_OPTIONS, None)
 
 
+def label_of(frame: bytes) -> str:
+    """The label in an options frame that is wrong otherwise, so that its user knows which; empty without one."""
+    try:
+        table = json.loads(frame[:MAX_FRAME])
+    except (ValueError, RecursionError):
+        return ""
+    label = table.get("label") if isinstance(table, dict) else None
+    return label if isinstance(label, str) else ""
+
+
 def parse(frame: bytes) -> Parsed:
     """Read the options frame. Raises RequestError that names each mistake with its place."""
     if len(frame) > MAX_FRAME:

@@ -49,7 +49,7 @@ def bind(socket: zmq.Socket[bytes], address: str, option: str) -> None:
 class Publisher:
     """An XPUB socket; on the wire it is a PUB.
 
-    topics  of which on_interest tells when the first subscriber comes and the last goes: topic, whether wanted.
+    topics  of which on_interest tells with each subscriber that comes, and when the last goes: topic, whether wanted.
 
     libzmq drops for a slow subscriber alone and counts nothing. So the socket refuses first (XPUB_NODROP): the
     refusal is the word that a subscriber is slow, then the message is sent again, dropping for that one.
@@ -75,6 +75,7 @@ class Publisher:
         self._socket.set(zmq.SNDHWM, SEND_HWM)
         self._socket.set(zmq.LINGER, LINGER_MS)
         self._socket.set(zmq.XPUB_NODROP, 1)
+        self._socket.set(zmq.XPUB_VERBOSER, 1)  # every subscription, not only the first of its prefix
         self._socket.set(zmq.IPV6, int("[" in address))
         bind(self._socket, address, option)
         loop.add(self)
@@ -126,7 +127,7 @@ class Publisher:
             if not (topic.startswith(prefix) or prefix.startswith(topic)):
                 continue
             after = self._interest[topic] = before + (1 if message[0] else -1)
-            if (before > 0) is not (after > 0):
+            if after > before or after == 0:
                 self._on_interest(topic, after > 0)
 
     def _slow(self) -> None:

@@ -16,32 +16,51 @@ from firmware.publisher import Publisher
 CONFIRM = b"confirm."
 STATUS = b"status."
 PERIOD_S = 1.0
+AT_ONCE_S = 0.1  # the least time between two of them, however many subscribe
 PAGE_KB = resource.getpagesize() // 1024
 
 
 class Report:
     """Publishes confirms as they come and the status once a second; builds neither when nobody listens.
 
-    status  makes the status object; asked once a second, and by the control socket.
+    status   makes the status object.
+    refresh  brings counters up to date that the kernel keeps; called once a second, whoever listens.
     """
 
-    def __init__(self, loop: Loop, publisher: Publisher, status: Callable[[], dict[str, object]]) -> None:
-        self.is_status_wanted = False
+    def __init__(
+        self,
+        loop: Loop,
+        publisher: Publisher,
+        status: Callable[[], dict[str, object]],
+        refresh: Callable[[], None],
+    ) -> None:
         self._loop = loop
         self._publisher = publisher
         self._status = status
-        self._next = loop.clock()
+        self._refresh = refresh
+        self._is_status_wanted = False
+        self._next = self._said = loop.clock()
 
     def start(self) -> None:
         self._next = self._loop.clock()
         self._tick()
 
+    def status_interest(self, is_wanted: bool) -> None:
+        """Somebody subscribed, who need not wait for the next second; or the last one left."""
+        self._is_status_wanted = is_wanted
+        if is_wanted and self._loop.clock() >= self._said + AT_ONCE_S:
+            self._say()
+
     def _tick(self) -> None:
-        status = self._status()
-        if self.is_status_wanted:
-            self._publisher.publish(STATUS, json.dumps(status).encode())
+        self._refresh()
+        if self._is_status_wanted:
+            self._say()
         self._next += PERIOD_S
         self._loop.after(max(0.0, self._next - self._loop.clock()), self._tick)
+
+    def _say(self) -> None:
+        self._said = self._loop.clock()
+        self._publisher.publish(STATUS, json.dumps(self._status()).encode())
 
     def confirm(self, confirm: Confirm, targets: tuple[Interface, ...]) -> None:
         """Publish what became of a request; targets are the interfaces of an accepted one."""

@@ -135,8 +135,7 @@ class Station:
 
     def status(self) -> dict[str, object]:
         """The status object, its counters up to date."""
-        for interface in self._interfaces:
-            interface.refresh()
+        self._refresh()
         publisher = self.users.publisher
         return {
             "station": self.config.tables.station.name,
@@ -156,6 +155,10 @@ class Station:
             "policy": self.router.policy.status(),
         }
 
+    def _refresh(self) -> None:
+        for interface in self._interfaces:
+            interface.refresh()
+
     def _open_endpoint(self, is_legacy: bool) -> None:
         loop, context, endpoint = self.loop, self._context, self.config.tables.endpoint
         host = f"[{endpoint.address}]" if ":" in endpoint.address else endpoint.address
@@ -172,7 +175,7 @@ class Station:
         self._report_publisher = Publisher(
             loop, context, at(endpoint.report), "endpoint.report", (CONFIRM, STATUS), self._report_interest
         )
-        self.report = Report(loop, self._report_publisher, self.status)
+        self.report = Report(loop, self._report_publisher, self.status, self._refresh)
         self._inlets = [
             Inlet(
                 loop,
@@ -206,7 +209,7 @@ class Station:
         if topic == CONFIRM:
             self.router.is_confirm_wanted = is_wanted
         else:
-            self.report.is_status_wanted = is_wanted
+            self.report.status_interest(is_wanted)
 
     def _drivers(self) -> list[tuple[str, Driver, QueueOptions]]:
         reception, endpoint = self.config.tables.reception, self.config.tables.endpoint

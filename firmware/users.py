@@ -6,7 +6,7 @@ from collections.abc import Callable
 import zmq
 
 from board.loop import Loop
-from drivers.message import Ego, Indication
+from drivers.message import Ego, Indication, Position
 from drivers.wire import raw
 from firmware.publisher import Publisher
 from firmware.topics import Topics
@@ -54,7 +54,7 @@ class Users:
         publish(self._envelopes[indication.kind.row], indication.pdu)
         self.published += 1
 
-    def _local_info(self) -> tuple[int, tuple[int, int]] | None:
+    def _local_info(self) -> tuple[int, Position] | None:
         if self._local is None:
             return None
         ego = self._local()
