@@ -1,6 +1,5 @@
 """What arrives at a socket, in batches: kernel time stamps, kernel drops, urgent messages first."""
 
-import contextlib
 import socket
 import struct
 from collections.abc import Callable
@@ -119,11 +118,12 @@ def enlarge(receiver: socket.socket, octets: int) -> str:
 
     The default of 208 KiB keeps 166 small datagrams: the kernel counts about 1.3 KiB for each.
     """
-    with contextlib.suppress(PermissionError):
+    try:
         receiver.setsockopt(socket.SOL_SOCKET, SO_RCVBUFFORCE, octets)
-    if _given(receiver) < octets:
+    except PermissionError:
         receiver.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, octets)
-    given = _given(receiver)
+    # The kernel doubles the number for its own overhead, and reports the double.
+    given = receiver.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF) // 2
     if given >= octets:
         return ""
     return f"receive buffer of {given} instead of {octets} octets: raise net.core.rmem_max"
@@ -132,8 +132,3 @@ def enlarge(receiver: socket.socket, octets: int) -> str:
 def refused(what: str, error: OSError, hint: str = "") -> InterfaceError:
     """The InterfaceError of a system call's failure."""
     return InterfaceError(f"{what}: {(error.strerror or str(error)).lower()}", hint)
-
-
-def _given(receiver: socket.socket) -> int:
-    # The kernel doubles the number for its own overhead, and reports the double.
-    return receiver.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF) // 2

@@ -157,6 +157,8 @@ class Unprivileged(socket.socket):
 def test_a_smaller_buffer_than_asked_for_is_said():
     with Unprivileged(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
         assert enlarge(receiver, 100_000) == ""
+        assert enlarge(receiver, 4096) == ""
+        assert receiver.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF) == 8192
         assert "instead of 268435456 octets: raise net.core.rmem_max" in enlarge(receiver, 268_435_456)
 
 
