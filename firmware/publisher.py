@@ -126,8 +126,9 @@ class Publisher:
         for topic, before in self._interest.items():
             if not (topic.startswith(prefix) or prefix.startswith(topic)):
                 continue
-            after = self._interest[topic] = before + (1 if message[0] else -1)
-            if after > before or after == 0:
+            # A peer may unsubscribe from what it never subscribed to, and libzmq passes that on.
+            after = self._interest[topic] = max(0, before + (1 if message[0] else -1))
+            if after > before or before > after == 0:
                 self._on_interest(topic, after > 0)
 
     def _slow(self) -> None:

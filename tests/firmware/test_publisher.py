@@ -1,0 +1,259 @@
+"""A socket that publishes: who is interested in what, and a subscriber that does not keep up."""
+
+import socket
+from collections.abc import Iterator
+from contextlib import closing
+
+import pytest
+import zmq
+
+from board.errors import InterfaceError
+from firmware import publisher as module
+from firmware.publisher import Publisher
+from tests.virtual import VirtualLoop
+
+TOPICS = (b"raw.", b"status.")
+
+
+class Bench:
+    def __init__(self, loop: VirtualLoop, address: str = "inproc://publisher") -> None:
+        self.loop = loop
+        self.context = zmq.Context()
+        self.interest: list[tuple[bytes, bool]] = []
+        self.publisher = Publisher(
+            loop, self.context, address, "endpoint.to_users", TOPICS, lambda *change: self.interest.append(change)
+        )
+        self.address = self.publisher._socket.get(zmq.LAST_ENDPOINT).rstrip(b"\0").decode()
+        self.sockets: list[zmq.Socket[bytes]] = []
+
+    def socket(self, kind: int = zmq.SUB) -> "zmq.Socket[bytes]":
+        socket = self.context.socket(kind)
+        socket.set(zmq.LINGER, 0)
+        socket.connect(self.address)
+        self.sockets.append(socket)
+        return socket
+
+    def subscriber(self, *prefixes: bytes) -> "zmq.Socket[bytes]":
+        subscriber = self.socket()
+        for prefix in prefixes:
+            subscriber.subscribe(prefix)
+        self.turn()
+        return subscriber
+
+    def turn(self) -> None:
+        self.loop.run_for(0.05)
+
+    def wait_for(self, *changes: tuple[bytes, bool]) -> None:
+        """libzmq has a thread of its own that takes closed sockets apart: a second for that."""
+        self.loop.patience_s = 1.0
+        self.loop.run_until(lambda: self.interest[-len(changes) :] == list(changes))
+
+    def close(self) -> None:
+        for socket in self.sockets:
+            socket.close(0)
+        self.publisher.close()
+        self.context.term()
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    with closing(VirtualLoop()) as loop, closing(Bench(loop)) as bench:
+        yield bench
+
+
+def received(subscriber: "zmq.Socket[bytes]") -> list[list[bytes]]:
+    messages = []
+    while True:
+        try:
+            messages.append(subscriber.recv_multipart(zmq.NOBLOCK))
+        except zmq.Again:
+            return messages
+
+
+def test_a_message_of_two_frames_reaches_its_subscriber(bench: Bench) -> None:
+    subscriber = bench.subscriber(b"v2x.")
+    bench.publisher.publish(b"v2x.cam.", b"pdu")
+    bench.publisher.publish(b"hb.counter", b"{}")
+    assert received(subscriber) == [[b"v2x.cam.", b"pdu"]]
+    assert bench.publisher.published == 2
+
+
+@pytest.mark.parametrize(
+    ("prefix", "topics"),
+    [
+        (b"", {b"raw.", b"status."}),
+        (b"r", {b"raw."}),
+        (b"raw", {b"raw."}),
+        (b"raw.", {b"raw."}),
+        (b"raw.x", {b"raw."}),
+        (b"s", {b"status."}),
+        (b"v2x.", set()),
+        (b"ra w", set()),
+        (b"RAW.", set()),
+        (b"\0", set()),
+        (b"\1raw.", set()),
+    ],
+)
+def test_a_prefix_is_interest_in_what_it_overlaps(bench: Bench, prefix: bytes, topics: set[bytes]) -> None:
+    subscriber = bench.subscriber(prefix)
+    assert set(bench.interest) == {(topic, True) for topic in topics}
+    bench.interest.clear()
+    subscriber.unsubscribe(prefix)
+    bench.turn()
+    assert set(bench.interest) == {(topic, False) for topic in topics}
+
+
+def test_interest_lasts_until_the_last_prefix_has_gone(bench: Bench) -> None:
+    subscriber = bench.subscriber(b"", b"r", b"raw.", b"raw.x")
+    assert set(bench.interest) == {(b"raw.", True), (b"status.", True)}
+    for prefix in (b"", b"raw.", b"r"):
+        subscriber.unsubscribe(prefix)
+        bench.turn()
+        assert (b"raw.", False) not in bench.interest
+    subscriber.unsubscribe(b"raw.x")
+    bench.turn()
+    assert bench.interest[-1] == (b"raw.", False)
+
+
+def test_interest_lasts_until_the_last_subscriber_has_gone(bench: Bench) -> None:
+    first, second = bench.subscriber(b"raw."), bench.subscriber(b"raw.")
+    assert bench.interest == [(b"raw.", True)] * 2  # each is told: a newcomer may want what was said before
+    first.unsubscribe(b"raw.")
+    bench.turn()
+    assert bench.interest == [(b"raw.", True)] * 2
+    second.close(0)
+    bench.wait_for((b"raw.", True), (b"raw.", True), (b"raw.", False))
+
+
+def test_a_subscription_that_comes_while_messages_flow_is_seen(bench: Bench) -> None:
+    subscriber = bench.socket()
+    for number in range(500):
+        bench.publisher.publish(b"v2x.cam.", b"%d" % number)
+        if number == 250:
+            subscriber.subscribe(b"raw.")
+    bench.turn()
+    assert bench.interest == [(b"raw.", True)]
+
+
+def test_a_thousand_prefixes_of_one_subscriber_go_with_it(bench: Bench) -> None:
+    subscriber = bench.socket()
+    for number in range(900):
+        subscriber.subscribe(b"raw.%d" % number)
+    bench.turn()
+    assert set(bench.interest) == {(b"raw.", True)}
+    subscriber.close(0)
+    bench.wait_for((b"raw.", True), (b"raw.", False))
+
+
+RUBBISH = [b"hello", b"\2raw.", b"\xff", b"x" * 10_000, b"raw.", b"status."]
+
+
+def test_rubbish_from_a_subscriber_is_ignored(bench: Bench) -> None:
+    rude = bench.socket(zmq.XSUB)
+    for message in RUBBISH:
+        rude.send(message)
+    rude.send_multipart([b"\2", b"more", b""])
+    bench.turn()
+    assert bench.interest == []
+    subscriber = bench.subscriber(b"raw.")
+    bench.publisher.publish(b"raw.", b"1")
+    assert bench.interest == [(b"raw.", True)]
+    assert received(subscriber) == [[b"raw.", b"1"]]
+
+
+def test_a_flood_of_rubbish_does_not_hold_up_the_rest(bench: Bench) -> None:
+    rude = bench.socket(zmq.XSUB)
+    for _ in range(module.BATCH * 3):
+        rude.send(b"hello")
+    turns: list[int] = []
+    bench.loop.soon(lambda: turns.append(1))
+    bench.loop.turn()
+    assert turns == [1]
+    bench.turn()
+    assert bench.subscriber(b"raw.")
+    assert bench.interest == [(b"raw.", True)]
+
+
+def test_an_unsubscription_of_what_was_never_subscribed_spoils_nothing() -> None:
+    # libzmq's own sockets do not send one; ZMTP 3.0 (23/ZMTP) as another implementation may write it.
+    greeting = b"\xff" + bytes(8) + b"\x7f" + b"\x03\x00" + b"NULL".ljust(20, b"\0") + bytes(32)
+    ready = b"\x05READY" + b"\x0bSocket-Type" + (3).to_bytes(4, "big") + b"SUB"
+    with closing(VirtualLoop()) as loop, closing(Bench(loop, "tcp://127.0.0.1:0")) as bench:
+        port = int(bench.address.rpartition(":")[2])
+        with socket.create_connection(("127.0.0.1", port)) as rude:
+            rude.sendall(greeting + b"\x04" + bytes((len(ready),)) + ready)
+            answer = b""
+            while b"Socket-Type" not in answer:
+                answer += rude.recv(200)
+            for _ in range(3):
+                rude.sendall(b"\x00\x05\x00raw.")
+            rude.sendall(b"\x00\x05\x01raw.")
+            bench.wait_for((b"raw.", True))
+        assert bench.interest[0] == (b"raw.", True)
+
+
+def test_a_subscriber_that_never_reads_is_noticed_and_the_others_lose_nothing(bench: Bench) -> None:
+    bench.subscriber(b"")
+    reader = bench.subscriber(b"")
+    count = 0
+    while bench.publisher.slow_since is None:
+        bench.publisher.publish(b"v2x.cam.", b"%d" % count)
+        assert received(reader) == [[b"v2x.cam.", b"%d" % count]]
+        count += 1
+        assert count < 40_000
+    for _ in range(5):
+        for _ in range(100):
+            bench.publisher.publish(b"v2x.cam.", b"%d" % count)
+            assert received(reader) == [[b"v2x.cam.", b"%d" % count]]
+            count += 1
+        bench.loop.run_for(1.0)
+    assert bench.publisher.published == count
+    assert bench.publisher.slow_count >= 1
+
+
+def test_a_subscriber_that_reads_again_is_forgiven(bench: Bench) -> None:
+    slow = bench.subscriber(b"")
+    while bench.publisher.slow_since is None:
+        bench.publisher.publish(b"v2x.cam.", b"")
+    received(slow)
+    for _ in range(5):
+        bench.publisher.publish(b"v2x.cam.", b"")
+        bench.loop.run_for(1.0)
+    assert bench.publisher.slow_since is None
+    assert bench.publisher.slow_count == 1
+
+
+def test_a_message_to_a_slow_subscriber_is_whole_or_not_there(bench: Bench) -> None:
+    slow = bench.subscriber(b"")
+    while bench.publisher.slow_since is None:
+        bench.publisher.publish(b"v2x.cam.", b"pdu")
+    bench.loop.run_for(1.5)
+    for _ in range(100):
+        bench.publisher.publish(b"v2x.cam.", b"pdu")
+    assert all(message == [b"v2x.cam.", b"pdu"] for message in received(slow))
+
+
+def test_an_address_that_is_taken_names_the_option_and_leaves_nothing_open(bench: Bench) -> None:
+    with closing(VirtualLoop()) as loop:
+        with pytest.raises(InterfaceError) as caught:
+            Publisher(loop, bench.context, bench.address, "endpoint.report")
+        assert str(caught.value).startswith(f"endpoint.report: cannot bind {bench.address}: ")
+        assert loop._sources == {}
+
+
+@pytest.mark.parametrize("address", ["tcp://nowhere.invalid:1", "nonsense", "tcp://8.8.8.8:5556"])
+def test_an_address_that_cannot_be_is_refused_in_words(address: str) -> None:
+    with closing(VirtualLoop()) as loop, zmq.Context() as context:
+        with pytest.raises(InterfaceError, match=r"endpoint\.report: cannot bind"):
+            Publisher(loop, context, address, "endpoint.report")
+
+
+def test_timers_that_outlive_the_socket_do_nothing(bench: Bench) -> None:
+    bench.subscriber(b"")
+    while bench.publisher.slow_since is None:
+        bench.publisher.publish(b"v2x.cam.", b"")
+    other = Publisher(bench.loop, bench.context, "inproc://other", "endpoint.report")
+    other.publish(b"a", b"b")
+    other._slow()
+    other.close()
+    bench.loop.run_for(5.0)
