@@ -79,7 +79,7 @@ def test_at_the_end_the_signals_belong_to_whom_they_belonged(loop: VirtualLoop) 
 
 
 def test_a_call_may_close_the_signals(loop: VirtualLoop) -> None:
-    signals = Signals(loop, {FIRST: lambda: signals.close()})
+    signals = Signals(loop, {FIRST: lambda: signals.close()})  # noqa: PLW0108  # not bound yet
     raise_(FIRST)
     loop.turn()
     loop.turn()

@@ -285,7 +285,7 @@ def test_a_path_that_cannot_be_is_refused_in_words(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with closing(VirtualLoop()) as loop:
         for path in (tmp_path / "file", tmp_path / "file" / "below", tmp_path / ("x" * 120), tmp_path):
-            with pytest.raises(InterfaceError, match="endpoint.control: cannot listen on"):
+            with pytest.raises(InterfaceError, match=r"endpoint\.control: cannot listen on"):
                 ControlSocket(loop, str(path), COMMANDS)
     assert (tmp_path / "file").exists()
 
