@@ -4,8 +4,8 @@ import json
 import socket
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager, nullcontext
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from pathlib import Path
 from typing import NamedTuple
 
@@ -29,7 +29,7 @@ RECORD_BUFFER = 8 << 20  # octets
 # Neither is decoded by Debian's tshark beyond BTP: a message of 8 octets, and a type that it does not know.
 BESIDE = (("mapem", 8), ("vam", 34))
 
-UDP = '[interfaces.air]\ndriver = "udp"\nframing = "ethernet"\nlisten = "{own}"\npeers = ["{other}", "{recorder}"]\n'
+UDP = '[interfaces.air]\ndriver = "udp"\nframing = "ethernet"\nlisten = "{own}"\npeers = ["{recorder}", "{other}"]\n'
 VETH = '[interfaces.air]\ndriver = "ethernet"\ndevice = "{device}"\n'
 
 
@@ -65,7 +65,8 @@ class Seat:
     def join(self) -> None:
         """Wait for the word of both sockets that nothing sent from now on is lost. Raises StationError."""
         # The station's subscription has come; then a heartbeat shows that ours has arrived there.
-        if not self._publisher.poll(client.ANSWER_S * 1000) or not self.subscriber.poll(client.ANSWER_S * 1000):
+        patience_ms = round(client.ANSWER_S * 1000)
+        if not self._publisher.poll(patience_ms) or not self.subscriber.poll(patience_ms):
             raise StationError(f"station {self.name} does not answer its user")
         self._publisher.recv()
 
@@ -115,13 +116,13 @@ def bench(is_veth: bool, capture: Pcap | None) -> Iterator[Bench]:
     """Start everything; users have joined and links are up. Raises StationError when anything is missing."""
     with ExitStack() as ending:
         folder = Path(ending.enter_context(tempfile.TemporaryDirectory(prefix="captain-lab-")))
+        spaces: list[Callable[[], AbstractContextManager[None]]] = [nullcontext, nullcontext]
         if is_veth:
             spaces = [space.inside for space in netns.cable(*DEVICES)]
             seeing = ending.enter_context(socket.socket(socket.AF_PACKET, socket.SOCK_RAW))
             seeing.bind((DEVICES[0], ETH_P_ALL))
             boards = [VETH.format(device=device) for device in DEVICES]
         else:
-            spaces = [nullcontext, nullcontext]
             seeing = ending.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
             seeing.bind((HOST, 0))
             boards = _udp_boards(seeing.getsockname()[1])

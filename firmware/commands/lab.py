@@ -6,7 +6,6 @@ import math
 import sys
 import tempfile
 import time
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -17,10 +16,10 @@ import zmq
 from board.errors import StationError
 from firmware import dissection
 from firmware.commands.listen import seconds
+from firmware.copies import Count
 from firmware.dissection import Dissected
-from firmware.laboratory import Bench, Seat, Vector, bench, vectors
+from firmware.laboratory import Bench, bench, vectors
 from firmware.pcap import Pcap
-from firmware.received import Message
 from firmware.table import Screen, Table
 
 SUMMARY = "the ten-message test between two stations: sent, received, equal, lost"
@@ -79,81 +78,13 @@ def _run(arguments: argparse.Namespace, path: Path | None, ending: ExitStack) ->
             raise StationError(f"{path}: {error.strerror}", "name another file with --capture") from error
         ending.callback(capture.close)
     with bench(arguments.veth, capture) as made, Screen(sys.stderr) as screen:
-        count = Count(made.seats)
+        count = Count(vectors(), [seat.name for seat in made.seats])
         test = Test(made, count, screen if screen.is_terminal and not arguments.json else None)
         test.run(round(arguments.duration * arguments.rate), 1.0 / arguments.rate)
     if capture is not None:
         capture.close()
         count.recorded = capture.frames
     return count
-
-
-class Row(NamedTuple):
-    """One message in one direction."""
-
-    vector: Vector
-    sender: str
-    sent: int
-    received: int
-    equal: int
-
-    @property
-    def lost(self) -> int:
-        return max(0, self.sent - self.received)
-
-    @property
-    def altered(self) -> int:
-        """Also what came more often than it was sent."""
-        return self.received - self.equal + max(0, self.equal - self.sent)
-
-
-class Count:
-    """Copies of each message: the same octets travel again and again, so copies are what can be counted."""
-
-    def __init__(self, seats: Sequence[Seat]) -> None:
-        self.vectors = vectors()
-        self.recorded = 0
-        self.strange = 0  # received, and so much altered that it cannot be said from what
-        self._senders = [seat.name for seat in seats]
-        self._sent: Counter[tuple[str, int]] = Counter()
-        self._received: Counter[tuple[str, int]] = Counter()
-        self._equal: Counter[tuple[str, int]] = Counter()
-        self._place = {vector.pdu: place for place, vector in enumerate(self.vectors)}
-
-    def sent(self, sender: str, place: int) -> None:
-        self._sent[sender, place] += 1
-
-    def received(self, sender: str, message: Message) -> None:
-        """A message that can only be the sender's; whole when envelope, octets and raw. message are."""
-        place = self._place.get(message.pdu)
-        if place is None:
-            place = self._closest(message)
-        if place is None:
-            self.strange += 1
-            return
-        self._received[sender, place] += 1
-        vector = self.vectors[place]
-        is_equal = message.pdu == vector.pdu and message.type == vector.type and message.raw is not None
-        self._equal[sender, place] += is_equal
-
-    def rows(self) -> list[Row]:
-        return [
-            Row(vector, sender, self._sent[key], self._received[key], self._equal[key])
-            for sender in self._senders
-            for place, vector in enumerate(self.vectors)
-            if (key := (sender, place)) in self._sent or key in self._received
-        ]
-
-    @property
-    def missing(self) -> int:
-        return self._sent.total() - self._received.total() - self.strange
-
-    def _closest(self, message: Message) -> int | None:
-        """The message of this type and length, which this once was."""
-        for place, vector in enumerate(self.vectors):
-            if (vector.type, len(vector.pdu)) == (message.type, len(message.pdu)):
-                return place
-        return None
 
 
 class Test:

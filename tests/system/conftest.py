@@ -32,8 +32,7 @@ class Bench(NamedTuple):
         while self.air.hear().pdu != sent:
             pass
         self.air.send(thrown := mark())
-        while self.user.sub.recv_multipart()[-1] != thrown:
-            pass
+        self.user.forget_until(thrown)
         return self
 
 
@@ -89,14 +88,12 @@ class Launcher:
         station.configure(rows, more, **tables)
         station.start()
         user = self.user(station).join(next(iter(airs.values())))
-        for air in list(airs.values())[1:]:
-            _forget(air)
-        return Bench(station, airs, user, lambda: self._reports(station, user, airs))
+        return Bench(station, airs, user, lambda: self._reports(station, user))
 
-    def _reports(self, station: Station, user: User, airs: Mapping[str, Air]) -> Reports:
+    def _reports(self, station: Station, user: User) -> Reports:
         reports = Reports(self._context, station)
         self._closing.append(reports.close)
-        return reports.join(user, next(iter(airs.values())))
+        return reports.join(user)
 
     def close(self) -> None:
         try:
@@ -109,16 +106,6 @@ class Launcher:
                 self._closing.pop()()
             self._context.destroy(linger=0)
             self._ports.release()
-
-
-def _forget(air: Air) -> None:
-    """Read away what the joining left on a further interface: the station sent it there before."""
-    air.socket.setblocking(False)
-    try:
-        while True:
-            air.socket.recv(65536)
-    except BlockingIOError:
-        air.socket.settimeout(5.0)
 
 
 @pytest.fixture

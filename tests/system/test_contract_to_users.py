@@ -1,8 +1,12 @@
 """Contract, section 1.1: what users find on 5556."""
 
+import contextlib
+
 import pytest
+import zmq
 
 from tests.system.conftest import Bench, Launcher
+from tests.system.station import PATIENCE
 from tests.system.user import mark
 
 CAM = bytes.fromhex("020200000539") + b"position and speed"
@@ -82,7 +86,7 @@ def test_nothing_but_raw_types_and_heartbeats_appears_whatever_happens(launch: L
 def test_every_user_receives_everything(pdu: Bench, launch_shared: Launcher) -> None:
     second = launch_shared.user(pdu.station).join(pdu.air)
     pdu.settled()
-    second.sub.setsockopt(6, b"v2x.cam.")  # a further subscription doubles nothing
+    second.sub.subscribe(b"v2x.cam.")  # a further subscription doubles nothing
     pdu.air.send(CAM)
     assert pdu.user.receive().pdu == CAM
     while second.receive().pdu != CAM:
@@ -94,3 +98,20 @@ def test_a_user_that_comes_and_goes_disturbs_nobody(pdu: Bench, launch_shared: L
         launch_shared.user(pdu.station).close()
         pdu.air.send(CAM)
         assert pdu.user.receive().pdu == CAM
+
+
+def test_a_plain_pub_reaches_the_air_once_the_subscription_has_travelled(pdu: Bench) -> None:
+    context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+    pub = context.socket(zmq.PUB)
+    pub.connect(pdu.station.address("from_users"))
+    pdu.air.socket.settimeout(0.02)
+    for _ in range(250):
+        pub.send_multipart([b"v2x.", CAM])
+        with contextlib.suppress(TimeoutError):
+            assert pdu.air.hear().pdu == CAM
+            break
+    pdu.air.socket.settimeout(PATIENCE)
+    pub.send_multipart([b"v2x.cam.", last := mark()])
+    while pdu.air.hear().pdu != last:
+        pass
+    context.destroy(linger=0)

@@ -3,6 +3,7 @@
 import itertools
 import json
 import re
+import time
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
@@ -14,6 +15,7 @@ from tests.system.station import PATIENCE, Station
 
 HEARTBEAT = re.compile(rb'\{"heartbeat_counter": (0|[1-9][0-9]{0,4})\}')
 JOIN_MS = 20
+SUBSCRIBED = b"\1"  # to everything
 
 # Station ids of marker messages; no test uses them otherwise.
 _marks = itertools.count(0xF0000000)
@@ -37,14 +39,17 @@ class Received(NamedTuple):
 
 
 class User:
-    """A PUB to 5555, a SUB to 5556 that takes everything, a PUSH to 5557."""
+    """A PUB to 5555, a SUB to 5556 that takes everything, a PUSH to 5557.
+
+    The PUB is an XPUB, which is the same on the wire, and can say when the station's subscription has come.
+    """
 
     def __init__(self, context: zmq.Context[zmq.Socket[bytes]], station: Station) -> None:
-        self.pub = self._socket(context, zmq.PUB, station.address("from_users"))
+        self.pub = self._socket(context, zmq.XPUB, station.address("from_users"))
+        self.pub.setsockopt(zmq.XPUB_VERBOSE, 1)  # a restarted station subscribes again
         self.sub = self._socket(context, zmq.SUB, station.address("to_users"))
         self.sub.subscribe(b"")
         self.push = self._socket(context, zmq.PUSH, station.address("pull"))
-        self.heartbeats: list[int] = []
 
     @staticmethod
     def _socket(context: zmq.Context[zmq.Socket[bytes]], kind: int, address: str) -> "zmq.Socket[bytes]":
@@ -56,32 +61,25 @@ class User:
         return made
 
     def join(self, air: Air) -> "User":
-        """Until what this user sends arrives on the air, and what is on the air arrives here."""
-        self._join_sending(air)
-        self._join_receiving(air)
+        """Until nothing that this user sends is lost, and what is on the air arrives here."""
+        while self.pub.recv() != SUBSCRIBED:
+            pass
+        self.join_receiving(air)
         return self
 
-    def _join_sending(self, air: Air) -> None:
-        air.socket.settimeout(JOIN_MS / 1000)
-        for probe in _probes():
-            self.send(b"v2x.", probe)
-            try:
-                heard = air.hear()
-                break
-            except TimeoutError:
-                continue
-        air.socket.settimeout(PATIENCE)
-        while heard.pdu != probe:
-            heard = air.hear()
-
-    def _join_receiving(self, air: Air) -> None:
+    def join_receiving(self, air: Air) -> None:
         for probe in _probes():
             air.send(probe)
-            if self.sub.poll(JOIN_MS) and self.sub.recv_multipart()[0] != b"hb.counter":
+            if self.sub.poll(JOIN_MS) and self.sub.recv_multipart()[0] == b"raw.":
                 break
         air.send(last := mark())
-        while self.sub.recv_multipart()[-1] != last:
-            pass
+        self.forget_until(last)
+
+    def forget_until(self, pdu: bytes) -> None:
+        """Read away all that was published up to a PDU."""
+        end = time.monotonic() + PATIENCE
+        while self.sub.recv_multipart()[-1] != pdu:
+            assert time.monotonic() < end, "nothing but heartbeats came"
 
     def send(self, *frames: bytes) -> None:
         """By 5555."""
@@ -93,7 +91,8 @@ class User:
 
     def next_frames(self) -> list[bytes]:
         """The next message on 5556 that is no heartbeat. Whatever the contract does not name fails here."""
-        while True:
+        end = time.monotonic() + PATIENCE
+        while time.monotonic() < end:
             frames = self.sub.recv_multipart()
             assert len(frames) == 2, f"{len(frames)} frames: {frames}"
             if frames[0] != b"hb.counter":
@@ -101,7 +100,7 @@ class User:
                 return frames
             beat = HEARTBEAT.fullmatch(frames[1])
             assert beat is not None, frames[1]
-            self.heartbeats.append(int(beat[1]))
+        raise AssertionError("nothing but heartbeats came")
 
     def receive(self) -> Received:
         """The next PDU: its raw. message, then its v2x. message."""
@@ -144,27 +143,25 @@ class Reports:
         self.sub = User._socket(context, zmq.SUB, station.address("report"))
         self.sub.subscribe(topic)
 
-    def join(self, user: User, air: Air) -> "Reports":
-        """Until confirms of what the user pushes arrive here; what they sent is heard and forgotten."""
-        for probe in _probes():
-            user.push_pdu(b"v2x.", probe)
-            if self.sub.poll(JOIN_MS):
-                break
-        user.push_pdu(b"v2x.", last := mark(), label="joined")
-        while self.next("confirm.")[1]["outcome"] != "sent" or self.message["label"] != "joined":
-            pass
-        while air.hear().pdu != last:
-            pass
-        return self
+    def join(self, user: User) -> "Reports":
+        """Until confirms of what the user pushes arrive here. What is refused goes on no air."""
+        for number, _ in enumerate(_probes()):
+            user.push_pdu(b"v2x.join", b"", label=f"join{number}")
+            while self.sub.poll(JOIN_MS):
+                topic, body = self.sub.recv_multipart()
+                if topic.startswith(b"confirm.") and json.loads(body)["label"] == f"join{number}":
+                    return self
+        raise AssertionError("no confirm came")
 
     def next(self, topic: str = "confirm.") -> tuple[str, dict[str, Any]]:
         """The next message whose topic begins so."""
-        while True:
+        end = time.monotonic() + PATIENCE
+        while time.monotonic() < end:
             frames = self.sub.recv_multipart()
             assert len(frames) == 2, frames
-            self.message: dict[str, Any] = json.loads(frames[1])
             if frames[0].startswith(topic.encode()):
-                return frames[0].decode(), self.message
+                return frames[0].decode(), json.loads(frames[1])
+        raise AssertionError(f"no {topic} came")
 
     def confirms_of(self, label: str, count: int) -> list[dict[str, Any]]:
         """The next confirms that carry a label."""

@@ -1,0 +1,111 @@
+"""captain lab in its short form: nothing lost, nothing altered, and tshark decodes every frame."""
+
+import json
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from firmware.dissection import dissect
+from firmware.pcap import Pcap
+from tests.system.air import single_hop
+from tests.system.station import PROGRAM
+
+SHORT = ("--duration", "0.5", "--rate", "10")
+TEN = {
+    ("denm", 404), ("cam", 160), ("mapem", 536), ("spatem", 203), ("ivim", 73),
+    ("cpm", 624), ("cam", 46), ("cam", 143), ("denm", 43), ("cam", 41),
+}  # fmt: skip
+BESIDE = {("mapem", 8), ("vam", 34)}
+
+
+def lab(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([*PROGRAM, "lab", *arguments], capture_output=True, text=True, timeout=30, check=False)
+
+
+@pytest.fixture(scope="module", params=["udp", "veth"])
+def result(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    link = ("--veth",) if request.param == "veth" else ()
+    capture = tmp_path_factory.mktemp("lab") / "frames.pcap"
+    done = lab(*SHORT, *link, "--json", "--decode", "--capture", str(capture))
+    assert done.returncode == 0, done.stderr + done.stdout
+    said: dict[str, Any] = json.loads(done.stdout)
+    return said | {"capture": capture, "asked": request.param}
+
+
+def test_every_copy_of_the_ten_arrives_both_ways_and_equal(result: dict[str, Any]) -> None:
+    assert result["link"] == result["asked"]
+    assert (result["lost"], result["altered"]) == (0, 0)
+    rows = {(row["type"], row["octets"], row["from"]): row for row in result["messages"]}
+    for kind, octets in TEN:
+        for sender in "AB":
+            row = rows[kind, octets, sender]
+            assert row["sent"] == row["received"] == row["equal"] == 5
+
+
+def test_the_other_two_go_once_each_way(result: dict[str, Any]) -> None:
+    beside = [row for row in result["messages"] if (row["type"], row["octets"]) in BESIDE]
+    assert [row["equal"] for row in beside] == [1] * 4
+
+
+def test_every_frame_is_captured_and_decoded_and_none_is_malformed(result: dict[str, Any]) -> None:
+    messages = [row for row in result["decoded"] if row["port"]]
+    assert sum(row["frames"] for row in messages) == 2 * 10 * 5 + 4
+    assert sum(row["decoded"] for row in messages) == 2 * 10 * 5
+    assert sum(row["btp"] for row in messages) == 4
+    assert not any(row["malformed"] for row in result["decoded"])
+    assert {row["port"] for row in messages} == {2001, 2002, 2003, 2004, 2006, 2009, 2018}
+
+
+def test_the_capture_decodes_to_its_last_field(result: dict[str, Any]) -> None:
+    """The elements of each message, by the names that tshark gives them, once for each copy and direction."""
+    elements = {
+        "denm.DecentralizedEnvironmentalNotificationMessage_element": 20,
+        "cam.CoopAwareness_element": 40,
+        "dsrc.MapData_element": 10,
+        "dsrc.SPAT_element": 10,
+        "ivi.IviStructure_element": 10,
+        "cpm.CollectivePerceptionMessage_element": 10,
+    }
+    for element, count in elements.items():
+        command = ["tshark", "-n", "-r", str(result["capture"]), "-Y", element, "-T", "fields", "-e", "frame.number"]
+        found = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
+        assert len(found) == count, element
+
+
+def test_without_json_it_is_a_table() -> None:
+    done = lab("--duration", "0.1")
+    assert done.returncode == 0, done.stderr
+    assert "0 lost, 0 altered" in done.stdout
+    assert "spatem 203" in done.stdout
+    assert "\x1b" not in done.stdout
+
+
+def test_a_capture_that_cannot_be_written_is_explained() -> None:
+    done = lab("--duration", "0.1", "--capture", "/proc/no/where.pcap")
+    assert done.returncode == 1
+    assert done.stderr.startswith("captain: /proc/no/where.pcap")
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("wrong", [("--duration", "-1"), ("--rate", "0"), ("--duration", "long"), ("--nonsense",)])
+def test_wrong_use_is_exit_code_2(wrong: tuple[str, ...]) -> None:
+    assert lab(*wrong).returncode == 2
+
+
+def test_a_message_that_is_cut_short_counts_as_malformed(tmp_path: Path, vectors: list[dict[str, Any]]) -> None:
+    cam = next(row["pdu"] for row in vectors if row["type"] == "cam")
+    capture = Pcap(tmp_path / "bad.pcap")
+    capture.write(single_hop(cam), 0)
+    capture.write(single_hop(cam[:30]), 0)
+    capture.close()
+    (row,) = dissect(tmp_path / "bad.pcap")
+    assert (row.frames, row.decoded, row.malformed) == (2, 1, 1)
+
+
+def test_a_frame_that_is_no_geonetworking_counts_as_malformed(tmp_path: Path) -> None:
+    capture = Pcap(tmp_path / "bad.pcap")
+    capture.write(bytes(60), 0)
+    capture.close()
+    assert [row.malformed for row in dissect(tmp_path / "bad.pcap")] == [1]
