@@ -229,10 +229,11 @@ GROUP = "239.118.122.97:8947"
 
 
 @pytest.mark.namespace
-@pytest.mark.parametrize("framing", ["pdu", "btp"])
+@pytest.mark.parametrize("framing", ["pdu", "btp", "ethernet"])
 def test_two_stations_of_one_host_hear_each_other_in_a_group_and_not_themselves(loop, framing):
     hosts = [Host(loop), Host(loop)]
-    drivers = [Udp(UdpOptions(framing=framing, group=GROUP, device="lo"), SHARED) for _ in hosts]
+    options = UdpOptions(framing=framing, group=GROUP, device="lo", beacon_s=0.0)
+    drivers = [Udp(options, SHARED._replace(mac=bytes([2, 0, 0, 0, 0, number]))) for number in range(2)]
     for driver, host in zip(drivers, hosts, strict=True):
         driver.start(host)
     drivers[0].send(request(CAM))
