@@ -42,6 +42,7 @@ exit codes:
   1    otherwise, or a station could not start
   2    wrong usage
 """
+SHORT_S = 2.0
 QUIET_S = 2.0  # what has not come so long after the last has not come
 REDRAW_S = 0.5
 HEADS = ("message", "from", ">sent", ">received", ">equal", ">altered", ">lost")
@@ -49,6 +50,7 @@ HEADS = ("message", "from", ">sent", ">received", ">equal", ">altered", ">lost")
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--duration", metavar="S", type=seconds, default=60.0, help="of sending (default 60)")
+    parser.add_argument("--short", action="store_const", const=SHORT_S, dest="duration", help=f"{SHORT_S:g} s")
     parser.add_argument("--rate", metavar="HZ", type=seconds, default=10.0, help="of each message (default 10)")
     parser.add_argument("--veth", action="store_true", help="raw Ethernet between two network namespaces")
     parser.add_argument("--capture", metavar="FILE", type=Path, help="every frame, as a pcap file")

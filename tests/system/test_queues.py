@@ -1,5 +1,6 @@
 """What may leave first, what is too old to leave, and what a policy sends where."""
 
+from functools import partial
 from typing import Any
 
 import pytest
@@ -85,9 +86,13 @@ def test_the_kth_copy_of_one_interface_is_paired_with_the_kth_of_another(launch:
         assert bench.user.receive().pdu == sent
     for copies in range(1, 4):
         bench.airs["lte"].send(sent)
-        bench.station.until(lambda status, copies=copies: status["duplicates"]["suppressed"] == copies)
+        bench.station.until(partial(_has_suppressed, copies))
     bench.airs["lte"].send(sent)
     assert bench.user.receive().pdu == sent
+
+
+def _has_suppressed(count: int, status: dict[str, Any]) -> bool:
+    return bool(status["duplicates"]["suppressed"] == count)
 
 
 @pytest.mark.parametrize(

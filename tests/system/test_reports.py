@@ -66,7 +66,7 @@ def test_requests_by_5555_are_confirmed_without_a_label(btp: Bench, shared_repor
 
 def test_the_topic_of_a_confirm_names_the_type(btp: Bench, shared_reports: Reports) -> None:
     btp.user.push_pdu(b"v2x.denm.", CAM, label="topic")
-    topics = []
+    topics: list[str] = []
     while len(topics) < 2:
         topic, confirm = shared_reports.next("confirm.")
         topics += [topic] * (confirm["label"] == "topic")
