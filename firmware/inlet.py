@@ -74,8 +74,13 @@ class Inlet:
     def finish(self) -> None:
         """Take what has arrived, as far as the queue reaches, and close: the station stops."""
         self._take_batch(SUB_HWM)
-        self._loop.remove(self)
-        self._socket.close(0)
+        self.close()
+
+    def close(self) -> None:
+        """Idempotent."""
+        if not self._socket.closed:
+            self._loop.remove(self)
+            self._socket.close(0)
 
     def _take_batch(self, size: int) -> bool:
         """Take up to size messages; whether there may be more."""

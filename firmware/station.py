@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable
 
 import zmq
-from drivers.sim.neighbours import Neighbours
 
 from board.errors import StationError
 from board.loop import Loop
@@ -15,6 +14,7 @@ from drivers import DRIVERS
 from drivers.contract import Driver, Shared
 from drivers.message import Ego, Position
 from drivers.reason import Reason
+from drivers.sim.neighbours import Neighbours
 from firmware.config import Config, QueueOptions
 from firmware.control_socket import ControlSocket, default_path
 from firmware.drops import Drops
@@ -69,7 +69,11 @@ class Station:
         if self.duplicates.window_s:
             self.router.stages = (self.duplicates,)
         self.router.set_policy(Policy(tables.policy, self.topics, self.router))
-        self._open_endpoint(is_legacy)
+        try:
+            self._open_endpoint(is_legacy)
+        except StationError:
+            self._context.destroy(linger=0)  # those sockets that could be had
+            raise
         self._interfaces = [self._supervised(name, driver, queue) for name, driver, queue in self._drivers()]
         sim = config.board.neighbours
         self._neighbours = Neighbours(loop, sim) if sim else None
@@ -119,7 +123,11 @@ class Station:
         self._drain(self.loop.clock() + DRAIN_S)
 
     def close(self) -> None:
-        """Close everything, whatever state it is in."""
+        """Close everything, whatever state it is in: after stop() or in the middle of a failure."""
+        for inlet in self._inlets:
+            inlet.close()
+        if self._neighbours is not None:
+            self._neighbours.stop()
         for interface in self._interfaces:
             interface.interface.outlet.drop_all(Reason.STOPPED)
             interface.stop()

@@ -1,0 +1,154 @@
+"""A whole station on a loop: what it opens, what it closes, and what a reload changes."""
+
+import json
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from board.errors import ConfigurationError, InterfaceError
+from board.loop import Loop
+from firmware import config
+from firmware.station import Station
+
+
+class Folder:
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.write("")
+
+    def write(self, text: str) -> None:
+        (self.path / "captain.toml").write_text(
+            f"[endpoint]\ncontrol = '{self.path}/control'\nfrom_users = 0\nto_users = 0\npull = 0\nreport = 0\n"
+            "[interfaces.air]\ndriver = 'udp'\nframing = 'pdu'\nlisten = '127.0.0.1:0'\n"
+            f"{text}\n"
+        )
+
+    def load(self, *overrides: str) -> config.Config:
+        return config.load(str(self.path / "captain.toml"), overrides, "none")
+
+    def station(self, loop: Loop, *overrides: str) -> Station:
+        return Station(loop, self.load(*overrides), lambda: self.load(*overrides))
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Folder:
+    return Folder(tmp_path)
+
+
+@pytest.fixture
+def loop() -> Iterator[Loop]:
+    with closing(Loop()) as loop:
+        yield loop
+
+
+def test_a_station_that_was_never_started_closes(folder: Folder, loop: Loop) -> None:
+    folder.station(loop).close()
+    assert loop._sources == {}
+
+
+def test_a_station_that_fails_without_being_stopped_closes(folder: Folder, loop: Loop) -> None:
+    station = folder.station(loop)
+    station.start()
+    station.close()
+    assert loop._sources == {}
+    assert not (folder.path / "control").exists()
+
+
+def test_a_station_that_is_stopped_ends_its_loop_and_closes(folder: Folder, loop: Loop) -> None:
+    station = folder.station(loop)
+    station.start()
+    loop.soon(station.stop)
+    loop.soon(station.stop)
+    loop.run()
+    station.close()
+    assert loop._sources == {}
+
+
+def port_of(station: Station) -> int:
+    import zmq
+
+    return int(station._inlets[0]._socket.get(zmq.LAST_ENDPOINT).rstrip(b"\0").decode().rpartition(":")[2])
+
+
+@pytest.mark.parametrize("key", ["from_users", "to_users", "pull", "report"])
+def test_a_port_that_is_taken_is_named_with_its_option_and_nothing_stays_open(
+    folder: Folder, loop: Loop, key: str
+) -> None:
+    with closing(folder.station(loop)) as first:
+        with pytest.raises(InterfaceError) as caught:
+            folder.station(loop, f"endpoint.{key}={port_of(first)}")
+        assert caught.value.message.startswith(f"endpoint.{key}: cannot bind tcp://127.0.0.1:{port_of(first)}: ")
+
+
+def test_a_control_path_that_is_taken_is_named_and_nothing_stays_open(folder: Folder, loop: Loop) -> None:
+    with closing(folder.station(loop)):
+        with pytest.raises(InterfaceError, match=r"endpoint\.control: cannot listen"):
+            folder.station(loop)
+        assert (folder.path / "control").is_socket()
+
+
+def test_an_interface_that_cannot_start_is_waited_for_and_the_station_runs(folder: Folder, loop: Loop) -> None:
+    # 192.0.2.0/24 is for documentation (RFC 5737): nobody here has such an address
+    with closing(folder.station(loop, "interfaces.air.listen=192.0.2.1:8947")) as station:
+        station.start()
+        assert station.status()["interfaces"]["air"]["state"] == "waiting"
+
+
+def test_the_status_is_json_and_has_what_is_promised(folder: Folder, loop: Loop) -> None:
+    with closing(folder.station(loop)) as station:
+        station.start()
+        status = json.loads(json.dumps(station.status()))
+        assert status["station"] == "captain"
+        assert status["interfaces"]["air"]["state"] == "up"
+        assert status["endpoint"]["requests"] == 0
+        assert status["drops"] == []
+        assert status["policy"] == [{"name": "default", "matched": 0}]
+        assert status["duplicates"]["window_s"] == 2.0
+        assert status["memory_kb"] > 0
+
+
+def test_the_legacy_profile_suppresses_no_duplicates_and_adds_no_localinfo(folder: Folder, loop: Loop) -> None:
+    with closing(folder.station(loop, "station.profile=legacy")) as station:
+        assert station.router.stages == ()
+        assert station.users._local is None
+
+
+def names(station: Station) -> list[str]:
+    return [row["name"] for row in station.router.policy.status()]
+
+
+def test_a_reload_takes_the_policy_of_the_file(folder: Folder, loop: Loop) -> None:
+    with closing(folder.station(loop)) as station:
+        folder.write("[[policy]]\nname = 'new'")
+        station.reread()
+        assert names(station) == ["new", "default"]
+
+
+def test_a_file_with_a_mistake_leaves_the_policy_as_it_was(folder: Folder, loop: Loop) -> None:
+    folder.write("[[policy]]\nname = 'old'")
+    with closing(folder.station(loop)) as station:
+        folder.write("[[policy]]\nname = 'new'\npriority = 99")
+        station.reread()
+        assert names(station) == ["old", "default"]
+        with pytest.raises(ConfigurationError):
+            station.reload_policy()
+        assert names(station) == ["old", "default"]
+
+
+def test_a_file_that_is_gone_leaves_the_policy_as_it_was(folder: Folder, loop: Loop) -> None:
+    folder.write("[[policy]]\nname = 'old'")
+    with closing(folder.station(loop)) as station:
+        (folder.path / "captain.toml").unlink()
+        station.reread()
+        assert names(station) == ["old", "default"]
+
+
+def test_what_a_reload_does_not_take_is_said(folder: Folder, loop: Loop, caplog: pytest.LogCaptureFixture) -> None:
+    with closing(folder.station(loop)) as station:
+        folder.write("[station]\nname = 'other'\n[[policy]]\nname = 'new'")
+        station.reread()
+        assert "[station] changed too" in caplog.text
+        assert station.status()["station"] == "captain"
+        assert names(station) == ["new", "default"]
