@@ -26,9 +26,9 @@ class IpcOptions(NamedTuple):
 class Ipc:
     """Lives beside the routing, not among the drivers, because it speaks ZeroMQ, which is the router's alone."""
 
-    capabilities = Capabilities(Can.RECEIVE | Can.TRANSMIT, "ipc")
-
     def __init__(self, context: zmq.Context[zmq.Socket[bytes]], options: IpcOptions) -> None:
+        # Without a socket to send by, nothing may count as sent.
+        self.capabilities = Capabilities(Can.RECEIVE | Can.TRANSMIT if options.ipc_out else Can.RECEIVE, "ipc")
         self._context = context
         self._options = options
         self._in: zmq.Socket[bytes] | None = None
@@ -37,12 +37,17 @@ class Ipc:
 
     def start(self, host: Host) -> None:
         self._host = host
-        if self._options.ipc_in:
-            self._in = self._bound(zmq.SUB, self._options.ipc_in, "endpoint.ipc_in")
+        try:
+            if self._options.ipc_out:
+                self._out = self._bound(zmq.PUB, self._options.ipc_out, "endpoint.ipc_out")
+            if self._options.ipc_in:
+                self._in = self._bound(zmq.SUB, self._options.ipc_in, "endpoint.ipc_in")
+        except InterfaceError:
+            self.stop()
+            raise
+        if self._in is not None:
             self._in.set(zmq.SUBSCRIBE, b"")
             host.loop.add(self)
-        if self._options.ipc_out:
-            self._out = self._bound(zmq.PUB, self._options.ipc_out, "endpoint.ipc_out")
         host.link(True, f"in {self._options.ipc_in or 'off'}, out {self._options.ipc_out or 'off'}")
 
     def fileno(self) -> int:

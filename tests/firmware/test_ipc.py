@@ -1,0 +1,160 @@
+"""Interface processes over ipc://: RawRxMessages come in, PDUs go out."""
+
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+import zmq
+
+from board.errors import InterfaceError
+from drivers.contract import Can, Sent
+from drivers.message import RxInfo
+from drivers.reason import Reason
+from drivers.wire import raw
+from firmware.config import QueueOptions
+from firmware.drops import Drops
+from firmware.interface import Interface
+from firmware.ipc import Ipc, IpcOptions
+from firmware.topics import Topics
+from tests.firmware.doubles import CAM_PDU, NotingStation, pdu_of, request_of
+from tests.virtual import VirtualLoop
+
+
+class Bench:
+    def __init__(self, loop: VirtualLoop, ipc_in: str, ipc_out: str) -> None:
+        loop.patience_s = 0.05
+        self.loop = loop
+        self.context = zmq.Context()
+        self.above = NotingStation()
+        self.drops = Drops()
+        self.ipc = Ipc(self.context, IpcOptions(ipc_in, ipc_out))
+        self.interface = Interface("ipc", self.ipc, QueueOptions("ipc"), loop, self.above, Topics(), self.drops)
+        self.sockets: list[zmq.Socket[bytes]] = []
+
+    def process(self, kind: int, address: str) -> "zmq.Socket[bytes]":
+        """An interface process: its end of one of the two sockets."""
+        socket = self.context.socket(kind)
+        socket.set(zmq.LINGER, 0)
+        socket.set(zmq.RCVTIMEO, 2000)
+        if kind == zmq.SUB:
+            socket.subscribe(b"")
+        socket.connect(address)
+        self.sockets.append(socket)
+        return socket
+
+    def close(self) -> None:
+        self.ipc.stop()
+        for socket in self.sockets:
+            socket.close(0)
+        self.context.term()
+
+
+@pytest.fixture
+def loop() -> Iterator[VirtualLoop]:
+    with closing(VirtualLoop()) as loop:
+        yield loop
+
+
+@pytest.fixture
+def bench(loop: VirtualLoop, tmp_path: Path) -> Iterator[Bench]:
+    with closing(Bench(loop, f"ipc://{tmp_path}/v2x/in/0", f"ipc://{tmp_path}/v2x/out/0")) as bench:
+        bench.ipc.start(bench.interface)
+        yield bench
+
+
+def sender(bench: Bench) -> "zmq.Socket[bytes]":
+    """A process that is connected: a PUB loses what it sends before the subscription has travelled."""
+    process = bench.process(zmq.XPUB, bench.ipc._options.ipc_in)
+    for _ in range(200):
+        bench.ipc.ready()
+        if process.poll(10):
+            break
+    assert process.recv() == b"\1"
+    return process
+
+
+def test_folders_that_are_not_there_are_made(bench: Bench, tmp_path: Path) -> None:
+    assert (tmp_path / "v2x" / "in" / "0").is_socket()
+    assert (tmp_path / "v2x" / "out" / "0").is_socket()
+    assert bench.interface.is_up
+
+
+def test_a_rawrxmessage_comes_in_with_what_is_known_of_it(bench: Bench) -> None:
+    rx = RxInfo(rssi_dbm=-71, source_mac=b"\1\2\3\4\5\6")
+    sender(bench).send(raw.build(CAM_PDU, 1_795_182_426_461_613_000, rx))
+    bench.loop.run_until(lambda: bool(bench.above.indications))
+    (indication,) = bench.above.indications
+    assert (indication.pdu, indication.received_ns) == (CAM_PDU, 1_795_182_426_461_613_000)
+    assert (indication.rx.rssi_dbm, indication.rx.source_mac) == (-71, b"\1\2\3\4\5\6")
+
+
+@pytest.mark.parametrize(
+    ("frames", "reason"),
+    [
+        ([b""], Reason.FRAMING),
+        ([b"rubbish"], Reason.FRAMING),
+        ([b"raw.", raw.build(CAM_PDU, 0, RxInfo())], Reason.FRAMING),
+        ([raw.build(CAM_PDU, 0, RxInfo())[:40]], Reason.FRAMING),
+        ([raw.build(b"", 0, RxInfo())], Reason.EMPTY_PDU),
+        ([raw.build(b"abc", 0, RxInfo())], Reason.SHORT_PDU),
+    ],
+)
+def test_what_cannot_be_read_is_counted_and_the_next_passes(bench: Bench, frames: list[bytes], reason: Reason) -> None:
+    process = sender(bench)
+    process.send_multipart(frames)
+    process.send(raw.build(CAM_PDU, 0, RxInfo()))
+    bench.loop.run_until(lambda: bool(bench.above.indications))
+    assert bench.drops.total("ipc", reason) == 1
+
+
+def test_a_burst_beyond_one_batch_is_taken_whole(bench: Bench) -> None:
+    process = sender(bench)
+    for number in range(100):
+        process.send(raw.build(pdu_of(2, number), 0, RxInfo()))
+    bench.loop.run_until(lambda: len(bench.above.indications) == 100)
+
+
+def test_a_request_goes_out_under_its_envelope(bench: Bench) -> None:
+    process = bench.process(zmq.SUB, bench.ipc._options.ipc_out)
+    for number in range(200):  # until the subscription has travelled
+        assert bench.ipc.send(request_of(number)) is Sent.NOW
+        if process.poll(10):
+            break
+    assert process.recv_multipart() == [b"v2x.cam.", CAM_PDU]
+
+
+def test_a_way_that_is_off_is_not_opened(loop: VirtualLoop, tmp_path: Path) -> None:
+    with closing(Bench(loop, f"ipc://{tmp_path}/in", "")) as bench:
+        bench.ipc.start(bench.interface)
+        assert bench.interface.is_up
+        assert Can.TRANSMIT not in bench.ipc.capabilities.can
+        assert not bench.interface.can_transmit
+    with closing(Bench(loop, "", f"ipc://{tmp_path}/out")) as bench:
+        bench.ipc.start(bench.interface)
+        assert bench.interface.can_transmit
+        assert loop._sources == {}
+
+
+@pytest.mark.parametrize("taken", ["in", "out"])
+def test_a_path_that_cannot_be_had_names_the_option_and_leaves_nothing_open(
+    loop: VirtualLoop, tmp_path: Path, taken: str
+) -> None:
+    (tmp_path / "file").write_text("")
+    good, bad = f"ipc://{tmp_path}/good", f"ipc://{tmp_path}/file/below/0"
+    ways = (bad, good) if taken == "in" else (good, bad)
+    with closing(Bench(loop, *ways)) as bench:
+        for _ in range(3):  # as the supervisor does
+            with pytest.raises(InterfaceError, match=rf"endpoint\.ipc_{taken}: cannot make"):
+                bench.ipc.start(bench.interface)
+            assert loop._sources == {}
+            assert (bench.ipc._in, bench.ipc._out) == (None, None)
+
+
+def test_it_may_be_stopped_twice_and_started_again(bench: Bench) -> None:
+    bench.ipc.stop()
+    bench.ipc.stop()
+    bench.ipc.ready()
+    bench.ipc.start(bench.interface)
+    sender(bench).send(raw.build(CAM_PDU, 0, RxInfo()))
+    bench.loop.run_until(lambda: bool(bench.above.indications))
