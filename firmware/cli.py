@@ -58,8 +58,18 @@ def load(verb: str) -> ModuleType:
 
 def main(argv: list[str]) -> int:
     """Run one verb. Returns the exit status: 0 done, 1 failed, 2 wrong usage, 130 interrupted."""
-    if not argv or argv[0] not in VERBS:
-        return _help(argv)
+    try:
+        try:
+            return _run(argv) if argv and argv[0] in VERBS else _help(argv)
+        finally:
+            sys.stdout.flush()  # at exit it would be too late to say nothing
+    except BrokenPipeError:
+        # The reader of our output left: nothing more to say, and nothing may be said at exit either.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+
+
+def _run(argv: list[str]) -> int:
     for stream in (sys.stdout, sys.stderr):
         # A name that the terminal's character set lacks is shown as an escape, not as a traceback.
         if isinstance(stream, io.TextIOWrapper):
@@ -79,10 +89,6 @@ def main(argv: list[str]) -> int:
         return 1
     except KeyboardInterrupt:
         return INTERRUPTED
-    except BrokenPipeError:
-        # The reader of our output left: nothing more to say, and nothing may be said at exit either.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
 
 
 def _help(argv: list[str]) -> int:

@@ -1,0 +1,118 @@
+"""The command line: help, wrong usage, and how failures are told."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from board.errors import StationError
+from firmware import VERSION, cli
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.mark.parametrize("argv", [["--help"], ["-h"], ["help"]])
+def test_help_that_is_asked_for_names_every_command(argv: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(argv) == 0
+    said = capsys.readouterr()
+    assert all(verb in said.out for verb in cli.VERBS)
+    assert said.err == ""
+
+
+@pytest.mark.parametrize("argv", [["--version"], ["-V"]])
+def test_the_version_is_told(argv: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(argv) == 0
+    assert capsys.readouterr().out == f"captain {VERSION}\n"
+
+
+@pytest.mark.parametrize("argv", [[], ["rum"], ["--verbose"], [""], ["Run"], ["run "]])
+def test_wrong_usage_shows_the_commands_on_stderr(argv: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(argv) == cli.USAGE_ERROR
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert "usage: captain COMMAND" in said.err
+    assert not argv or repr(argv[0]) in said.err
+
+
+@pytest.mark.parametrize("verb", list(cli.VERBS))
+def test_every_command_has_help_of_its_own(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as caught:
+        cli.main([verb, "--help"])
+    assert caught.value.code == 0
+    assert f"usage: captain {verb}" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("verb", list(cli.VERBS))
+def test_an_option_that_no_command_has_is_wrong_usage(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as caught:
+        cli.main([verb, "--no-such-option"])
+    assert caught.value.code == cli.USAGE_ERROR
+    assert f"captain {verb}: error: " in capsys.readouterr().err
+
+
+def a_command_that_raises(error: BaseException, monkeypatch: pytest.MonkeyPatch) -> None:
+    def main(arguments: object) -> int:
+        raise error
+
+    command = SimpleNamespace(SUMMARY="x", arguments=lambda parser: None, main=main)
+    monkeypatch.setattr(cli, "load", lambda verb: command)
+
+
+def test_an_expected_failure_is_told_in_words(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    a_command_that_raises(StationError("port 5555 is taken", "choose another"), monkeypatch)
+    assert cli.main(["run"]) == 1
+    said = capsys.readouterr()
+    assert said.err == "captain: port 5555 is taken\n  (choose another)\n"
+    assert said.out == ""
+
+
+def test_an_interrupt_is_no_traceback(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    a_command_that_raises(KeyboardInterrupt(), monkeypatch)
+    assert cli.main(["run"]) == cli.INTERRUPTED
+    assert capsys.readouterr().err == ""
+
+
+def test_a_bug_passes_through(monkeypatch: pytest.MonkeyPatch) -> None:
+    a_command_that_raises(ZeroDivisionError(), monkeypatch)
+    with pytest.raises(ZeroDivisionError):
+        cli.main(["run"])
+
+
+def captain(*argv: str, stdout: int = subprocess.PIPE, unbuffered: str = "") -> "subprocess.CompletedProcess[str]":
+    return subprocess.run(
+        [sys.executable, "-m", "firmware", *argv],
+        cwd=ROOT,
+        env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
+        stdout=stdout,
+        stderr=subprocess.PIPE,
+        text=True,
+        timeout=20,
+        check=False,
+    )
+
+
+def test_a_wrong_configuration_ends_the_program_with_1_and_no_traceback(tmp_path: Path) -> None:
+    path = tmp_path / "captain.toml"
+    path.write_text("[station]\nnam = 5\n[endpoint]\npull = 99999\n")
+    ended = captain("run", "--config", str(path))
+    assert ended.returncode == 1
+    assert "Traceback" not in ended.stderr
+    assert f"{path}: station.nam: is not a known key; did you mean name?" in ended.stderr
+    assert f"{path}: endpoint.pull: " in ended.stderr
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize("argv", [["--help"], ["status", "--help"]])
+def test_a_reader_that_has_left_is_no_failure(argv: list[str], unbuffered: str) -> None:
+    read, write = os.pipe()
+    os.close(read)
+    try:
+        ended = captain(*argv, stdout=write, unbuffered=unbuffered)
+    finally:
+        os.close(write)
+    assert (ended.returncode, ended.stderr) == (0, "")
