@@ -49,8 +49,8 @@ class Bench:
         self.loop.run_until(lambda: self.interest[-len(changes) :] == list(changes))
 
     def close(self) -> None:
-        for socket in self.sockets:
-            socket.close(0)
+        for connected in self.sockets:
+            connected.close(0)
         self.publisher.close()
         self.context.term()
 
@@ -241,11 +241,11 @@ def test_an_address_that_is_taken_names_the_option_and_leaves_nothing_open(bench
         assert loop._sources == {}
 
 
-@pytest.mark.parametrize("address", ["tcp://nowhere.invalid:1", "nonsense", "tcp://8.8.8.8:5556"])
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1", "nonsense", "tcp://8.8.8.8:5556"])
 def test_an_address_that_cannot_be_is_refused_in_words(address: str) -> None:
-    with closing(VirtualLoop()) as loop, zmq.Context() as context:
-        with pytest.raises(InterfaceError, match=r"endpoint\.report: cannot bind"):
-            Publisher(loop, context, address, "endpoint.report")
+    refused = pytest.raises(InterfaceError, match=r"endpoint\.report: cannot bind")
+    with closing(VirtualLoop()) as loop, zmq.Context() as context, refused:
+        Publisher(loop, context, address, "endpoint.report")
 
 
 def test_timers_that_outlive_the_socket_do_nothing(bench: Bench) -> None:
