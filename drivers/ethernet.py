@@ -12,7 +12,7 @@ from board.errors import ConfigurationError, InterfaceError, RequestError
 from board.loop import Timer
 from board.netlink import Device, DeviceWatch
 from drivers.contract import Can, Capabilities, Host, Sent, Shared
-from drivers.geolink import GeoLink
+from drivers.geolink import GEONETWORKING_METADATA, GeoLink
 from drivers.intake import Intake, enlarge, refused
 from drivers.message import NO_MAC, Request
 from drivers.reason import Reason
@@ -75,10 +75,7 @@ class Ethernet:
 
     Options: ClassVar[type] = EthernetOptions
     capabilities: ClassVar[Capabilities] = Capabilities(
-        can=Can.RECEIVE | Can.TRANSMIT,
-        technology="ethernet",
-        max_payload=MAX_PAYLOAD,
-        metadata=frozenset({"btp_port", "traffic_class", "hop_limit", "security", "position", "area", "source_mac"}),
+        Can.RECEIVE | Can.TRANSMIT, "ethernet", MAX_PAYLOAD, GEONETWORKING_METADATA
     )
 
     def __init__(self, options: EthernetOptions, shared: Shared) -> None:

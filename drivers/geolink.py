@@ -9,6 +9,11 @@ from drivers.reason import Reason
 from drivers.wire import frame
 from drivers.wire.geonet import GeoNetworking, Heard, Received
 
+# Fields of RxInfo that GeoNetworking fills.
+GEONETWORKING_METADATA = frozenset(
+    {"btp_port", "traffic_class", "hop_limit", "security", "position", "area", "source_mac", "transport"}
+)
+
 
 class GeoLink:
     """Frames in, indications out; requests in, frames out; beacons when nothing else was sent.

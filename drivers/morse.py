@@ -45,9 +45,11 @@ class Morse:
     """PDUs in dots and dashes."""
 
     Options: ClassVar[type] = MorseOptions
-    capabilities: ClassVar[Capabilities] = Capabilities(Can.RECEIVE | Can.TRANSMIT, "morse", morse.MAX_PDU)
 
     def __init__(self, options: MorseOptions, shared: Shared) -> None:
+        hears = Can.RECEIVE if options.listen else Can(0)
+        sends = Can.TRANSMIT if options.speak or options.line is not None else Can(0)
+        self.capabilities = Capabilities(hears | sends, "morse", morse.MAX_PDU)
         self._options = options
         self._opened = ExitStack()
         self._poll: Timer | None = None

@@ -9,7 +9,7 @@ from board.describe import Range
 from board.errors import ConfigurationError, InterfaceError, RequestError
 from board.netlink import Device, DeviceWatch
 from drivers.contract import Can, Capabilities, Host, Sent, Shared
-from drivers.geolink import GeoLink
+from drivers.geolink import GEONETWORKING_METADATA, GeoLink
 from drivers.intake import Intake, KernelDrops, enlarge, refused
 from drivers.message import Request
 from drivers.reason import Reason
@@ -19,6 +19,8 @@ from drivers.udp_socket import Address, address, group_address, is_address, open
 
 # How long the link's text speaks of an absent peer after the last sign of its absence. UDP gives no sign of return.
 ABSENT_S = 5.0
+
+METADATA = {"pdu": frozenset[str](), "btp": frozenset({"btp_port"}), "ethernet": GEONETWORKING_METADATA}
 
 
 @dataclass(frozen=True)
@@ -57,13 +59,11 @@ class Udp:
     """Facilities PDUs in UDP datagrams."""
 
     Options: ClassVar[type] = UdpOptions
-    capabilities: ClassVar[Capabilities] = Capabilities(
-        can=Can.RECEIVE | Can.TRANSMIT,
-        technology="udp",
-        metadata=frozenset({"btp_port", "traffic_class", "hop_limit", "security", "position", "area", "source_mac"}),
-    )
 
     def __init__(self, options: UdpOptions, shared: Shared) -> None:
+        hears = Can.RECEIVE if options.listen or options.group else Can(0)
+        sends = Can.TRANSMIT if options.peers or options.group else Can(0)
+        self.capabilities = Capabilities(hears | sends, "udp", metadata=METADATA[options.framing])
         self._options = options
         self._shared = shared
         self._opened = ExitStack()

@@ -10,7 +10,7 @@ import pytest
 
 from board.describe import read
 from board.errors import ConfigurationError, InterfaceError, RequestError
-from drivers.contract import Sent
+from drivers.contract import Can, Sent
 from drivers.morse import KEEP, Morse, MorseOptions
 from drivers.reason import Reason
 from drivers.wire import morse
@@ -108,6 +108,13 @@ def test_a_directory_that_disappears_fails_the_interface(loop, host, start, tmp_
     assert str(host.failures[0]) == f"{directory}: No such file or directory"
     with pytest.raises(InterfaceError, match="no directory"):
         start(listen=directory)
+
+
+@pytest.mark.parametrize(("options", "can"), [
+    ({"listen": "."}, Can.RECEIVE), ({"speak": "."}, Can.TRANSMIT), ({"line": 0}, Can.TRANSMIT),
+])  # fmt: skip
+def test_it_declares_what_its_options_let_it_do(options, can):
+    assert Morse(MorseOptions(**options), SHARED).capabilities.can == can
 
 
 def test_a_pdu_that_takes_minutes_is_refused(start, tmp_path):

@@ -8,7 +8,7 @@ import pytest
 
 from board.describe import read
 from board.errors import ConfigurationError, InterfaceError, RequestError
-from drivers.contract import Sent
+from drivers.contract import Can, Sent
 from drivers.intake import SO_RCVBUFFORCE, enlarge
 from drivers.message import NO_RX_INFO
 from drivers.reason import Reason
@@ -182,6 +182,14 @@ def test_an_address_of_another_host_cannot_be_listened_at(start):
 def test_options_that_cannot_be_meant_are_refused_with_their_place(table):
     with pytest.raises(ConfigurationError, match=r"captain\.toml"):
         read(UdpOptions, table, "captain.toml")
+
+
+@pytest.mark.parametrize(("options", "can"), [
+    ({"listen": "127.0.0.1:0"}, Can.RECEIVE), ({"peers": ("127.0.0.1:1",)}, Can.TRANSMIT),
+    ({"group": "239.118.122.97:8947"}, Can.RECEIVE | Can.TRANSMIT),
+])  # fmt: skip
+def test_it_declares_what_its_options_let_it_do(options, can):
+    assert Udp(UdpOptions(**options), SHARED).capabilities.can == can
 
 
 def test_an_interface_without_peers_refuses_requests(host, start):
