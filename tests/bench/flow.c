@@ -18,6 +18,7 @@
 
 enum {
     TICK_NS = 100000,       /* at high rates messages leave in bundles, at most one per tick */
+    LATENCY_RATE = 1000,    /* the highest at which single messages are timed: each by itself, sink blocked */
     MAX_VALUES = 1 << 20,   /* latencies kept; those beyond are counted only */
     PATIENCE_MS = 20,       /* how long a blocked receiver goes without looking whether it is over */
     SETTLE_MS = 250,        /* a subscription must have travelled; PUB and SUB cannot tell */
@@ -90,9 +91,14 @@ static void *receive_as_interface(void *argument)
         messages[i].msg_hdr.msg_iovlen = 1;
     }
     size_t expected = flow->load.prefix_octets + PDU_OCTETS;
+    /* A sink that blocks is woken by every datagram, at the sender's cost, the more the slower the sender is. */
+    int is_lazy = flow->load.rate > LATENCY_RATE || flow->load.rate <= 0;
     while (!atomic_load(&flow->over)) {
-        int count = recvmmsg(flow->udp, messages, BATCH, MSG_WAITFORONE, NULL);
+        int count = recvmmsg(flow->udp, messages, BATCH, is_lazy ? MSG_DONTWAIT : MSG_WAITFORONE, NULL);
         uint64_t now = now_ns();
+        if (count < 0 && is_lazy) {
+            sleep_until_ns(now + TICK_NS);
+        }
         for (int i = 0; i < count; i++) {
             if (messages[i].msg_len == expected) {
                 note(flow, buffers[i] + flow->load.prefix_octets, now);
@@ -196,7 +202,7 @@ static uint64_t due(const struct load *load, struct sending *sending)
     uint64_t next = sending->start + (uint64_t)((double)sending->sent / load->rate * SECOND_NS);
     uint64_t now = now_ns();
     if (now < next) {
-        uint64_t tick = load->rate > 1000 ? now + TICK_NS : 0;
+        uint64_t tick = load->rate > LATENCY_RATE ? now + TICK_NS : 0;
         sleep_until_ns(next > tick ? next : tick);
         now = now_ns();
     }

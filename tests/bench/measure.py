@@ -19,6 +19,7 @@ LATE_MS = 50.0
 PROBE_S = 0.7
 LOWEST, HIGHEST = 2_000.0, 400_000.0
 RESOLUTION = 1.06
+TRIES = 3  # what else runs on the machine may spoil one of them, for the floor as for the station
 
 
 def flow(subject: Subject, way: str, *, prefix: bytes = b"", watched: bool = False, **words: float) -> Flow:
@@ -59,7 +60,8 @@ def loss_free(subject: Subject, way: str, **how: Any) -> float:
     """The highest rate, messages per second, at which nothing is lost for PROBE_S."""
     best, rate, worst = 0.0, 16_000.0, HIGHEST
     while rate < worst / RESOLUTION:
-        reached = _passes(subject, way, rate, **how) or _passes(subject, way, rate, **how)
+        tries = (_passes(subject, way, rate, **how) for _ in range(TRIES))
+        reached = next((passed for passed in tries if passed), 0.0)
         if reached:
             best = max(best, reached)
             if reached < 0.9 * rate:  # the generator is at its end, not the subject
