@@ -24,7 +24,6 @@ SEND_HWM = 16384
 BATCH = 64
 LOOK_S = 0.01  # a new subscription waits no longer than this while messages flow
 LINGER_MS = 300  # what is still unsent when the station stops
-SLOW_S = 1.0  # how long after a refusal it is tried again whether all subscribers keep up
 
 log = logging.getLogger("captain.publisher")
 
@@ -92,9 +91,9 @@ class Publisher:
         try:
             _send(socket, topic, MORE)
         except zmq.Again:
-            self._slow()
-            _send(socket, topic, MORE)
-        _send(socket, body, NOBLOCK)
+            self._publish_dropping(topic, body)
+        else:
+            _send(socket, body, NOBLOCK)
         self.published += 1
         # A send may swallow the edge that announces a subscription: look again soon. A look costs as much as four
         # sends, so one for all messages of LOOK_S.
@@ -122,6 +121,8 @@ class Publisher:
         """First octet 1 subscribes, 0 unsubscribes, the prefix follows; anything else is a user's, not for us."""
         if message[:1] not in (b"\0", b"\1"):
             return
+        if not message[0]:
+            self.slow_since = None
         prefix = message[1:]
         for topic, before in self._interest.items():
             if not (topic.startswith(prefix) or prefix.startswith(topic)):
@@ -131,23 +132,16 @@ class Publisher:
             if after > before or before > after == 0:
                 self._on_interest(topic, after > 0)
 
-    def _slow(self) -> None:
+    def _publish_dropping(self, topic: bytes, body: bytes) -> None:
+        """Hand it to those that keep up. libzmq passes the others by until each has read half of what waits for it.
+
+        So one that never reads again is refused but once; that it does is known only when it leaves.
+        """
         self.slow_count += 1
         if self.slow_since is None:
             self.slow_since = time.time()
             log.warning("a subscriber does not keep up: ZeroMQ drops for it; the others lose nothing")
         self._socket.set(zmq.XPUB_NODROP, 0)
-        self._loop.after(SLOW_S, self._try_again)
-
-    def _try_again(self) -> None:
-        """Refuse again from now on: a second without a refusal means that all keep up."""
-        if self._socket.closed:
-            return
+        _send(self._socket, topic, MORE)
+        _send(self._socket, body, NOBLOCK)
         self._socket.set(zmq.XPUB_NODROP, 1)
-        count = self.slow_count
-        self._loop.after(SLOW_S, lambda: self._recovered(count))
-
-    def _recovered(self, count: int) -> None:
-        if self.slow_count == count and self.slow_since is not None:
-            log.info("all subscribers keep up again after %.0f s", time.time() - self.slow_since)
-            self.slow_since = None
