@@ -1,0 +1,120 @@
+"""What the station says about itself: the status once a second, and what became of each request."""
+
+import json
+from collections.abc import Iterator
+from contextlib import closing
+
+import pytest
+
+from drivers.message import Confirm, Outcome
+from drivers.reason import MEANING, Reason
+from firmware.report import AT_ONCE_S, Report, memory_kb, process_status
+from firmware.topics import Topics
+from tests.firmware.doubles import NotingStation, interface_of, request_of
+from tests.virtual import VirtualLoop
+
+
+class NotingPublisher:
+    def __init__(self) -> None:
+        self.said: list[tuple[bytes, dict[str, object]]] = []
+
+    def publish(self, topic: bytes, body: bytes) -> None:
+        self.said.append((topic, json.loads(body)))
+
+
+class Bench:
+    def __init__(self, loop: VirtualLoop) -> None:
+        self.loop = loop
+        self.publisher = NotingPublisher()
+        self.made = self.refreshed = 0
+        self.report = Report(loop, self.publisher, self.status, self.refresh)
+
+    def status(self) -> dict[str, object]:
+        self.made += 1
+        return {"station": "captain"}
+
+    def refresh(self) -> None:
+        self.refreshed += 1
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    with closing(VirtualLoop()) as loop:
+        yield Bench(loop)
+
+
+def test_the_counters_are_refreshed_once_a_second_and_no_status_is_made_for_nobody(bench: Bench) -> None:
+    bench.report.start()
+    bench.loop.run_for(5.5)
+    assert (bench.refreshed, bench.made, bench.publisher.said) == (6, 0, [])
+
+
+def test_the_status_comes_once_a_second_while_somebody_listens(bench: Bench) -> None:
+    bench.report.start()
+    bench.report.status_interest(True)
+    bench.publisher.said.clear()
+    bench.loop.run_for(3.5)
+    assert bench.publisher.said == [(b"status.", {"station": "captain"})] * 3
+    bench.report.status_interest(False)
+    bench.loop.run_for(3.0)
+    assert len(bench.publisher.said) == 3
+
+
+def test_who_subscribes_has_a_status_at_once(bench: Bench) -> None:
+    bench.report.start()
+    bench.loop.run_for(0.5)
+    bench.report.status_interest(True)
+    assert len(bench.publisher.said) == 1
+
+
+def test_a_thousand_subscriptions_at_once_make_few_statuses(bench: Bench) -> None:
+    bench.report.start()
+    bench.loop.run_for(0.5)
+    for _ in range(1000):
+        bench.report.status_interest(True)
+    assert len(bench.publisher.said) == 1
+    bench.loop.run_for(AT_ONCE_S)
+    bench.report.status_interest(True)
+    assert len(bench.publisher.said) == 2
+
+
+def test_an_accepted_request_names_its_interfaces(bench: Bench) -> None:
+    target = interface_of(bench.loop, NotingStation())
+    bench.report.confirm(Confirm(request_of(7), Outcome.ACCEPTED), (target,))
+    ((topic, said),) = bench.publisher.said
+    assert topic == b"confirm.cam."
+    assert (said["request"], said["outcome"], said["interfaces"]) == (7, "accepted", ["g5"])
+    assert (said["type"], said["station_id"], said["octets"]) == ("cam", 1337, 10)
+    assert (said["reason"], said["meaning"]) == (None, None)
+
+
+def test_a_dropped_request_names_interface_reason_and_times(bench: Bench) -> None:
+    confirm = Confirm(request_of(7), Outcome.DROPPED, "g5", Reason.EXPIRED, 1.5, 0.000_25, "too late")
+    bench.report.confirm(confirm, ())
+    ((_, said),) = bench.publisher.said
+    assert (said["outcome"], said["interface"], said["interfaces"]) == ("dropped", "g5", [])
+    assert (said["reason"], said["meaning"], said["detail"]) == ("expired", MEANING[Reason.EXPIRED], "too late")
+    assert (said["queue_us"], said["send_us"]) == (1_500_000.0, 250.0)
+
+
+@pytest.mark.parametrize("size", range(6))
+def test_a_pdu_that_holds_no_station_has_none(bench: Bench, size: int) -> None:
+    bench.report.confirm(Confirm(request_of(pdu=bytes(size)), Outcome.REFUSED, reason=Reason.SHORT_PDU), ())
+    assert bench.publisher.said[0][1]["station_id"] is None
+
+
+def test_a_confirm_of_an_unknown_type_has_two_dots(bench: Bench) -> None:
+    bench.report.confirm(Confirm(request_of(kind=Topics().unknown), Outcome.REFUSED, reason=Reason.UNKNOWN_TYPE), ())
+    assert bench.publisher.said[0][0] == b"confirm.."
+
+
+def test_a_label_of_any_text_comes_back_as_it_was(bench: Bench) -> None:
+    label = 'ü☃"\\\n\x00\ud800'
+    bench.report.confirm(Confirm(request_of()._replace(label=label), Outcome.ACCEPTED), ())
+    assert bench.publisher.said[0][1]["label"] == label
+
+
+def test_the_process_says_what_it_takes() -> None:
+    status = process_status(started=10.0, now=12.5)
+    assert status["uptime_s"] == 2.5
+    assert memory_kb() > 1000
