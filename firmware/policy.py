@@ -4,10 +4,9 @@ import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 
-from drivers.wire.area import contains
-
 from drivers.contract import Can
 from drivers.message import Area, Ego, MessageType, Position, Shape
+from drivers.wire.area import contains
 from firmware.config import Match, NeighbourMatch, PayloadMatch, PlaceMatch, PolicyRow, Span
 from firmware.topics import Topics
 
