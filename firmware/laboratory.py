@@ -13,13 +13,12 @@ import zmq
 
 import firmware
 from board.errors import StationError
-from firmware import client, netns, ports
+from firmware import client, netns
 from firmware.child import Child
 from firmware.pcap import Pcap
 from firmware.received import Message, Pairing
 
 HOST = "127.0.0.1"
-FIRST_PORT = 5601  # besides those of a station that runs with its defaults
 GEONETWORKING = 0x8947
 ETH_P_ALL = 3  # linux/if_ether.h: with the EtherType alone, what leaves is not seen
 DEVICES = ("captain-a", "captain-b")
@@ -128,9 +127,9 @@ def bench(is_veth: bool, capture: Pcap | None) -> Iterator[Bench]:
             boards = _udp_boards(seeing.getsockname()[1])
         recorder = Recorder(seeing, capture)
         seats = []
-        for name, space, board, first in zip("AB", spaces, boards, _first_ports(), strict=False):
+        for name, space, board in zip("AB", spaces, boards, strict=True):
             with space():
-                place = client.Address(HOST, *range(first, first + 4))
+                place = client.Address(HOST, *(_port(ending) for _ in range(4)))
                 child = _station(name, board, place, folder)
                 ending.callback(child.stop)
                 child.wait_until_ready()
@@ -162,8 +161,15 @@ def _wait_for_link(control: Path) -> None:
         time.sleep(0.02)  # this is a command's own process, no station's loop
 
 
-def _first_ports() -> Iterator[int]:
-    return ports.free_blocks(HOST, FIRST_PORT, 4)
+def _port(ending: ExitStack) -> int:
+    """A port that nobody else is given until the end.
+
+    Bound without SO_REUSEADDR, nobody else can bind it; with it from then on, a station can: it listens, we do not.
+    """
+    holder = ending.enter_context(socket.socket(socket.AF_INET, socket.SOCK_STREAM))
+    holder.bind((HOST, 0))
+    holder.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    return int(holder.getsockname()[1])
 
 
 def _udp_boards(recorder: int) -> list[str]:

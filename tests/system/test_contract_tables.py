@@ -1,5 +1,7 @@
 """Contract, section 2: message ids, names in envelopes, BTP ports on the wire, in both profiles."""
 
+from typing import Any
+
 import pytest
 
 from tests.system.conftest import Bench, Launcher
@@ -140,3 +142,19 @@ def test_a_row_without_a_port_is_named_on_reception_and_not_sent(launch: Launche
     assert bench.station.drops()["from_users", "no-port"] == 1
     bench.air.send(pdu_of(201))
     assert bench.user.receive().envelope == b"v2x.onlyin."
+
+
+@pytest.mark.parametrize("framing", ["pdu", "btp", "ethernet"])
+@pytest.mark.parametrize("place", range(12))
+def test_real_messages_travel_both_ways_unchanged(
+    framing: str, place: int, vectors: list[dict[str, Any]], request: pytest.FixtureRequest
+) -> None:
+    bench: Bench = request.getfixturevalue(framing)
+    name, sent = vectors[place]["type"], vectors[place]["pdu"]
+    bench.user.send(b"v2x.", sent)
+    bench.user.send(b"v2x.%s." % name.encode(), sent)
+    ports = [None] if framing == "pdu" else [port for _, known, port, _ in NAMED if known == name]
+    assert [bench.air.hear(), bench.air.hear()] == [(ports[0], sent)] * 2
+    bench.air.send(sent, ports[0] or 0)
+    received = bench.user.receive()
+    assert (received.envelope, received.pdu) == (b"v2x.%s." % name.encode(), sent)
