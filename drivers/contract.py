@@ -68,7 +68,10 @@ class Host(Protocol):
         """The link came up or went down; the driver itself goes on."""
 
     def fail(self, error: StationError) -> None:
-        """The driver cannot go on: the host stops it and starts it again later."""
+        """The driver cannot go on: the host calls stop() at once and start() again later.
+
+        May be called from anywhere, also from inside send(), which then returns BUSY.
+        """
 
     def ego(self) -> Ego:
         """Own time and position, now."""

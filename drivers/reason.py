@@ -60,7 +60,7 @@ MEANING: dict[Reason, str] = {
     Reason.RATE_LIMIT: "more of these per second than the policy's row allows",
     Reason.EMPTY_PDU: "the PDU has no octets",
     Reason.SHORT_PDU: "the PDU is shorter than the 6 octets of an ITS PDU header",
-    Reason.LONG_PDU: "the PDU is longer than the 1500 octets that an interface carries",
+    Reason.LONG_PDU: "the PDU is longer than 1500 octets, or than what the interface carries",
     Reason.HEADER_MISMATCH: "the envelope and the PDU's messageID disagree, and endpoint.strict is on",
     Reason.QUEUE_FULL: "the interface's queue was full; the oldest of the lowest priority went out first",
     Reason.EXPIRED: "it waited in the interface's queue for longer than its lifetime",

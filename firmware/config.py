@@ -68,11 +68,17 @@ class ReceptionOptions:
 
 @dataclass(frozen=True)
 class QueueOptions:
-    """The options that every [interfaces.<name>] has beside its driver's: queue in messages, rate_per_s its pace."""
+    """The options that every [interfaces.<name>] has beside its driver's.
+
+    queue       requests that may wait for it.
+    rate_per_s  its pace; 0 is as fast as the driver takes them.
+    technology  what status calls its medium, where the driver cannot know: its-g5 behind a udp or ethernet interface.
+    """
 
     driver: str
     queue: Annotated[int, Range(1, 65536)] = 256
     rate_per_s: Annotated[float, Range(0.0, 100_000.0)] = 0.0
+    technology: str = ""
 
 
 @dataclass(frozen=True)

@@ -57,6 +57,8 @@ class Interface:
         self.loop = loop
         self.driver = driver
         self.driver_name = options.driver
+        self._technology = options.technology or driver.capabilities.technology
+        self._max_payload = driver.capabilities.max_payload
         self.is_up = False
         self.why = "not started"
         self.since = loop.clock()
@@ -133,6 +135,9 @@ class Interface:
     # What its queue calls: firmware.outlet.Outgoing.
 
     def transmit(self, request: Request) -> Sent | None:
+        if len(request.pdu) > self._max_payload:
+            self.dropped(request, Reason.LONG_PDU, detail=f"{self.name} carries {self._max_payload} octets")
+            return None
         try:
             return self.driver.send(request)
         except RequestError as error:
@@ -160,7 +165,7 @@ class Interface:
         outlet = self.outlet
         return {
             "driver": self.driver_name,
-            "technology": self.driver.capabilities.technology,
+            "technology": self._technology,
             "why": self.why,
             "since_s": round(now - self.since, 3),
             "neighbours": self.neighbours.count(now),
