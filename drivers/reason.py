@@ -50,7 +50,7 @@ class Reason(StrEnum):
 
 
 MEANING: dict[Reason, str] = {
-    Reason.BAD_ENVELOPE: "the first frame is neither `v2x.` nor `v2x.<type>.` of a known type; lower case, dot at the end",
+    Reason.BAD_ENVELOPE: "the first frame is neither `v2x.` nor `v2x.<type>.` of a known type; mind case and dot",
     Reason.ONE_FRAME: "the message has one frame; send two, the envelope and the PDU",
     Reason.BAD_OPTIONS: "the third frame is not a JSON object of known options; the README lists them",
     Reason.UNKNOWN_TYPE: "messageID (octet 1 of the PDU) is in no table; add a row [[types]] to captain.toml",

@@ -53,7 +53,7 @@ def main(arguments: argparse.Namespace) -> int:
     wanted = read()
     loop = Loop()
     station = Station(loop, wanted, read)
-    signals = Signals(loop, {signal.SIGTERM: station.stop, signal.SIGINT: station.stop, signal.SIGHUP: station.reread})
+    Signals(loop, {signal.SIGTERM: station.stop, signal.SIGINT: station.stop, signal.SIGHUP: station.reread})
     try:
         station.start()
         endpoint = wanted.tables.endpoint
