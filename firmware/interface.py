@@ -26,6 +26,8 @@ from firmware.neighbours import Neighbours
 from firmware.outlet import Outlet
 from firmware.topics import Topics
 
+_new = tuple.__new__
+
 log = logging.getLogger("captain.interface")
 
 
@@ -97,7 +99,8 @@ class Interface:
         now = self.loop.clock()
         mac = rx.source_mac
         self.neighbours.heard(pdu[2:6] if mac == NO_MAC else mac, now, rx.rssi_dbm)
-        self._above.indicate(Indication(kind, pdu, self.name, received_ns, now, rx))
+        # tuple.__new__ is what Indication() comes to, at half the price.
+        self._above.indicate(_new(Indication, (kind, pdu, self.name, received_ns, now, rx)))
 
     def heard(self, mac: bytes, rssi_dbm: int | None) -> None:
         self.neighbours.heard(mac, self.loop.clock(), rssi_dbm)
