@@ -22,7 +22,8 @@ BATCH = 64
 # A SUB's sender drops what it cannot hand over, so a burst of 20,000 must fit here. A PULL's sender waits.
 SUB_HWM = 20_000
 PULL_HWM = 1_000
-MAX_FRAME = 65536  # octets; libzmq ends the connection of a client that sends more
+# Octets. A file sent by mistake is refused with its reason; a client that sends more loses its connection, uncounted.
+MAX_FRAME = 1 << 20
 
 log = logging.getLogger("captain.inlet")
 

@@ -74,7 +74,9 @@ class Publisher:
         self._socket.set(zmq.SNDHWM, SEND_HWM)
         self._socket.set(zmq.LINGER, LINGER_MS)
         self._socket.set(zmq.XPUB_NODROP, 1)
-        self._socket.set(zmq.XPUB_VERBOSER, 1)  # every subscription, not only the first of its prefix
+        # A subscription is in force when we say so, not in the middle of a send: whoever gets one message of several
+        # that belong together gets all of them.
+        self._socket.set(zmq.XPUB_MANUAL, 1)
         self._socket.set(zmq.IPV6, int("[" in address))
         bind(self._socket, address, option)
         loop.add(self)
@@ -121,14 +123,15 @@ class Publisher:
         """First octet 1 subscribes, 0 unsubscribes, the prefix follows; anything else is a user's, not for us."""
         if message[:1] not in (b"\0", b"\1"):
             return
-        if not message[0]:
+        is_wish, prefix = bool(message[0]), message[1:]
+        self._socket.set(zmq.SUBSCRIBE if is_wish else zmq.UNSUBSCRIBE, prefix)
+        if not is_wish:
             self.slow_since = None
-        prefix = message[1:]
         for topic, before in self._interest.items():
             if not (topic.startswith(prefix) or prefix.startswith(topic)):
                 continue
             # A peer may unsubscribe from what it never subscribed to, and libzmq passes that on.
-            after = self._interest[topic] = max(0, before + (1 if message[0] else -1))
+            after = self._interest[topic] = max(0, before + (1 if is_wish else -1))
             if after > before or before > after == 0:
                 self._on_interest(topic, after > 0)
 

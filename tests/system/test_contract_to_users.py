@@ -115,3 +115,18 @@ def test_a_plain_pub_reaches_the_air_once_the_subscription_has_travelled(pdu: Be
     while pdu.air.hear().pdu != last:
         pass
     context.destroy(linger=0)
+
+
+def test_whoever_joins_in_the_middle_of_a_stream_never_gets_a_message_without_its_raw(launch: Launcher) -> None:
+    bench = launch("pdu")
+    bench.user.sub.unsubscribe(b"")
+    for _ in range(30):
+        joiner = launch.user(bench.station)
+        while not joiner.sub.poll(0):
+            for _ in range(20):
+                bench.air.send(CAM)
+        frames = joiner.sub.recv_multipart()
+        while frames[0] == b"hb.counter":
+            frames = joiner.sub.recv_multipart()
+        assert frames[0] == b"raw."
+        joiner.close()
