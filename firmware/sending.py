@@ -93,9 +93,7 @@ class Sending:
 
     def _depart(self, one: Payload, kind: str) -> None:
         if not self._pusher.poll(round(client.ANSWER_S * 1000), zmq.POLLOUT):
-            raise StationError(
-                f"the station takes no more after {self.count} messages", "see `captain status`"
-            )
+            raise StationError(f"the station takes no more after {self.count} messages", "see `captain status`")
         self.count += 1
         label = f"{self._label}/{self.count}"
         envelope = f"v2x.{kind}." if kind else "v2x."
