@@ -70,6 +70,7 @@ class Publisher:
         self._interest = dict.fromkeys(topics, 0)
         self._on_interest = on_interest
         self._is_looking = False
+        self._is_confused = False
         self._socket = context.socket(zmq.XPUB)
         self._socket.set(zmq.SNDHWM, SEND_HWM)
         self._socket.set(zmq.LINGER, LINGER_MS)
@@ -114,6 +115,7 @@ class Publisher:
             return
         for _ in range(BATCH):
             if not is_readable(self._socket):
+                self._is_confused = False
                 return
             self._subscription(_recv(self._socket, NOBLOCK))
         self._is_looking = True
@@ -121,10 +123,18 @@ class Publisher:
 
     def _subscription(self, message: bytes) -> None:
         """First octet 1 subscribes, 0 unsubscribes, the prefix follows; anything else is a user's, not for us."""
-        if message[:1] not in (b"\0", b"\1"):
+        is_ours = message[:1] in (b"\0", b"\1")
+        if not is_ours:
+            self._is_confused = True
+        if self._is_confused:
+            # libzmq hands each message a subscriber in turn, but counts none for a user's: what has come behind one is
+            # put down to the wrong subscribers. They all get everything; a SUB takes what it wants.
+            self._socket.set(zmq.SUBSCRIBE, b"")
+        if not is_ours:
             return
         is_wish, prefix = bool(message[0]), message[1:]
-        self._socket.set(zmq.SUBSCRIBE if is_wish else zmq.UNSUBSCRIBE, prefix)
+        if not self._is_confused:
+            self._socket.set(zmq.SUBSCRIBE if is_wish else zmq.UNSUBSCRIBE, prefix)
         if not is_wish:
             self.slow_since = None
         for topic, before in self._interest.items():

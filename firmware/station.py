@@ -226,6 +226,7 @@ class Station:
             frozenset(reception.gn_versions),
             reception.unverified == "deliver",
             self.topics.types_by_port(),
+            self.topics.lanes(),
         )
         drivers: list[tuple[str, Driver, QueueOptions]] = [
             (entry.name, DRIVERS[entry.queue.driver](entry.options, shared), entry.queue)

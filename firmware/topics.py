@@ -51,6 +51,9 @@ ROWS = (
 NAMELESS_IN_LEGACY = frozenset({15, 20})
 LEGACY_VAM = 102
 
+# Each lane is a socket of each interface, and the kernel lets 256 share the frames of a device.
+MAX_LANES = 63
+
 
 class Topics:
     """The tables of one profile with the user's own rows in front.
@@ -90,6 +93,18 @@ class Topics:
     def classify(self, pdu: bytes) -> MessageType:
         """The type of a PDU of at least two octets, by messageID; unknown ids give the nameless type."""
         return self.by_number[pdu[1]]
+
+    def lanes(self) -> tuple[frozenset[int], ...]:
+        """messageIDs that share a queue at reception: first all of priority 0, then those of each name by priority.
+
+        Types beyond MAX_LANES share the queue of the unknown ones.
+        """
+        urgent: set[int] = set()
+        others: dict[str, set[int]] = {}
+        for kind in sorted(self.kinds[:-1], key=lambda kind: kind.priority):
+            lane = urgent if kind.priority == 0 else others.setdefault(kind.name or str(kind.number), set())
+            lane.add(kind.number)
+        return tuple(map(frozenset, (urgent, *others.values())))[:MAX_LANES]
 
     def types_by_port(self) -> dict[int, int]:
         """BTP port -> messageID as this profile sends them; where several share a port, the first."""

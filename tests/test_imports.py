@@ -34,7 +34,11 @@ TABLE = {
     "drivers/wire": Rule(("board.errors", "board.time", *WORDS), DO_IO),
     "drivers/sim": Rule(("board", "drivers.wire", *WORDS)),
     "pps": Rule(("board",)),
-    "firmware": Rule(("board", "drivers", "pps", "zmq", "rich")),
+    # The station itself knows nothing of its commands, and draws nothing.
+    "firmware": Rule(("board", "drivers", "pps", "zmq"), frozenset({"firmware.lab", "firmware.user"})),
+    "firmware/commands": Rule(("board", "drivers", "pps", "firmware", "zmq", "rich")),
+    "firmware/user": Rule(("board", "drivers.wire", *WORDS, "firmware", "zmq", "rich"), frozenset({"firmware.lab"})),
+    "firmware/lab": Rule(("board", "drivers", "firmware", "zmq", "rich")),
     "firmware/gateway": Rule(("board", "drivers", "pps", "zmq", "rich", "rclpy")),
     "asn1": Rule(("asn1tools",)),
     "image": Rule(()),

@@ -14,12 +14,13 @@ import zmq
 
 import firmware
 from board.errors import StationError
-from firmware import client, ports
-from firmware.child import Child
 from firmware.commands.listen import cells, seconds
-from firmware.received import Pairing
-from firmware.table import Screen, Table
-from firmware.tally import Tally
+from firmware.lab import ports
+from firmware.lab.child import Child
+from firmware.user import client
+from firmware.user.received import Pairing
+from firmware.user.table import Screen, Table
+from firmware.user.tally import Tally
 
 SUMMARY = "two simulated stations that exchange messages, watched live"
 DESCRIPTION = """\

@@ -8,10 +8,11 @@ import time
 from collections.abc import Iterator
 
 from board import echo
-from firmware import checks, config, ports
-from firmware.checks import Finding, Level
+from firmware import config
 from firmware.commands.run import add_configuration
-from firmware.table import clean, width_of
+from firmware.lab import checks, ports
+from firmware.lab.checks import Finding, Level
+from firmware.user.table import clean, width_of
 
 SUMMARY = "check configuration, ports, interfaces, permissions and clock, and say what to do"
 DESCRIPTION = """\

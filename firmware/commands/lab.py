@@ -14,13 +14,13 @@ from typing import NamedTuple
 import zmq
 
 from board.errors import StationError
-from firmware import dissection
 from firmware.commands.listen import seconds
-from firmware.copies import Count
-from firmware.dissection import Dissected
-from firmware.laboratory import Bench, bench, vectors
-from firmware.pcap import Pcap
-from firmware.table import Screen, Table
+from firmware.lab import dissection
+from firmware.lab.copies import Count
+from firmware.lab.dissection import Dissected
+from firmware.lab.laboratory import Bench, bench, vectors
+from firmware.lab.pcap import Pcap
+from firmware.user.table import Screen, Table
 
 SUMMARY = "the ten-message test between two stations: sent, received, equal, lost"
 DESCRIPTION = """\
@@ -178,7 +178,7 @@ class Result(NamedTuple):
         )
 
     def lines(self, arguments: argparse.Namespace) -> Iterator[str]:
-        from firmware.table import plain, width_of
+        from firmware.user.table import plain, width_of
 
         width = width_of(sys.stdout)
         yield from plain(table(self.counted), width)

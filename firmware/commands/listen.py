@@ -7,10 +7,10 @@ import time
 from collections.abc import Callable, Iterator
 
 from board.errors import StationError
-from firmware import client
-from firmware.received import Message, Pairing
-from firmware.table import Screen, Table
-from firmware.tally import Row, Tally
+from firmware.user import client
+from firmware.user.received import Message, Pairing
+from firmware.user.table import Screen, Table
+from firmware.user.tally import Row, Tally
 
 SUMMARY = "show the messages that a station's users receive, as a live table or as JSON"
 DESCRIPTION = """\

@@ -8,8 +8,8 @@ import time
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
-from firmware import client, payload, sending
-from firmware.account import Account
+from firmware.user import client, payload, sending
+from firmware.user.account import Account
 
 if TYPE_CHECKING:
     from rich.progress import Progress as RichProgress

@@ -6,9 +6,9 @@ import time
 from collections.abc import Iterator, Mapping
 
 from board.errors import StationError
-from firmware import client
-from firmware.table import Screen, Table
-from firmware.untrusted import listed, named, number, text, within
+from firmware.user import client
+from firmware.user.table import Screen, Table
+from firmware.user.untrusted import listed, named, number, text, within
 
 LAST_TIME = 253402300799.0  # 9999-12-31: later ones of a peer have no calendar
 

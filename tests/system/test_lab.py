@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from firmware.dissection import dissect
-from firmware.pcap import Pcap
+from firmware.lab.dissection import dissect
+from firmware.lab.pcap import Pcap
 from tests.system.air import single_hop
 from tests.system.station import PROGRAM
 

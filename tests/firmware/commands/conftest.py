@@ -2,7 +2,7 @@ import socket
 
 import pytest
 
-from firmware import ports
+from firmware.lab import ports
 
 
 @pytest.fixture

@@ -8,8 +8,8 @@ import sys
 import pytest
 
 from board.errors import StationError
-from firmware import child, ports
-from firmware.child import Child
+from firmware.lab import child, ports
+from firmware.lab.child import Child
 
 # A station's configuration without an interface, on ports that the kernel chooses.
 QUIET = ["run", "--board", "none", "--log", "warning"]
@@ -80,7 +80,7 @@ def test_a_terminals_ctrl_c_does_not_reach_a_child(block):
 
 def test_a_child_ends_with_its_parent_whatever_ended_that(block):
     source = (
-        "from firmware.child import Child\n"
+        "from firmware.lab.child import Child\n"
         f"station = Child('station', {[*QUIET, *options(block)]!r})\n"
         "station.wait_until_ready()\n"
         "print(station.pid, flush=True)\n"

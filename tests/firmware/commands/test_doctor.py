@@ -8,10 +8,11 @@ from hypothesis import strategies as st
 from board import echo
 from board.errors import InterfaceError
 from drivers.udp import UdpOptions
-from firmware import checks, cli
-from firmware.checks import Finding, Level
+from firmware import cli
 from firmware.commands import doctor
 from firmware.config import EndpointOptions, InterfaceConfig, QueueOptions
+from firmware.lab import checks
+from firmware.lab.checks import Finding, Level
 from tests.firmware.commands.fake import STATUS, FakeControl
 
 MAC = bytes.fromhex("02000000000b")

@@ -6,10 +6,11 @@ from hypothesis import strategies as st
 
 from drivers.message import Position, RxInfo, Security, SecurityStatus
 from drivers.wire import raw
-from firmware import cli, client
+from firmware import cli
 from firmware.commands import listen
-from firmware.received import Message, Pairing
-from firmware.tally import Tally
+from firmware.user import client
+from firmware.user.received import Message, Pairing
+from firmware.user.tally import Tally
 from tests.firmware.commands.fake import FakeStation
 
 CAM = bytes.fromhex("02020000053900010203")
@@ -220,7 +221,7 @@ def test_a_rate_is_a_mean_over_the_last_marks():
 def test_a_type_of_a_peer_cannot_move_the_cursor():
     tally = Tally()
     tally.add(message_of(1, kind="\x1b[2J"), 0.0)
-    from firmware.table import Table, plain
+    from firmware.user.table import Table, plain
 
     rows = [listen.cells(row, 1.0) for row in tally.rows()]
     assert "\x1b" not in "\n".join(plain(Table("", listen.HEADS, rows), 80))

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from board.errors import RequestError
-from firmware import payload
-from firmware.payload import Payload, base64_octets, hex_octets
+from firmware.user import payload
+from firmware.user.payload import Payload, base64_octets, hex_octets
 
 CAM = bytes.fromhex("020200000539")
 

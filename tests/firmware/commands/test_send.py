@@ -6,9 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware import cli, client
+from firmware import cli
 from firmware.commands import send
-from firmware.flights import Flights
+from firmware.user import client
+from firmware.user.flights import Flights
 from tests.firmware.commands.fake import FakeStation
 
 CAM = "02020000053900010203"

@@ -5,10 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware import cli, client
+from firmware import cli
 from firmware.commands import status
 from firmware.control_socket import default_path
-from firmware.table import plain
+from firmware.user import client
+from firmware.user.table import plain
 from tests.firmware.commands.fake import STATUS, FakeControl, FakeStation
 
 NOW = 1795182430.0

@@ -3,7 +3,7 @@ import io
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware.table import Screen, Table, fit, plain
+from firmware.user.table import Screen, Table, fit, plain
 
 
 def test_numbers_stand_right_and_words_left():

@@ -5,8 +5,9 @@ from contextlib import ExitStack
 
 import pytest
 
-from firmware import cli, ports
+from firmware import cli
 from firmware.commands import demo
+from firmware.lab import ports
 
 CAM = "0202000011d700010203"
 

@@ -13,10 +13,11 @@ import zmq
 
 import firmware
 from board.errors import StationError
-from firmware import client, netns
-from firmware.child import Child
-from firmware.pcap import Pcap
-from firmware.received import Message, Pairing
+from firmware.lab import netns
+from firmware.lab.child import Child
+from firmware.lab.pcap import Pcap
+from firmware.user import client
+from firmware.user.received import Message, Pairing
 
 HOST = "127.0.0.1"
 GEONETWORKING = 0x8947

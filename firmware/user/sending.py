@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterable, Mapping
 import zmq
 
 from board.errors import StationError
-from firmware import client
-from firmware.flights import Flight, Flights
-from firmware.payload import Payload
+from firmware.user import client
+from firmware.user.flights import Flight, Flights
+from firmware.user.payload import Payload
 
 # Without a pace so many are on their way at once: a fraction of an interface's queue, so that none is full.
 WINDOW = 32

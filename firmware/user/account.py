@@ -3,9 +3,9 @@
 import json
 import sys
 
-from firmware.flights import Flight, Flights
-from firmware.sending import Sending
-from firmware.table import Table, clean, plain, width_of
+from firmware.user.flights import Flight, Flights
+from firmware.user.sending import Sending
+from firmware.user.table import Table, clean, plain, width_of
 
 
 class Account:

@@ -12,6 +12,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import firmware
 from board.child import program
 from board.errors import StationError
 
@@ -36,7 +37,7 @@ class Child:
         self._lines: deque[str] = deque(maxlen=LAST_LINES)
         self._notices = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._notices.bind("")  # an abstract address that the kernel chooses (unix(7)): no file is left behind
-        path = os.pathsep.join(filter(None, (str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH"))))
+        path = os.pathsep.join(filter(None, (str(Path(firmware.__file__).parents[1]), os.environ.get("PYTHONPATH"))))
         address = "@" + os.fsdecode(self._notices.getsockname()[1:])
         self._process = subprocess.Popen(
             [*program(), *arguments],

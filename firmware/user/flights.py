@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from firmware.untrusted import number, text, texts
+from firmware.user.untrusted import number, text, texts
 
 # What a station of ours answers within a second is far below; older ones are given up as unconfirmed.
 MAX_OPEN = 10_000

@@ -14,10 +14,10 @@ import zmq
 from board.errors import StationError
 from drivers import DRIVERS
 from drivers.contract import Shared
-from firmware import ports
 from firmware.config import Config, EndpointOptions, InterfaceConfig
-from firmware.trial import Trial
-from firmware.untrusted import text, within
+from firmware.lab import ports
+from firmware.lab.trial import Trial
+from firmware.user.untrusted import text, within
 
 # The first year in which this program existed: a clock before it was never set.
 FIRST_YEAR, LAST_YEAR = 2024, 2100

@@ -4,8 +4,8 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from firmware.laboratory import Vector
-from firmware.received import Message
+from firmware.lab.laboratory import Vector
+from firmware.user.received import Message
 
 
 class Row(NamedTuple):

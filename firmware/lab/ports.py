@@ -5,8 +5,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from board.errors import StationError
-from firmware import client
-from firmware.untrusted import number, text
+from firmware.user import client
+from firmware.user.untrusted import number, text
 
 
 def is_free(host: str, port: int) -> bool:

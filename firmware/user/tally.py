@@ -2,7 +2,7 @@
 
 from collections import deque
 
-from firmware.received import Message
+from firmware.user.received import Message
 
 # Stations in range of a busy junction: about 200. Those silent longest give their place, not their count.
 MAX_ROWS = 256
