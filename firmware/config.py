@@ -208,12 +208,15 @@ class Config:
     mac: bytes
 
 
-def load(path: str | None, overrides: Sequence[str] = (), board: str = "sim") -> Config:
+def load(path: str | None, overrides: Sequence[str] = (), board: str | None = None) -> Config:
     """Read captain.toml, lay it over the board's interfaces, apply `section.key=value` overrides and check it all.
+
+    board  its name or file. By default the simulated one where no file says what is wanted, else none: nobody who
+           wrote a configuration shall receive messages of stations that do not exist.
 
     Raises ConfigurationError that names every mistake with file and key path.
     """
-    there = load_board(board)
+    there = load_board(("none" if path else "sim") if board is None else board)
     wanted = describe.load(Path(path)) if path else {}
     merged: dict[str, Any] = {"interfaces": there.interfaces} | wanted
     if path and "interfaces" in wanted and isinstance(wanted["interfaces"], dict):

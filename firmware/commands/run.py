@@ -33,7 +33,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def add_configuration(parser: argparse.ArgumentParser) -> None:
     """The options that say how a station is configured; doctor has them, too."""
     parser.add_argument("--config", metavar="FILE", help="captain.toml: what is wanted (default: nothing but defaults)")
-    parser.add_argument("--board", default="sim", help="sim, none or a board file: what is there (default: sim)")
+    parser.add_argument(
+        "--board", help="what is there: sim, none or a board file (default: sim, but none with --config)"
+    )
     parser.add_argument(
         "--set",
         action="append",

@@ -375,3 +375,10 @@ def test_an_address_that_nobody_gave_is_made_from_the_name() -> None:
     assert len(macs) == 200
     assert mac("a") == mac("a")
     assert all(len(made) == 6 and made[0] == 0x02 for made in macs)
+
+
+def test_a_written_configuration_gets_no_simulated_board_unless_it_asks(folder: Path) -> None:
+    (folder / "captain.toml").write_text('[station]\nname = "a"\n')
+    assert config.load(str(folder / "captain.toml")).board.name == "none"
+    assert config.load(str(folder / "captain.toml"), board="sim").board.name == "sim"
+    assert config.load(None).board.name == "sim"
