@@ -84,16 +84,15 @@ class Shared(NamedTuple):
     gn_versions         GeoNetworking protocol versions that are accepted.
     deliver_unverified  pass a signed packet's PDU on although nobody verified it.
     types_by_port       BTP port -> messageID of the profile in use.
-    urgent_ports        BTP ports that are read first.
-    urgent_numbers      messageIDs that are read first, where a framing has no ports.
+    lanes               messageIDs of each lane: what has a queue of its own at reception, where the driver can give
+                        it one. The first is urgent and read before the others; what is in none is in one more.
     """
 
     mac: bytes
     gn_versions: frozenset[int] = frozenset({1})
     deliver_unverified: bool = False
     types_by_port: Mapping[int, int] = MappingProxyType({})
-    urgent_ports: frozenset[int] = frozenset({2002})
-    urgent_numbers: frozenset[int] = frozenset({1})
+    lanes: tuple[frozenset[int], ...] = (frozenset({1}),)
 
 
 class Driver(Protocol):

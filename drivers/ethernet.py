@@ -14,13 +14,12 @@ from board.netlink import Device, DeviceWatch
 from drivers.contract import Can, Capabilities, Host, Sent, Shared
 from drivers.geolink import GEONETWORKING_METADATA, GeoLink
 from drivers.intake import Intake, enlarge, refused
+from drivers.lanes import ALL, NONE, NOT_FOR_OTHERS, SOL_PACKET, fan_out, in_packet, keep
 from drivers.message import NO_MAC, Request
 from drivers.reason import Reason
-from drivers.urgent import KEEP_OTHER, KEEP_URGENT, by_frame, keep, not_for_others
 
 ETHERTYPE = 0x8947
 # linux/if_packet.h
-SOL_PACKET = 263
 PACKET_ADD_MEMBERSHIP = 1
 PACKET_STATISTICS = 6
 PACKET_MR_PROMISC = 1
@@ -40,7 +39,8 @@ class EthernetOptions:
     device          name of the network device.
     mac             own address as 02:00:00:00:00:0b; empty: the device's.
     promiscuous     take frames to other stations' addresses as well.
-    receive_buffer  octets that the kernel keeps for each of two sockets while the station is busy.
+    receive_buffer  octets that the kernel keeps while the station is busy, of each message type: all types together
+                    may take that much some twenty times.
     beacon_s        seconds without a packet of ours until a beacon; 0 for none.
     """
 
@@ -68,6 +68,12 @@ def mac_address(text: str) -> bytes:
     if [len(part) for part in parts] != [2] * 6 or len(octets) != 6 or octets[0] & 1:
         raise ConfigurationError(f'"{text}" is no address of one station', "write for example 02:00:00:00:00:0b")
     return octets
+
+
+def _socket() -> socket.socket:
+    # Protocol 0 takes nothing until the socket is bound to another. Of one that is bound to a protocol the kernel
+    # keeps what leaves by the device, so own frames do not come back.
+    return socket.socket(socket.AF_PACKET, socket.SOCK_RAW | socket.SOCK_NONBLOCK, 0)
 
 
 class Ethernet:
@@ -130,29 +136,32 @@ class Ethernet:
         mac = mac_address(options.mac) or (device.mac if device.mac != NO_MAC else self._shared.mac)
         self._link = GeoLink(self._host, self._shared, mac, options.beacon_s, self._beacon)
         opening.callback(self._link.stop)
-        urgent, other = (opening.enter_context(self._socket(device)) for _ in range(2))
-        # The filters stand before the device is bound: not one frame is taken by both, or by none.
-        first: Intake | None = None
-        for one, verdict in ((urgent, KEEP_URGENT), (other, KEEP_OTHER)):
-            program = by_frame(self._shared.urgent_ports, verdict)
-            keep(one, program if options.promiscuous else not_for_others(program))
-            one.bind((options.device, ETHERTYPE))
-            first = Intake(self._host, one, self._link.receive, self._broken, first)
-            opening.callback(first.close)
-        self._sockets = [urgent, other]
-        self._transmitter = other
-        self._link.start()
-
-    def _socket(self, device: Device) -> socket.socket:
-        options = self._options
-        # Protocol 0 takes nothing until the socket is bound. Of one that is bound to a protocol the kernel keeps
-        # what leaves by the device, so own frames do not come back.
-        one = socket.socket(socket.AF_PACKET, socket.SOCK_RAW | socket.SOCK_NONBLOCK, 0)
-        self._notes = enlarge(one, options.receive_buffer)
+        self._transmitter = opening.enter_context(_socket())
+        self._transmitter.bind((options.device, 0))
         if options.promiscuous:
             membership = struct.pack("=iHH8s", device.number, PACKET_MR_PROMISC, 0, b"")
-            one.setsockopt(SOL_PACKET, PACKET_ADD_MEMBERSHIP, membership)
-        return one
+            self._transmitter.setsockopt(SOL_PACKET, PACKET_ADD_MEMBERSHIP, membership)
+        if self._is_up:
+            self._listen(opening)
+        self._link.start()
+
+    def _listen(self, opening: ExitStack) -> None:
+        """Open the lanes, on a device that is up: on others kernels before 6.13 refuse it."""
+        options, lanes = self._options, self._shared.lanes
+        sockets = [opening.enter_context(_socket()) for _ in range(len(lanes) + 1)]
+        for one in sockets:
+            self._notes = enlarge(one, options.receive_buffer)
+            # A socket joins when it is bound, and is in no lane before it has joined: it takes nothing until then.
+            keep(one, NONE)
+            one.bind((options.device, ETHERTYPE))
+        fan_out(sockets, in_packet(lanes))
+        urgent: Intake | None = None
+        for one in sockets:
+            keep(one, ALL if options.promiscuous else NOT_FOR_OTHERS)
+            intake = Intake(self._host, one, self._link.receive, self._broken, urgent)
+            opening.callback(intake.close)
+            urgent = urgent or intake
+        self._sockets = sockets
 
     def _transmit(self, octets: bytes) -> Sent:
         try:
@@ -191,6 +200,12 @@ class Ethernet:
             self._host.fail(InterfaceError(f"network device {self._options.device} is gone"))
             return
         self._is_up = device.is_usable
+        if self._is_up and not self._sockets:
+            try:
+                self._listen(self._opened)
+            except OSError as error:
+                self._host.fail(refused(self._options.device, error))
+                return
         self._tell()
 
     def _tell(self) -> None:

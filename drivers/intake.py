@@ -1,4 +1,4 @@
-"""What arrives at a socket, in batches: kernel time stamps, kernel drops, urgent messages first."""
+"""What arrives at a socket, in batches: kernel time stamps, kernel drops, the urgent lane first."""
 
 import socket
 import struct
@@ -20,8 +20,8 @@ MSG_TRUNC: Final = int(socket.MSG_TRUNC)  # an enum's & takes a microsecond
 TIMESPEC: Final = struct.Struct("@ll")
 STAMP_SPACE = socket.CMSG_SPACE(TIMESPEC.size)
 
-# A flooded socket gives way to the loop's other sources after BATCH datagrams, and within them the urgent socket is
-# looked at again after every SLICE: an urgent message waits for a slice at most, 0.1 ms or so.
+# A flooded lane gives way to the loop's other sources after BATCH datagrams. The urgent lane is looked at again
+# whenever the others together have taken SLICE: an urgent message waits for two slices at most, 0.2 ms or so.
 BATCH = 32
 SLICE = 8
 
@@ -32,7 +32,7 @@ class Intake:
     """A socket on the loop whose datagrams go to one call, each with the Unix time in ns of its arrival.
 
     The intake owns the socket: close() closes it. A datagram from `own` (the address of a sender of ours) is an
-    echo. `broken` is called with what the socket reports beside datagrams.
+    echo. `broken` is called with what the socket reports beside datagrams. `urgent` is the lane that goes first.
     """
 
     def __init__(
@@ -48,7 +48,8 @@ class Intake:
         self._host = host
         self._deliver = deliver
         self._broken = broken
-        self._urgent = urgent
+        self._urgent = urgent or self
+        self._passed = 0  # taken by other lanes since this one, the urgent one, was looked at
         self._is_open = True
         taken.setblocking(False)
         taken.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
@@ -58,33 +59,41 @@ class Intake:
         return self.socket.fileno()
 
     def ready(self, events: int) -> None:
+        urgent = self._urgent
         for _ in range(BATCH // SLICE):
-            if not self.take(SLICE):
+            taken = self._take(SLICE)
+            if urgent is not self:
+                urgent.give_way(taken)
+            if taken < SLICE:
                 return
-            if self._urgent is not None:
-                self._urgent.take(BATCH)
 
-    def take(self, limit: int) -> bool:
-        """Take at most limit datagrams; returns whether there may be more."""
+    def give_way(self, taken: int) -> None:
+        """Another lane has taken so many: this one is looked at before they are too many."""
+        self._passed += taken
+        if self._passed >= SLICE:
+            self._passed = 0
+            self._take(BATCH)
+
+    def _take(self, limit: int) -> int:
+        """Take at most limit datagrams; returns how many, fewer when there are no more."""
         receive, deliver, unpack, own = self.socket.recvmsg, self._deliver, TIMESPEC.unpack, self.own
-        for _ in range(limit):
-            if not self._is_open:  # what deliver() caused may have stopped the interface
-                return False
+        for taken in range(limit):
             try:
                 octets, ancillary, flags, address = receive(MAX_DATAGRAM, STAMP_SPACE)
             except BlockingIOError:
-                return False
+                return taken
             except OSError as error:
-                self._broken(error)
-                return False
-            if flags & MSG_TRUNC:
+                if self._is_open:  # what deliver() caused may have stopped the interface, and closed the socket
+                    self._broken(error)
+                return taken
+            if flags:
                 self._host.drop(Reason.LONG_PDU, octets)
             elif address == own:
                 self._host.drop(Reason.OWN_ECHO, octets)
             else:
                 seconds, nanoseconds = unpack(ancillary[0][2])
                 deliver(octets, seconds * 1_000_000_000 + nanoseconds)
-        return True
+        return limit
 
     def close(self) -> None:
         """Leave the loop and close the socket; idempotent."""

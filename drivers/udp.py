@@ -13,7 +13,7 @@ from drivers.geolink import GEONETWORKING_METADATA, GeoLink
 from drivers.intake import Intake, KernelDrops, enlarge, refused
 from drivers.message import Request
 from drivers.reason import Reason
-from drivers.udp_framing import BtpFraming, Framing, PduFraming, urgent_program
+from drivers.udp_framing import LANE_PROGRAMS, BtpFraming, Framing, PduFraming
 from drivers.udp_sender import Sender, Target
 from drivers.udp_socket import Address, address, group_address, is_address, open_group, open_sender, open_unicast
 
@@ -33,7 +33,8 @@ class UdpOptions:
     peers           addresses and ports that each message is sent to.
     group           multicast group and port that is heard, and that each message is sent to.
     device          name or IPv4 address of the group's network device; a named one is watched.
-    receive_buffer  octets that the kernel keeps for each socket while the station is busy.
+    receive_buffer  octets that the kernel keeps while the station is busy, of each message type: all types together
+                    may take that much some twenty times. A group's datagrams share one queue.
     beacon_s        framing ethernet: seconds without a packet of ours until a beacon; 0 for none.
     """
 
@@ -116,11 +117,14 @@ class Udp:
         opening.callback(framing.stop)
         self._encode = framing.encode if targets else self._nowhere
         if options.listen:
-            program = urgent_program(options.framing, self._shared)
-            pair = [opening.enter_context(one) for one in open_unicast(address(options.listen), program)]
-            urgent = self._take(opening, pair[0], framing)
-            self._take(opening, pair[1], framing, urgent)
-            self.address = Address(*pair[1].getsockname())
+            lanes = self._shared.lanes
+            program = LANE_PROGRAMS[options.framing](lanes)
+            sockets = open_unicast(address(options.listen), len(lanes) + 1, program)
+            self.address = Address(*sockets[0].getsockname())
+            urgent: Intake | None = None
+            for one in [opening.enter_context(one) for one in sockets]:
+                intake = self._take(opening, one, framing, urgent)
+                urgent = urgent or intake
         if options.group:
             receiver = opening.enter_context(open_group(address(options.group), options.device))
             self._take(opening, receiver, framing).own = targets[0].socket.getsockname()

@@ -6,9 +6,9 @@ from typing import Protocol
 
 from drivers.contract import Host, Shared
 from drivers.intake import Deliver
+from drivers.lanes import Lanes, Program, in_btp, in_frame, in_pdu
 from drivers.message import Request, RxInfo
 from drivers.reason import Reason
-from drivers.urgent import SOCKET_INDEX, Program, by_frame, by_octet, by_port
 from drivers.wire import btp
 
 
@@ -57,10 +57,4 @@ class BtpFraming:
     def stop(self) -> None: ...
 
 
-def urgent_program(framing: str, shared: Shared) -> Program:
-    """The program that steers urgent datagrams of a framing to the first of two sockets."""
-    if framing == "pdu":
-        return by_octet(shared.urgent_numbers, SOCKET_INDEX)
-    if framing == "btp":
-        return by_port(shared.urgent_ports, SOCKET_INDEX)
-    return by_frame(shared.urgent_ports, SOCKET_INDEX)
+LANE_PROGRAMS: dict[str, Callable[[Lanes], Program]] = {"pdu": in_pdu, "btp": in_btp, "ethernet": in_frame}

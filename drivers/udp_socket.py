@@ -1,4 +1,4 @@
-"""UDP sockets of an interface: opened, shared between urgent and other messages, joined to a group."""
+"""UDP sockets of an interface: opened, shared between lanes, joined to a group."""
 
 import errno
 import ipaddress
@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from board.errors import ConfigurationError
 from drivers.intake import refused
-from drivers.urgent import Program, steer
+from drivers.lanes import Program, steer
 
 # A group's datagrams stay on the link: ITS messages go one hop.
 MULTICAST_TTL = 1
@@ -50,8 +50,8 @@ def group_address(text: str) -> Address:
     return group
 
 
-def open_unicast(at: Address, urgent: Program) -> list[socket.socket]:
-    """Two sockets bound to one address: the first for what the program calls urgent, the second for the rest.
+def open_unicast(at: Address, count: int, lane: Program) -> list[socket.socket]:
+    """As many sockets bound to one address; the program returns the place of the one that gets a datagram.
 
     Raises InterfaceError when the address is taken or not ours. SO_REUSEPORT would let two processes of one user
     share a port without a word, each with a part of the datagrams: so the first bind is one without it.
@@ -61,15 +61,15 @@ def open_unicast(at: Address, urgent: Program) -> list[socket.socket]:
             with _udp() as probe:
                 probe.bind(at)
                 at = Address(at.host, probe.getsockname()[1])
-            pair = [opened.enter_context(_udp()) for _ in range(2)]
-            for one in pair:
+            lanes = [opened.enter_context(_udp()) for _ in range(count)]
+            for one in lanes:
                 one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
                 one.bind(at)
-            steer(pair[0], urgent)
+            steer(lanes[0], lane)
         except OSError as error:
             raise _bind_error(at, error) from error
         opened.pop_all()
-    return pair
+    return lanes
 
 
 def open_group(group: Address, device: str) -> socket.socket:
@@ -78,7 +78,7 @@ def open_group(group: Address, device: str) -> socket.socket:
     device  name of a network device or an IPv4 address of it; empty: the kernel's route decides.
 
     One socket only: of a group the kernel gives every socket a copy, and what a filter rejects it counts among the
-    socket's drops. With a socket for urgent messages the sums would no longer tell what was lost.
+    socket's drops. With a socket for each lane the sums would no longer tell what was lost.
     """
     with ExitStack() as opened:
         receiver = opened.enter_context(_udp())

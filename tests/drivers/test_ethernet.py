@@ -14,14 +14,16 @@ from drivers.contract import Sent
 from drivers.ethernet import Ethernet, EthernetOptions
 from drivers.message import Area, Position, Shape
 from drivers.reason import Reason
+from firmware.topics import Topics
 from tests.drivers.benches import ip, wait_for_carrier
 from tests.drivers.host import CAM, DENM, EGO, MAC, SHARED, Host, request, told
 
 CAPTURES = json.loads((Path(__file__).parents[1] / "captures" / "frames.json").read_text())
 FRAMES = {frame["name"]: bytes.fromhex(frame["hex"]) for frame in CAPTURES["frames"]}
 CAM_FRAME = FRAMES["cam-shb"]
-DENM_FRAME = CAM_FRAME.replace(bytes.fromhex("07d1"), bytes.fromhex("07d2"), 1)
+DENM_FRAME = CAM_FRAME[:54] + bytes.fromhex("07d200000201") + CAM_FRAME[60:]
 PDU = CAM_FRAME[58:]
+OTHERS = (1, 4, 6, 16, 102, 77, 255)  # messageIDs: DENM, SPATEM, IVIM, VAM of both profiles, unknown ones
 
 
 def veth():
@@ -38,8 +40,8 @@ def air():
     return air
 
 
-def started(host, **options):
-    driver = Ethernet(EthernetOptions(**{"device": "v2x0", "beacon_s": 0.0, **options}), SHARED)
+def started(host, shared=SHARED, **options):
+    driver = Ethernet(EthernetOptions(**{"device": "v2x0", "beacon_s": 0.0, **options}), shared)
     driver.start(host)
     return driver
 
@@ -123,6 +125,130 @@ def test_what_the_kernel_dropped_is_counted_to_the_last_frame(loop, host, frame)
     driver.refresh()
     assert host.drops == {Reason.KERNEL_QUEUE: dropped}
     assert 0 < host.count < 3000
+
+
+def by_message(number):
+    return CAM_FRAME[:59] + bytes([number]) + CAM_FRAME[60:]
+
+
+def flood_with_others_between(sender):
+    """3000 CAMs, and at 50 places among them one frame of each other type; returns how many others those were."""
+    for number in range(3000):
+        sender.send(CAM_FRAME)
+        if number % 60 == 0:
+            for other in OTHERS:
+                sender.send(by_message(other))
+    return 50 * len(OTHERS)
+
+
+def others_of(host):
+    return [pdu[1] for pdu in host.pdus if pdu[1] != 2]
+
+
+LANED = SHARED._replace(lanes=Topics().lanes())
+
+
+def test_a_flood_of_cams_takes_no_frame_of_another_type(loop, host):
+    veth()
+    # Room for the 150 others of the last lane, and not for 3000 CAMs.
+    driver = started(host, LANED, receive_buffer=150_000)
+    others = flood_with_others_between(air())
+    driver.refresh()
+    dropped = host.drops[Reason.KERNEL_QUEUE]
+    assert 0 < dropped < 3000
+    told(loop, lambda: host.count == 3000 + others - dropped)
+    assert sorted(others_of(host)) == sorted(OTHERS * 50)
+    driver.refresh()
+    assert host.drops == {Reason.KERNEL_QUEUE: dropped}
+
+
+def test_a_device_that_was_down_for_a_while_keeps_the_lanes_apart(loop, host):
+    veth()
+    driver = started(host, LANED, receive_buffer=150_000)
+    for state in ("down", "up", "down", "up"):
+        ip(f"link set v2x0 {state}")
+        told(loop, lambda state=state: host.is_up is (state == "up"))
+    others = flood_with_others_between(air())
+    driver.refresh()
+    dropped = host.drops[Reason.KERNEL_QUEUE]
+    told(loop, lambda: host.count == 3000 + others - dropped)
+    assert sorted(others_of(host)) == sorted(OTHERS * 50)
+
+
+def test_lanes_that_open_when_the_device_comes_up_are_as_good(loop, host):
+    veth()
+    ip("link set v2x0 down")
+    started(host, LANED)
+    ip("link set v2x0 up")
+    told(loop, lambda: host.is_up)
+    sender = air()
+    for number in (2, *OTHERS):
+        sender.send(by_message(number))
+    told(loop, lambda: host.count == 1 + len(OTHERS))
+    assert sorted(others_of(host)) == sorted(OTHERS)
+
+
+def test_two_stations_at_one_device_have_all_frames_each(loop, host):
+    veth()
+    second = Host(loop)
+    drivers = [started(one, LANED) for one in (host, second)]
+    sender = air()
+    for number in (2, *OTHERS):
+        sender.send(by_message(number))
+    told(loop, lambda: host.count == second.count == 1 + len(OTHERS))
+    drivers[0].stop()
+    sender.send(CAM_FRAME)
+    told(loop, lambda: second.count == 2 + len(OTHERS))
+    assert host.drops == second.drops == {}
+
+
+def test_two_devices_of_one_station_are_not_mixed(loop, host):
+    veth()
+    second = Host(loop)
+    started(host, LANED)
+    started(second, LANED, device="air0")
+    air().send(by_message(4))
+    told(loop, lambda: host.count)
+    loop.run_for(0.1)
+    assert (host.count, second.count) == (1, 0)
+
+
+def test_frames_that_end_anywhere_are_received_each_once(loop, host):
+    veth()
+    driver = started(host, LANED)
+    sender = air()
+    frames = [frame[:end] for frame in FRAMES.values() for end in range(15, len(frame))]
+    for number, frame in enumerate(frames, 1):
+        sender.send(frame)
+        if number % 100 == 0:
+            told(loop, lambda expected=number: host.total == expected)
+    loop.run_for(0.1)
+    driver.refresh()
+    assert host.total == len(frames)
+
+
+def test_a_flood_to_another_station_is_neither_received_nor_counted_as_lost(loop, host):
+    veth()
+    driver = started(host, LANED, receive_buffer=4096)
+    sender = air()
+    for _ in range(1000):
+        sender.send(bytes.fromhex("020000000077") + CAM_FRAME[6:])
+    sender.send(CAM_FRAME)
+    told(loop, lambda: host.count)
+    driver.refresh()
+    assert (host.total, host.drops) == (1, {})
+
+
+def test_own_frames_do_not_come_back_nor_count(loop, host):
+    veth()
+    driver = started(host, LANED)
+    other = air()
+    for number in range(100):
+        driver.send(request(CAM, number))
+    assert len([other.recv(2048) for _ in range(100)]) == 100
+    loop.run_for(0.1)
+    driver.refresh()
+    assert host.total == 0
 
 
 def test_own_frames_that_come_back_are_named(loop, host):

@@ -13,8 +13,11 @@ from drivers.intake import SO_RCVBUFFORCE, enlarge
 from drivers.message import NO_RX_INFO
 from drivers.reason import Reason
 from drivers.udp import Udp, UdpOptions
-from tests.drivers.benches import ip, wait_for_carrier
+from firmware.topics import Topics
+from tests.drivers.benches import OtherStation, ip, wait_for_carrier
 from tests.drivers.host import CAM, DENM, SHARED, Host, request, told
+
+LANED = SHARED._replace(lanes=Topics().lanes())
 
 
 @pytest.fixture
@@ -29,9 +32,9 @@ def peer():
 def start(host):
     started = []
 
-    def start(**options):
+    def start(shared=SHARED, **options):
         options.setdefault("framing", "pdu")
-        driver = Udp(UdpOptions(**options), SHARED)
+        driver = Udp(UdpOptions(**options), shared)
         driver.start(host)
         started.append(driver)
         return driver
@@ -135,6 +138,40 @@ def test_denms_pass_when_the_queue_of_the_rest_is_full(loop, host, start, peer):
     for message in [CAM] * 1000 + [DENM]:
         peer.sendto(message, driver.address)
     loop.run_until(lambda: DENM in host.pdus)
+
+
+STATION = OtherStation()
+OTHERS = (1, 4, 6, 16, 102, 77, 255)  # messageIDs: DENM, SPATEM, IVIM, VAM of both profiles, unknown ones
+FRAMINGS = {"pdu": bytes, "btp": lambda pdu: bytes.fromhex("07d10000") + pdu, "ethernet": STATION.encode}
+
+
+@pytest.mark.parametrize("framing", FRAMINGS)
+def test_a_flood_of_cams_takes_no_datagram_of_another_type(loop, host, start, peer, framing):
+    # Room for the 100 others of the last lane, and not for 3000 CAMs.
+    driver = start(LANED, framing=framing, listen="127.0.0.1:0", receive_buffer=150_000)
+    encode = FRAMINGS[framing]
+    others = [encode(bytes([2, number]) + CAM[2:]) for number in OTHERS]
+    for number in range(3000):
+        peer.sendto(encode(CAM), driver.address)
+        if number % 60 == 0:
+            for other in others:
+                peer.sendto(other, driver.address)
+    driver.refresh()
+    dropped = host.drops[Reason.KERNEL_QUEUE]
+    assert 0 < dropped < 3000
+    loop.run_until(lambda: host.count == 3000 + 50 * len(OTHERS) - dropped)
+    assert sorted(pdu[1] for pdu in host.pdus if pdu[1] != 2) == sorted(OTHERS * 50)
+    driver.refresh()
+    assert host.drops == {Reason.KERNEL_QUEUE: dropped}
+
+
+def test_denms_wait_for_two_slices_of_all_other_types_together(loop, host, start, peer):
+    driver = start(LANED, listen="127.0.0.1:0")
+    others = [bytes([2, number]) + CAM[2:] for number in (2, 4, 5, 6, 9, 10, 14, 16, 20, 77) for _ in range(7)]
+    for message in [*others, DENM]:
+        peer.sendto(message, driver.address)
+    loop.run_until(lambda: host.count == 71)
+    assert host.pdus.index(DENM) < 16
 
 
 def test_what_was_dropped_before_a_stop_is_counted_by_the_stop(loop, host, start, peer):

@@ -139,3 +139,39 @@ def test_a_denm_is_more_urgent_than_a_cam_and_an_unknown_type_the_least() -> Non
     topics = Topics()
     denm, cam = topics.by_number[1], topics.by_number[2]
     assert denm.priority == 0 < cam.priority < topics.unknown.priority
+
+
+@pytest.mark.parametrize("profile", ["standard", "legacy"])
+def test_each_type_has_a_lane_and_two_ids_of_one_name_share_it(profile: str) -> None:
+    urgent, *others = Topics(profile).lanes()
+    assert urgent == {1}
+    assert {16, 102} in others
+    assert len(others) == len(ROWS) - 2
+    assert frozenset().union(urgent, *others) == KNOWN
+    assert sum(map(len, others)) + len(urgent) == len(KNOWN)
+
+
+def test_lanes_are_in_the_order_of_priority() -> None:
+    numbers = [min(lane) for lane in Topics().lanes()]
+    worth = [Topics().classify(pdu(number)).priority for number in numbers]
+    assert worth == sorted(worth)
+
+
+def test_the_users_types_of_priority_0_are_urgent_too_and_others_have_a_lane_each() -> None:
+    extra = [TypeRow(200, "alarm", 3000, 3000, priority=0), TypeRow(201, "mytest", 3001, 3001)]
+    lanes = Topics("standard", extra).lanes()
+    assert lanes[0] == {1, 200}
+    assert {201} in lanes
+
+
+def test_without_a_type_of_priority_0_nothing_is_urgent() -> None:
+    lanes = Topics("standard", [TypeRow(1, "denm", 2002, 2002, priority=1)]).lanes()
+    assert lanes[0] == frozenset()
+    assert {1} in lanes
+
+
+def test_two_hundred_types_of_the_users_share_the_last_lane_where_lanes_run_out() -> None:
+    extra = [TypeRow(number, f"type{number}", 3000, 3000, priority=number % 7) for number in range(30, 230)]
+    lanes = Topics("standard", extra).lanes()
+    assert len(lanes) == 63
+    assert {number for number in range(30, 230) if number % 7 == 0} < lanes[0]
