@@ -70,14 +70,14 @@ class Publisher:
         self._interest = dict.fromkeys(topics, 0)
         self._on_interest = on_interest
         self._is_looking = False
-        self._is_confused = False
         self._socket = context.socket(zmq.XPUB)
         self._socket.set(zmq.SNDHWM, SEND_HWM)
         self._socket.set(zmq.LINGER, LINGER_MS)
         self._socket.set(zmq.XPUB_NODROP, 1)
-        # A subscription is in force when we say so, not in the middle of a send: whoever gets one message of several
-        # that belong together gets all of them.
-        self._socket.set(zmq.XPUB_MANUAL, 1)
+        # Every subscription, not only the first of its prefix. Not XPUB_MANUAL: libzmq 4.3.5 keeps the pipe of one that
+        # nobody has read yet, and uses it after its subscriber has gone and it was freed (valgrind); and it puts
+        # subscriptions down to the wrong subscriber when another sends what is none.
+        self._socket.set(zmq.XPUB_VERBOSER, 1)
         self._socket.set(zmq.IPV6, int("[" in address))
         bind(self._socket, address, option)
         loop.add(self)
@@ -108,6 +108,11 @@ class Publisher:
         self._loop.remove(self)
         self._socket.close()
 
+    def look(self) -> None:
+        """Take the subscriptions that have come until now, where the next message depends on them (1.3 us)."""
+        if is_readable(self._socket):
+            self._look()
+
     def _look(self) -> None:
         """Take the subscriptions that have come."""
         self._is_looking = False
@@ -115,7 +120,6 @@ class Publisher:
             return
         for _ in range(BATCH):
             if not is_readable(self._socket):
-                self._is_confused = False
                 return
             self._subscription(_recv(self._socket, NOBLOCK))
         self._is_looking = True
@@ -123,18 +127,9 @@ class Publisher:
 
     def _subscription(self, message: bytes) -> None:
         """First octet 1 subscribes, 0 unsubscribes, the prefix follows; anything else is a user's, not for us."""
-        is_ours = message[:1] in (b"\0", b"\1")
-        if not is_ours:
-            self._is_confused = True
-        if self._is_confused:
-            # libzmq hands each message a subscriber in turn, but counts none for a user's: what has come behind one is
-            # put down to the wrong subscribers. They all get everything; a SUB takes what it wants.
-            self._socket.set(zmq.SUBSCRIBE, b"")
-        if not is_ours:
+        if message[:1] not in (b"\0", b"\1"):
             return
         is_wish, prefix = bool(message[0]), message[1:]
-        if not self._is_confused:
-            self._socket.set(zmq.SUBSCRIBE if is_wish else zmq.UNSUBSCRIBE, prefix)
         if not is_wish:
             self.slow_since = None
         for topic, before in self._interest.items():

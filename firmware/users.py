@@ -47,7 +47,10 @@ class Users:
     def publish(self, indication: Indication) -> None:
         """First `raw.` with what is known of the reception, then the PDU as it came."""
         publish = self.publisher.publish
-        # Building one costs 2 us: only for somebody.
+        # Building one costs 2 us: only for somebody. libzmq puts a subscription in force inside a send: without a look
+        # before it, whoever comes now would receive 10 ms of PDUs alone.
+        if not self._is_raw_wanted:
+            self.publisher.look()
         if self._is_raw_wanted:
             publish(RAW, raw.build(indication.pdu, indication.received_ns, indication.rx, self._local_info()))
             self.raw += 1

@@ -161,6 +161,20 @@ def test_rubbish_from_a_subscriber_is_ignored(bench: Bench) -> None:
     assert received(subscriber) == [[b"raw.", b"1"]]
 
 
+def test_rubbish_of_one_takes_no_subscription_from_another(bench: Bench) -> None:
+    rude, first, second = bench.socket(zmq.XSUB), bench.socket(), bench.socket()
+    rude.send(b"hello")
+    first.subscribe(b"a")
+    rude.send(b"hello")
+    second.subscribe(b"b")
+    bench.turn()
+    bench.publisher.publish(b"a", b"1")
+    bench.publisher.publish(b"b", b"2")
+    assert received(first) == [[b"a", b"1"]]
+    assert received(second) == [[b"b", b"2"]]
+    assert received(rude) == []
+
+
 def test_a_flood_of_rubbish_does_not_hold_up_the_rest(bench: Bench) -> None:
     rude = bench.socket(zmq.XSUB)
     for _ in range(module.BATCH * 3):

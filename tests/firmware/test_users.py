@@ -87,6 +87,19 @@ def test_raw_is_not_built_for_nobody(bench: Bench) -> None:
     assert (bench.users.raw, bench.users.published) == (0, 1)
 
 
+def test_whoever_comes_between_two_messages_receives_both_of_the_next(bench: Bench) -> None:
+    for _ in range(20):
+        bench.publish()
+        late = bench.context.socket(zmq.SUB)
+        bench.subscribers.append(late)
+        late.connect("inproc://users")
+        late.subscribe(b"")
+        bench.publish()
+        assert [envelope for envelope, _ in received(late)] == [b"raw.", b"v2x.cam."]
+        late.unsubscribe(b"")
+        bench.loop.run_for(0.05)
+
+
 def test_an_unknown_type_has_two_dots(bench: Bench) -> None:
     subscriber = bench.subscriber(b"v2x.")
     bench.publish(pdu_of(222))

@@ -117,7 +117,8 @@ def test_a_plain_pub_reaches_the_air_once_the_subscription_has_travelled(pdu: Be
     context.destroy(linger=0)
 
 
-def test_whoever_joins_in_the_middle_of_a_stream_never_gets_a_message_without_its_raw(launch: Launcher) -> None:
+def test_whoever_joins_in_the_middle_of_a_stream_misses_the_raw_of_one_message_at_most(launch: Launcher) -> None:
+    # The one that libzmq was sending when it learnt of the subscription: a PUB that always sends both has it, too.
     bench = launch("pdu")
     bench.user.sub.unsubscribe(b"")
     for _ in range(30):
@@ -125,8 +126,8 @@ def test_whoever_joins_in_the_middle_of_a_stream_never_gets_a_message_without_it
         while not joiner.sub.poll(0):
             for _ in range(20):
                 bench.air.send(CAM)
-        frames = joiner.sub.recv_multipart()
-        while frames[0] == b"hb.counter":
-            frames = joiner.sub.recv_multipart()
-        assert frames[0] == b"raw."
+        bench.air.send(CAM)
+        envelopes = (joiner.sub.recv_multipart()[0] for _ in range(4))  # heartbeats may be between them
+        received = [envelope for envelope in envelopes if envelope != b"hb.counter"]
+        assert b"raw." in received[:2]
         joiner.close()
