@@ -15,11 +15,11 @@ Flow = dict[str, Any]
 
 # A rate is loss-free when everything arrives and the last message is not later than this: a queue that grows
 # for as long as messages come is a loss that has not happened yet.
-LATE_MS = 50.0
-PROBE_S = 0.7
+LATE_MS = 20.0
+PROBE_S = 0.4
 LOWEST, HIGHEST = 2_000.0, 400_000.0
 RESOLUTION = 1.06
-TRIES = 3  # what else runs on the machine may spoil one of them, for the floor as for the station
+TRIES = 5  # what else runs on the machine spoils some of them, for the floor as for the station
 
 
 def flow(subject: Subject, way: str, *, prefix: bytes = b"", watched: bool = False, **words: float) -> Flow:
@@ -106,6 +106,6 @@ def ethernet_prefix(pdu_octets: int) -> bytes:
 
 def _passes(subject: Subject, way: str, rate: float, **how: Any) -> float:
     """The rate that was really sent when all of it arrived in time, else 0."""
-    one = flow(subject, way, rate=rate, duration=PROBE_S, grace=3 * LATE_MS / 1000, **how)
+    one = flow(subject, way, rate=rate, duration=PROBE_S, grace=5 * LATE_MS / 1000, **how)
     is_whole = one["received"] + one["sink_drops"] >= one["sent"] and one["lag_ms"] <= LATE_MS
     return float(one["rate"]) if is_whole else 0.0
