@@ -7,6 +7,7 @@ from typing import Final
 
 from board.errors import InterfaceError
 from drivers.contract import Host
+from drivers.datagrams import OUTCOME, TIMESPEC, Room
 from drivers.reason import Reason
 
 # Numbers of asm-generic/socket.h and linux/sock_diag.h that the socket module does not name.
@@ -15,10 +16,7 @@ SO_TIMESTAMPNS = 35
 SO_MEMINFO = 55
 SK_MEMINFO_DROPS = 8  # the index of sk_drops
 
-MAX_DATAGRAM = 2048  # octets: the longest PDU, its headers and an 802.11p frame fit
 MSG_TRUNC: Final = int(socket.MSG_TRUNC)  # an enum's & takes a microsecond
-TIMESPEC: Final = struct.Struct("@ll")
-STAMP_SPACE = socket.CMSG_SPACE(TIMESPEC.size)
 
 # A flooded lane gives way to the loop's other sources after BATCH datagrams. The urgent lane is looked at again
 # whenever the others together have taken SLICE: an urgent message waits for two slices at most, 0.2 ms or so.
@@ -31,8 +29,8 @@ Deliver = Callable[[bytes, int], None]
 class Intake:
     """A socket on the loop whose datagrams go to one call, each with the Unix time in ns of its arrival.
 
-    The intake owns the socket: close() closes it. A datagram from `own` (the address of a sender of ours) is an
-    echo. `broken` is called with what the socket reports beside datagrams. `urgent` is the lane that goes first.
+    The intake owns the socket: close() closes it. A datagram from `own` (a sender of ours, as sockaddr() has it)
+    is an echo. `broken` is called with what the socket reports beside datagrams. `urgent` is the lane that goes first.
     """
 
     def __init__(
@@ -44,12 +42,14 @@ class Intake:
         urgent: "Intake | None" = None,
     ) -> None:
         self.socket = taken
-        self.own: object = None
+        self.own = b""
         self._host = host
         self._deliver = deliver
         self._broken = broken
         self._urgent = urgent or self
         self._passed = 0  # taken by other lanes since this one, the urgent one, was looked at
+        # One room for all lanes of an interface: nothing that deliver() calls takes from another of them.
+        self._room: Room = urgent._room if urgent else Room(SLICE)
         self._is_open = True
         taken.setblocking(False)
         taken.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
@@ -61,7 +61,7 @@ class Intake:
     def ready(self, events: int) -> None:
         urgent = self._urgent
         for _ in range(BATCH // SLICE):
-            taken = self._take(SLICE)
+            taken = self._take()
             if urgent is not self:
                 urgent.give_way(taken)
             if taken < SLICE:
@@ -72,28 +72,34 @@ class Intake:
         self._passed += taken
         if self._passed >= SLICE:
             self._passed = 0
-            self._take(BATCH)
+            for _ in range(BATCH // SLICE):
+                if self._take() < SLICE:
+                    return
 
-    def _take(self, limit: int) -> int:
-        """Take at most limit datagrams; returns how many, fewer when there are no more."""
-        receive, deliver, unpack, own = self.socket.recvmsg, self._deliver, TIMESPEC.unpack, self.own
-        for taken in range(limit):
-            try:
-                octets, ancillary, flags, address = receive(MAX_DATAGRAM, STAMP_SPACE)
-            except BlockingIOError:
-                return taken
-            except OSError as error:
-                if self._is_open:  # what deliver() caused may have stopped the interface, and closed the socket
-                    self._broken(error)
-                return taken
-            if flags:
+    def _take(self) -> int:
+        """Take a slice; returns how many datagrams it had, fewer than SLICE when there are no more."""
+        if not self._is_open:
+            return 0
+        room, deliver, own = self._room, self._deliver, self.own
+        try:
+            count = room.receive(self.socket.fileno())
+        except OSError as error:
+            self._broken(error)
+            return 0
+        memory, headers, outcome, timespec = room.memory, room.headers, OUTCOME.unpack_from, TIMESPEC.unpack_from
+        for octets_at, stamp_at, name_at, outcome_at in room.places[:count]:
+            flags, length = outcome(headers, outcome_at)
+            octets = memory[octets_at : octets_at + length]
+            if flags & MSG_TRUNC:
                 self._host.drop(Reason.LONG_PDU, octets)
-            elif address == own:
+            elif own and memory[name_at : name_at + len(own)] == own:
                 self._host.drop(Reason.OWN_ECHO, octets)
             else:
-                seconds, nanoseconds = unpack(ancillary[0][2])
+                seconds, nanoseconds = timespec(memory, stamp_at)
                 deliver(octets, seconds * 1_000_000_000 + nanoseconds)
-        return limit
+            if not self._is_open:  # what deliver() caused has stopped the interface
+                return 0
+        return count
 
     def close(self) -> None:
         """Leave the loop and close the socket; idempotent."""

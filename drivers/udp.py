@@ -9,6 +9,7 @@ from board.describe import Range
 from board.errors import ConfigurationError, InterfaceError, RequestError
 from board.netlink import Device, DeviceWatch
 from drivers.contract import Can, Capabilities, Host, Sent, Shared
+from drivers.datagrams import sockaddr
 from drivers.geolink import GEONETWORKING_METADATA, GeoLink
 from drivers.intake import Intake, KernelDrops, enlarge, refused
 from drivers.message import Request
@@ -127,7 +128,7 @@ class Udp:
                 urgent = urgent or intake
         if options.group:
             receiver = opening.enter_context(open_group(address(options.group), options.device))
-            self._take(opening, receiver, framing).own = targets[0].socket.getsockname()
+            self._take(opening, receiver, framing).own = sockaddr(targets[0].socket.getsockname())
         framing.start()
 
     def _framing(self) -> Framing:
