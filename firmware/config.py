@@ -219,8 +219,8 @@ def load(path: str | None, overrides: Sequence[str] = (), board: str | None = No
     there = load_board(("none" if path else "sim") if board is None else board)
     wanted = describe.load(Path(path)) if path else {}
     merged: dict[str, Any] = {"interfaces": there.interfaces} | wanted
-    if path and "interfaces" in wanted and isinstance(wanted["interfaces"], dict):
-        merged["interfaces"] = there.interfaces | wanted["interfaces"]
+    if isinstance(wanted.get("interfaces"), dict):
+        merged["interfaces"] = _laid_over(there.interfaces, wanted["interfaces"])
     for text in overrides:
         describe.override(merged, text)
     where = path or "captain.toml"
@@ -249,6 +249,15 @@ def load_board(board: str) -> Board:
         known = ", ".join(sorted(entry.stem for entry in BOARDS.glob("*.toml")))
         raise ConfigurationError(f"board {board!r} is not known", f"one of {known}, or the path of a board file")
     return describe.read(Board, describe.load(path), str(path))
+
+
+def _laid_over(there: Mapping[str, Any], wanted: Mapping[str, Any]) -> dict[str, Any]:
+    """Interfaces of the board with what the file says of them; one with a driver of its own is another interface."""
+    merged = {**there, **wanted}
+    for name in there.keys() & wanted.keys():
+        if isinstance(wanted[name], dict) and "driver" not in wanted[name]:
+            merged[name] = {**there[name], **wanted[name]}
+    return merged
 
 
 def _collect(mistakes: list[str], read: Any) -> Any:

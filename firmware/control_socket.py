@@ -35,7 +35,7 @@ class ControlSocket:
     def __init__(self, loop: Loop, path: str, commands: Mapping[str, Command]) -> None:
         self.path = path
         self.commands = commands
-        self.clients: set[Client] = set()
+        self.clients: dict[Client, None] = {}  # the one that asked last at the end
         self._loop = loop
         self._socket = _listen(path)
         loop.add(self)
@@ -49,9 +49,8 @@ class ControlSocket:
         except OSError:  # it went away again, or descriptors are used up: the next one may have more luck
             return
         if len(self.clients) >= MAX_CLIENTS:
-            connection.close()
-            return
-        self.clients.add(Client(self._loop, connection, self))
+            next(iter(self.clients)).close()  # silent for the longest
+        self.clients[Client(self._loop, connection, self)] = None
 
     def close(self) -> None:
         for client in list(self.clients):
@@ -107,13 +106,15 @@ class Client:
     def close(self) -> None:
         self._loop.remove(self)
         self._connection.close()
-        self._server.clients.discard(self)
+        self._server.clients.pop(self, None)
 
     def _read(self) -> None:
         received = self._connection.recv(MAX_LINE)
         if not received:
             self.close()
             return
+        clients = self._server.clients
+        clients[self] = clients.pop(self)
         *lines, self._unread = (self._unread + received).split(b"\n")
         answers = [self._server.answer(line) for line in lines]
         if len(self._unread) > MAX_LINE:

@@ -22,14 +22,16 @@ class Neighbours:
         if len(heard) > self._capacity:
             heard.popitem(last=False)
 
-    def count(self, now: float, within_s: float = RECENT_S, rssi_dbm: int | None = None) -> int:
+    def count(self, now: float, within_s: float = RECENT_S, rssi_dbm: int | None = None, enough: int = CAPACITY) -> int:
         """Neighbours heard in the last within_s seconds, at rssi_dbm or better where that is asked.
+
+        enough  at which counting may end.
 
         A signal strength that the interface does not know is not good enough.
         """
         number = 0
         for when, rssi in reversed(self._heard.values()):
-            if when < now - within_s:
+            if when < now - within_s or number >= enough:
                 break
             number += rssi_dbm is None or (rssi is not None and rssi >= rssi_dbm)
         return number

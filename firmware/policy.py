@@ -28,7 +28,7 @@ class Surroundings(Protocol):
 
     def is_up(self, interface: str) -> bool: ...
     def has_up(self, ability: Can) -> bool: ...
-    def neighbours(self, interface: str, within_s: float, rssi_dbm: int | None) -> int: ...
+    def neighbours(self, interface: str, within_s: float, rssi_dbm: int | None, enough: int) -> int: ...
     def ego(self) -> Ego: ...
 
 
@@ -159,7 +159,7 @@ def _link(name: str, surroundings: Surroundings, is_up: bool) -> Test:
 
 def _neighbours(match: NeighbourMatch, surroundings: Surroundings, are_wanted: bool) -> Test:
     def test(_: Candidate) -> bool:
-        heard = surroundings.neighbours(match.interface, match.within_s, match.rssi_dbm)
+        heard = surroundings.neighbours(match.interface, match.within_s, match.rssi_dbm, match.count)
         return (heard >= match.count) is are_wanted
 
     return test

@@ -128,10 +128,10 @@ class Router:
             interface.is_up and ability in interface.driver.capabilities.can for interface in self.interfaces.values()
         )
 
-    def neighbours(self, interface: str, within_s: float, rssi_dbm: int | None) -> int:
+    def neighbours(self, interface: str, within_s: float, rssi_dbm: int | None, enough: int) -> int:
         if interface not in self.interfaces:
             return 0
-        return self.interfaces[interface].neighbours.count(self._clock(), within_s, rssi_dbm)
+        return self.interfaces[interface].neighbours.count(self._clock(), within_s, rssi_dbm, enough)
 
     def _not_made(self, kind: MessageType, pdu: bytes, label: str) -> Request:
         now = self._clock()

@@ -14,6 +14,7 @@ from firmware.topics import Topics
 RAW = b"raw."
 HEARTBEAT = b"hb.counter"
 HEARTBEAT_S = 1.0
+LOOK_S = 0.0005
 
 
 class Users:
@@ -37,6 +38,7 @@ class Users:
         self._envelopes = topics.envelopes
         self._local = local
         self.publisher = Publisher(loop, context, address, "endpoint.to_users", (RAW,), self._interest)
+        self._look_at = 0.0
         self._beats = 0
         self._next = 0.0
 
@@ -48,8 +50,9 @@ class Users:
         """First `raw.` with what is known of the reception, then the PDU as it came."""
         publish = self.publisher.publish
         # Building one costs 2 us: only for somebody. libzmq puts a subscription in force inside a send: without a look
-        # before it, whoever comes now would receive 10 ms of PDUs alone.
-        if not self._is_raw_wanted:
+        # before it, whoever comes now would receive 10 ms of PDUs alone. In a flood, a look each half millisecond.
+        if not self._is_raw_wanted and indication.monotonic >= self._look_at:
+            self._look_at = indication.monotonic + LOOK_S
             self.publisher.look()
         if self._is_raw_wanted:
             publish(RAW, raw.build(indication.pdu, indication.received_ns, indication.rx, self._local_info()))

@@ -34,7 +34,7 @@ class Place:
     def has_up(self, ability: Can) -> bool:
         return ability in self.abilities
 
-    def neighbours(self, interface: str, within_s: float, rssi_dbm: int | None) -> int:
+    def neighbours(self, interface: str, within_s: float, rssi_dbm: int | None, enough: int) -> int:
         self.asked.append((interface, within_s, rssi_dbm))
         return self.heard.get(interface, 0)
 

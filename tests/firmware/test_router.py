@@ -349,7 +349,7 @@ def test_what_a_stage_takes_out_meets_no_further_stage_and_no_user(bench: Bench)
 
 def test_the_policy_may_ask_about_interfaces_that_do_not_exist(bench: Bench) -> None:
     assert not bench.router.is_up("nobody")
-    assert bench.router.neighbours("nobody", 5.0, None) == 0
+    assert bench.router.neighbours("nobody", 5.0, None, 1) == 0
 
 
 def test_an_ability_is_there_while_an_interface_that_has_it_is_up(bench: Bench) -> None:

@@ -37,7 +37,7 @@ class Bench:
 
     def publish(self, pdu: bytes = CAM_PDU, rx: RxInfo = NO_RX_INFO) -> None:
         kind = TOPICS.classify(pdu)
-        self.users.publish(Indication(kind, pdu, "g5", 1_795_182_426_461_613_000, 0.0, rx))
+        self.users.publish(Indication(kind, pdu, "g5", 1_795_182_426_461_613_000, self.loop.clock(), rx))
 
     def close(self) -> None:
         for subscriber in self.subscribers:
@@ -94,6 +94,7 @@ def test_whoever_comes_between_two_messages_receives_both_of_the_next(bench: Ben
         bench.subscribers.append(late)
         late.connect("inproc://users")
         late.subscribe(b"")
+        bench.loop.now += 0.0005
         bench.publish()
         assert [envelope for envelope, _ in received(late)] == [b"raw.", b"v2x.cam."]
         late.unsubscribe(b"")
