@@ -11,6 +11,7 @@ from drivers.contract import Can, Capabilities, Host, Sent
 from drivers.message import Request
 from drivers.reason import Reason
 from drivers.wire import raw
+from firmware.inlet import MAX_FRAME, SUB_HWM
 from firmware.publisher import MORE, NOBLOCK, bind
 
 BATCH = 32
@@ -91,6 +92,8 @@ class Ipc:
         except OSError as error:
             raise InterfaceError(f"{option}: cannot make {path.parent}: {error.strerror}") from error
         socket = self._context.socket(kind)
+        socket.set(zmq.RCVHWM, SUB_HWM)
+        socket.set(zmq.MAXMSGSIZE, MAX_FRAME)
         bind(socket, address, option)
         return socket
 

@@ -94,8 +94,13 @@ class Router:
             targets = self._targets[row] = self._usable(row.interfaces, row.fallback)
         if is_asked:
             request = _as_asked(request, asked)
-            if asked.options.interfaces:
-                targets = self._usable(asked.options.interfaces, ())
+            named = asked.options.interfaces
+            if strange := [name for name in named if name != "*" and name not in self.interfaces]:
+                detail = f"no interface {', '.join(map(repr, strange))}; one of {', '.join(self.interfaces)}"
+                self._refuse(request, Reason.NO_INTERFACE, where, detail)
+                return
+            if named:
+                targets = self._usable(named, ())
         if not targets or (row.rate is not None and not row.rate.allows(now)):
             self._refuse(request, _why_not(targets, row.interfaces or asked.options.interfaces), where)
             return

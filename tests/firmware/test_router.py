@@ -219,6 +219,13 @@ def test_the_port_and_the_class_that_the_user_asks_for_are_those_the_policy_sees
     assert (bench.sent_by("mqtt"), bench.sent_by("g5")) == ([1], [2])
 
 
+def test_a_user_who_names_one_interface_wrongly_is_told_and_nothing_is_sent(bench: Bench) -> None:
+    bench.request(asked=parse(b'{"interfaces": ["g5", "typo"]}'))
+    assert bench.refusals() == [Reason.NO_INTERFACE]
+    assert "'typo'" in bench.confirms[0][0].detail
+    assert bench.sent_by("g5") == []
+
+
 NAMES_NOBODY = parse(b'{"interfaces": ["nobody"], "label": "mine"}')
 NAMES_A_RECEIVER = parse(b'{"interfaces": ["gnss"], "label": "mine"}')
 
