@@ -1,5 +1,6 @@
 """Raw sockets on a veth pair, in a network namespace of each test's own."""
 
+import errno
 import json
 import os
 import socket
@@ -186,6 +187,28 @@ def test_lanes_that_open_when_the_device_comes_up_are_as_good(loop, host):
         sender.send(by_message(number))
     told(loop, lambda: host.count == 1 + len(OTHERS))
     assert sorted(others_of(host)) == sorted(OTHERS)
+
+
+def test_lanes_that_cannot_open_when_the_device_comes_up_fail_the_interface_which_can_start_again(
+    loop, host, monkeypatch
+):
+    veth()
+    ip("link set v2x0 down")
+    driver = started(host, LANED)
+    with monkeypatch.context() as patch:
+        patch.setattr("drivers.ethernet.fan_out", _refuse)
+        ip("link set v2x0 up")
+        told(loop, lambda: host.failures)
+    assert str(host.failures[0]) == "v2x0: invalid argument"
+    assert not host.is_up
+    driver.stop()
+    driver.start(host)
+    air().send(CAM_FRAME)
+    told(loop, lambda: host.count)
+
+
+def _refuse(sockets, program):
+    raise OSError(errno.EINVAL, os.strerror(errno.EINVAL))
 
 
 def test_two_stations_at_one_device_have_all_frames_each(loop, host):
