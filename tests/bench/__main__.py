@@ -26,7 +26,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.bench", description=__doc__)
     parser.add_argument("--pairs", type=int, default=int(os.environ.get("PAIRS", "5")))
     parser.add_argument("--scale", type=float, default=float(os.environ.get("SCALE", "1")))
-    parser.add_argument("--captain", default=os.environ.get("CAPTAIN", SOURCE), help="the command that is measured")
+    parser.add_argument("--captain", default=os.environ.get("CAPTAIN", ""), help="the command that is measured")
     parser.add_argument("--overload-s", type=float, default=float(os.environ.get("DURATION", "10")))
     arguments = parser.parse_args()
     try:
@@ -52,6 +52,7 @@ def main() -> int:
 
 
 def _pairs(arguments: argparse.Namespace) -> tuple[list[Round], list[Round], list[Round], list[Round]]:
+    captain = arguments.captain or SOURCE
     floor: list[Round] = []
     station: list[Round] = []
     again: list[Round] = []
@@ -59,9 +60,9 @@ def _pairs(arguments: argparse.Namespace) -> tuple[list[Round], list[Round], lis
     for number in range(arguments.pairs):
         print(f"pair {number + 1} of {arguments.pairs}", file=sys.stderr, flush=True)
         floor.append(_round(Subject(), arguments.scale) | _start(Subject()))
-        station.append(_round(Station(captain=arguments.captain), arguments.scale) | _starts(arguments.captain))
+        station.append(_round(Station(captain=captain), arguments.scale) | _starts(captain))
         again.append(_round(Subject(), arguments.scale))
-        full.append(_round(Station("ethernet", arguments.captain), arguments.scale, **FULL_PATH))
+        full.append(_round(Station("ethernet", captain), arguments.scale, **FULL_PATH))
     return floor, station, again, full
 
 
