@@ -32,7 +32,7 @@ class Place:
 
 @dataclass(frozen=True)
 class StationOptions:
-    """[station]: who this is. An empty mac is made from the host and the name, locally administered."""
+    """[station]: who this is. An empty mac is made from host, name and port, locally administered."""
 
     name: str = "captain"
     profile: Literal["standard", "legacy"] = "standard"
@@ -236,7 +236,7 @@ def load(path: str | None, overrides: Sequence[str] = (), board: str | None = No
         read = _collect(mistakes, lambda name=name, options=options: _interface(name, options, where))
         interfaces.append(read)
     mistakes += [f"{where}: {text}" for text in consistency.mistakes(tables)]
-    mac = _collect(mistakes, lambda: _mac(tables.station, where))
+    mac = _collect(mistakes, lambda: _mac(tables, where))
     if mistakes:
         raise ConfigurationError("\n".join(mistakes))
     return Config(tables, tuple(interfaces), there, mac)
@@ -285,9 +285,10 @@ def _interface(name: str, table: Mapping[str, Any], where: str) -> InterfaceConf
     return InterfaceConfig(name, queue, options)
 
 
-def _mac(station: StationOptions, where: str) -> bytes:
+def _mac(tables: Tables, where: str) -> bytes:
+    station = tables.station
     if not station.mac:
-        return _made_mac(station.name)
+        return _made_mac(f"{station.name}/{tables.endpoint.from_users}")
     try:
         mac = bytes(int(part, 16) for part in station.mac.split(":"))
     except ValueError:
@@ -299,12 +300,12 @@ def _mac(station: StationOptions, where: str) -> bytes:
     return mac
 
 
-def _made_mac(name: str) -> bytes:
-    """A locally administered address of this host and name: stations on one host need one each."""
+def _made_mac(who: str) -> bytes:
+    """A locally administered address of this host and who runs on it: stations on one host need one each."""
     try:
         machine = Path("/etc/machine-id").read_text().strip()
     except OSError:
         machine = ""
     machine = machine or os.uname().nodename  # containers have no machine-id, or share an empty one
-    seed = f"{machine}/{name}".encode()
+    seed = f"{machine}/{who}".encode()
     return b"\x02" + zlib.crc32(seed).to_bytes(4, "big") + bytes((zlib.adler32(seed) & 0xFF,))

@@ -382,3 +382,8 @@ def test_a_written_configuration_gets_no_simulated_board_unless_it_asks(folder: 
     assert config.load(str(folder / "captain.toml")).board.name == "none"
     assert config.load(str(folder / "captain.toml"), board="sim").board.name == "sim"
     assert config.load(None).board.name == "sim"
+
+
+def test_two_stations_of_one_name_on_one_host_have_addresses_of_their_own() -> None:
+    one, other = (config.load(None, [f"endpoint.from_users={port}"], "none").mac for port in (5555, 5565))
+    assert one != other
