@@ -98,6 +98,7 @@ class MessageType(NamedTuple):
     priority  0 leaves first; what the policy's default gives it.
     row       of the table of types, and of its counters; unknown ids share the last.
     lifetime  seconds after which it is too old to leave, unless the policy or the user says otherwise.
+    traffic_class  octet of the GeoNetworking common header, under the same condition.
     """
 
     name: str
@@ -106,6 +107,7 @@ class MessageType(NamedTuple):
     priority: int
     row: int
     lifetime: float = 1.0
+    traffic_class: int = 2
 
 
 class Indication(NamedTuple):

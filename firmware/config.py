@@ -1,5 +1,6 @@
 """captain.toml: what is wanted of the station; with a board file, which says what is there."""
 
+import copy
 import os
 import zlib
 from collections.abc import Mapping, Sequence
@@ -32,9 +33,16 @@ class Place:
 
 @dataclass(frozen=True)
 class StationOptions:
-    """[station]: who this is. An empty mac is made from host, name and port, locally administered."""
+    """[station]: who this is.
+
+    type       StationType of TS 102 894-2: 5 passenger car, 15 roadside unit, 0 unknown.
+    is_mobile  itsGnIsMobile of EN 302 636-4-1: whether it may move while it runs.
+    mac        own address; an empty one is made from host, name and port, locally administered.
+    """
 
     name: str = "captain"
+    type: Annotated[int, Range(0, 31)] = 0
+    is_mobile: bool = True
     profile: Literal["standard", "legacy"] = "standard"
     mac: str = ""
     position: Place | None = None
@@ -99,6 +107,7 @@ class TypeConfig:
     btp_port: Port | None = None
     priority: Priority = 3
     lifetime_s: Seconds = 1.0
+    traffic_class: Octet = 2
 
 
 @dataclass(frozen=True)
@@ -218,9 +227,10 @@ def load(path: str | None, overrides: Sequence[str] = (), board: str | None = No
     """
     there = load_board(("none" if path else "sim") if board is None else board)
     wanted = describe.load(Path(path)) if path else {}
-    merged: dict[str, Any] = {"interfaces": there.interfaces} | wanted
+    present = copy.deepcopy(there.interfaces)  # overrides are written into it
+    merged: dict[str, Any] = {"interfaces": present} | wanted
     if isinstance(wanted.get("interfaces"), dict):
-        merged["interfaces"] = _laid_over(there.interfaces, wanted["interfaces"])
+        merged["interfaces"] = _laid_over(present, wanted["interfaces"])
     for text in overrides:
         describe.override(merged, text)
     where = path or "captain.toml"

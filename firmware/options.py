@@ -14,14 +14,23 @@ MAX_FRAME = 4096  # octets: all options with their longest values stay below 500
 
 @dataclass(frozen=True)
 class AreaOptions:
-    """A destination area (EN 302 931): degrees WGS84, metres, degrees from north."""
+    """A destination area (EN 302 931): degrees WGS84, metres, degrees from north.
+
+    distance_b  of a rectangle and an ellipse; a circle has none, and no angle.
+    """
 
     shape: Literal["circle", "rectangle", "ellipse"]
     latitude: Annotated[float, Range(-90.0, 90.0)]
     longitude: Annotated[float, Range(-180.0, 180.0)]
-    distance_a: Annotated[int, Range(0, 65535)]
+    distance_a: Annotated[int, Range(1, 65535)]
     distance_b: Annotated[int, Range(0, 65535)] = 0
     angle: Annotated[int, Range(0, 360)] = 0
+
+    def __post_init__(self) -> None:
+        if self.shape == "circle" and (self.distance_b or self.angle):
+            raise ConfigurationError("a circle has neither distance_b nor angle", "leave them out")
+        if self.shape != "circle" and not self.distance_b:
+            raise ConfigurationError(f"nobody can be in a {self.shape} without distance_b", "give it in metres")
 
     def area(self) -> Area:
         centre = Position(round(self.latitude * 1e7), round(self.longitude * 1e7))

@@ -10,8 +10,6 @@ from drivers.wire.area import contains
 from firmware.config import Match, NeighbourMatch, PayloadMatch, PlaceMatch, PolicyRow, Span
 from firmware.topics import Topics
 
-DEFAULT_TRAFFIC_CLASS = 2  # that of CAMs on the control channel, EN 302 637-2 clause 5.3.5
-
 
 class Candidate(NamedTuple):
     """What a row is asked about: a message before it is a request."""
@@ -76,7 +74,7 @@ class Row:
             Plan(
                 kind.lifetime if row.lifetime_s is None else row.lifetime_s,
                 kind.priority if row.priority is None else row.priority,
-                DEFAULT_TRAFFIC_CLASS if row.traffic_class is None else row.traffic_class,
+                kind.traffic_class if row.traffic_class is None else row.traffic_class,
             )
             for kind in topics.kinds
         ]

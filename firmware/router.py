@@ -10,7 +10,7 @@ from drivers.reason import Reason
 from firmware.drops import Drops
 from firmware.interface import Interface
 from firmware.options import NOTHING_ASKED, Parsed
-from firmware.policy import DEFAULT_TRAFFIC_CLASS, Policy, Row
+from firmware.policy import Policy, Row
 from firmware.topics import Topics
 
 _new = tuple.__new__
@@ -75,7 +75,7 @@ class Router:
         """
         self.requests = number = self.requests + 1
         now = self._clock()
-        port, traffic_class = kind.btp_port, DEFAULT_TRAFFIC_CLASS
+        port, traffic_class = kind.btp_port, kind.traffic_class
         is_asked = asked is not NOTHING_ASKED
         if is_asked:
             options = asked.options

@@ -9,7 +9,7 @@ import zmq
 
 from board.errors import StationError
 from board.loop import Loop
-from board.time import its_time_ms, leap_seconds
+from board.time import EPOCH, its_time_ms, leap_seconds
 from drivers import DRIVERS
 from drivers.contract import Driver, Shared
 from drivers.message import Ego, Position
@@ -57,7 +57,9 @@ class Station:
         self.topics = Topics(
             tables.station.profile,
             [
-                TypeRow(row.number, row.name, row.btp_port, row.btp_port, row.priority, row.lifetime_s)
+                TypeRow(
+                    row.number, row.name, row.btp_port, row.btp_port, row.priority, row.lifetime_s, row.traffic_class
+                )
                 for row in tables.types
             ],
         )
@@ -89,6 +91,8 @@ class Station:
         # What is there now stays: the collector need not look at it again.
         gc.collect()
         gc.freeze()
+        if time.time() < EPOCH:
+            log.warning("the clock is not set (it says %.0f s since 1970): own position counts as unknown", time.time())
         self._notice.send(f"READY=1\nSTATUS=routing over {len(self._interfaces)} interfaces")
         self._notice.watch(self.loop)
 
@@ -137,8 +141,14 @@ class Station:
         self._context.term()
 
     def ego(self) -> Ego:
-        """Own state: the configured position, the system's clock."""
+        """Own state: the configured position, the system's clock.
+
+        A box without a clock of its own starts in 1970: it routes all the same, and calls its position unknown,
+        because a position vector without a time is none.
+        """
         utc_s = time.time()
+        if utc_s < EPOCH:
+            return Ego(0, self._place, False)
         return Ego(its_time_ms(utc_s, leap_seconds(utc_s)), self._place, self._is_placed)
 
     def status(self) -> dict[str, object]:
@@ -149,6 +159,7 @@ class Station:
             "station": self.config.tables.station.name,
             "profile": self.config.tables.station.profile,
             **process_status(self._started, self.loop.clock()),
+            "is_clock_set": time.time() >= EPOCH,
             "interfaces": {entry.interface.name: entry.status() for entry in self._interfaces},
             "endpoint": {
                 "requests": self.router.requests,

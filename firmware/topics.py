@@ -15,6 +15,7 @@ class TypeRow(NamedTuple):
     legacy    BTP port of the legacy profile; None where that does not send it.
     priority  0 leaves first.
     lifetime  seconds.
+    traffic_class  octet of the GeoNetworking common header; its TC ID is the DCC profile.
     """
 
     number: int
@@ -23,27 +24,29 @@ class TypeRow(NamedTuple):
     legacy: int | None
     priority: int = 3
     lifetime: float = 1.0
+    traffic_class: int = 2
 
 
 # BTP ports: ETSI TS 103 248 v2.3.1, table 1, one row of it for each service; the legacy ports and the ids 14
-# and 102 are those of existing vehicleCAPTAIN boxes. Priorities follow the traffic classes that the services
-# recommend: DENM before infrastructure services before awareness (TS 102 636-4-2, EN 302 637-3 clause 5.4.1).
+# and 102 are those of existing vehicleCAPTAIN boxes. Priorities: DENM before infrastructure before awareness.
+# Traffic classes are the DCC profiles of TS 102 724 V1.1.1: DP0 DENM of high priority (its user says so), DP1 DENM,
+# DP2 CAM and what is as frequent, DP3 everything that can wait; ITS-G5 sends them by AC_VO, AC_VI, AC_BE, AC_BK.
 ROWS = (
-    TypeRow(1, "denm", 2002, 2002, priority=0, lifetime=10.0),
+    TypeRow(1, "denm", 2002, 2002, priority=0, lifetime=10.0, traffic_class=1),
     TypeRow(2, "cam", 2001, 2001, priority=2),
-    TypeRow(3, "poi", 2010, 2010, lifetime=5.0),
+    TypeRow(3, "poi", 2010, 2010, lifetime=5.0, traffic_class=3),
     TypeRow(4, "spatem", 2004, 2004, priority=1),
     TypeRow(5, "mapem", 2003, 2003, priority=1, lifetime=5.0),
     TypeRow(6, "ivim", 2006, 2006, priority=1, lifetime=5.0),
-    TypeRow(7, "ev_rsr", 2012, 2012, lifetime=5.0),
-    TypeRow(8, "tistpgtransaction", 2011, None, lifetime=5.0),
+    TypeRow(7, "ev_rsr", 2012, 2012, lifetime=5.0, traffic_class=3),
+    TypeRow(8, "tistpgtransaction", 2011, None, lifetime=5.0, traffic_class=3),
     TypeRow(9, "srem", 2007, 2007, priority=1),
     TypeRow(10, "ssem", 2008, 2008, priority=1),
-    TypeRow(11, "evcsn", 2010, 2010, lifetime=5.0),
-    TypeRow(12, "saem", 2005, 2005, lifetime=5.0),
+    TypeRow(11, "evcsn", 2010, 2010, lifetime=5.0, traffic_class=3),
+    TypeRow(12, "saem", 2005, 2005, lifetime=5.0, traffic_class=3),
     TypeRow(13, "rtcmem", 2013, 2013),
     TypeRow(14, "cpm", 2009, 2001, priority=2),
-    TypeRow(15, "imzm", 2019, None, lifetime=5.0),
+    TypeRow(15, "imzm", 2019, None, lifetime=5.0, traffic_class=3),
     TypeRow(16, "vam", 2018, 2001, priority=2),
     TypeRow(20, "mcm", 2017, None, priority=2),
     TypeRow(102, "vam", 2018, 2001, priority=2),
@@ -75,7 +78,8 @@ class Topics:
         for index, row in enumerate(rows):
             is_nameless = is_legacy and row.number in NAMELESS_IN_LEGACY and row.number not in taken
             port = row.legacy if is_legacy else row.standard
-            kind = MessageType("" if is_nameless else row.name, row.number, port, row.priority, index, row.lifetime)
+            name = "" if is_nameless else row.name
+            kind = MessageType(name, row.number, port, row.priority, index, row.lifetime, row.traffic_class)
             self.kinds.append(kind)
             self.by_number[row.number] = kind
             self.ports.update(port for port in (row.standard, row.legacy) if port is not None)
@@ -89,10 +93,6 @@ class Topics:
         if kind.name != "vam" or kind.number not in (16, LEGACY_VAM):
             return True
         return (kind.number == LEGACY_VAM) is is_legacy
-
-    def classify(self, pdu: bytes) -> MessageType:
-        """The type of a PDU of at least two octets, by messageID; unknown ids give the nameless type."""
-        return self.by_number[pdu[1]]
 
     def lanes(self) -> tuple[frozenset[int], ...]:
         """messageIDs that share a queue at reception: first all of priority 0, then those of each name by priority.

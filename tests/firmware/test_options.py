@@ -59,7 +59,8 @@ def test_all_options_at_once_are_read() -> None:
         ("hop_limit", 1),
         ("hop_limit", 255),
         ("area", CIRCLE),
-        ("area", {**CIRCLE, "latitude": -90, "longitude": 180, "angle": 360}),
+        ("area", {**CIRCLE, "latitude": -90, "longitude": 180}),
+        ("area", {**CIRCLE, "shape": "rectangle", "distance_b": 65535, "angle": 360}),
     ],
 )
 def test_this_value_is_taken(key: str, value: object) -> None:
@@ -190,3 +191,18 @@ def test_any_json_under_the_right_keys_is_read_or_refused_in_words(table: dict[s
         parse(json.dumps(table).encode())
     except RequestError as error:
         assert error.message.startswith("options:")
+
+
+@pytest.mark.parametrize(
+    "area",
+    [
+        {**CIRCLE, "distance_a": 0},
+        {**CIRCLE, "distance_b": 1},
+        {**CIRCLE, "angle": 1},
+        {**CIRCLE, "shape": "rectangle"},
+        {**CIRCLE, "shape": "ellipse", "distance_b": 0},
+    ],
+)
+def test_an_area_that_nobody_can_be_in_or_that_has_too_much_is_refused(area: dict[str, object]) -> None:
+    with pytest.raises(RequestError, match="area"):
+        parsed(area=area)

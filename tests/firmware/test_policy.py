@@ -8,7 +8,7 @@ from board.describe import read
 from drivers.contract import Can
 from drivers.message import Area, Ego, Position, Shape
 from firmware.config import Tables
-from firmware.policy import DEFAULT_TRAFFIC_CLASS, Policy, Rate, Row
+from firmware.policy import Policy, Rate, Row
 from firmware.topics import Topics
 from tests.firmware.doubles import INGOLSTADT, pdu_of
 
@@ -53,7 +53,7 @@ class Bench:
         number: int = 2,
         pdu: bytes | None = None,
         btp_port: int | None = None,
-        traffic_class: int = DEFAULT_TRAFFIC_CLASS,
+        traffic_class: int = 2,
         area: Area | None = None,
     ) -> Row:
         kind = TOPICS.by_number[number]
@@ -72,8 +72,8 @@ def test_without_a_policy_all_go_everywhere_with_what_their_type_is_worth() -> N
     bench = Bench()
     row = bench.row(1)
     assert (row.name, row.interfaces, row.fallback, row.rate) == ("default", ("*",), (), None)
-    assert row.plans[TOPICS.by_number[1].row] == (10.0, 0, DEFAULT_TRAFFIC_CLASS)
-    assert row.plans[TOPICS.by_number[2].row] == (1.0, 2, DEFAULT_TRAFFIC_CLASS)
+    assert row.plans[TOPICS.by_number[1].row] == (10.0, 0, 1)
+    assert row.plans[TOPICS.by_number[2].row] == (1.0, 2, 2)
 
 
 def test_a_row_without_a_match_takes_all() -> None:
@@ -318,7 +318,7 @@ def test_a_row_changes_what_it_says_and_leaves_the_rest_to_the_type() -> None:
     row = Bench({"priority": 5, "traffic_class": 7}).row(1)
     assert row.plans[TOPICS.by_number[1].row] == (10.0, 5, 7)
     row = Bench({"lifetime_s": 0.25}).row(1)
-    assert row.plans[TOPICS.by_number[1].row] == (0.25, 0, DEFAULT_TRAFFIC_CLASS)
+    assert row.plans[TOPICS.by_number[1].row] == (0.25, 0, 1)
     row = Bench({"lifetime_s": 0.0, "priority": 0, "traffic_class": 0}).row(2)
     assert row.plans[TOPICS.by_number[2].row] == (0.0, 0, 0)
 

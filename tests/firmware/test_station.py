@@ -152,3 +152,15 @@ def test_what_a_reload_does_not_take_is_said(folder: Folder, loop: Loop, caplog:
         assert "[station] changed too" in caplog.text
         assert station.status()["station"] == "captain"
         assert names(station) == ["new", "default"]
+
+
+def test_a_clock_that_is_not_set_makes_the_position_unknown_and_is_said(
+    folder: Folder, loop: Loop, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr("firmware.station.time.time", lambda: 12.0)
+    station = folder.station(loop, "station.position={latitude=48.0, longitude=11.0}")
+    station.start()
+    assert (station.ego().its_ms, station.ego().is_known) == (0, False)
+    assert station.status()["is_clock_set"] is False
+    assert "clock is not set" in caplog.text
+    station.close()

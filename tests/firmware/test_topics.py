@@ -35,13 +35,13 @@ def pdu(number: int) -> bytes:
 
 @pytest.mark.parametrize(("number", "name", "port", "_"), TABLE)
 def test_the_standard_profile_has_this_row(number: int, name: str, port: int, _: int | None) -> None:
-    kind = Topics("standard").classify(pdu(number))
+    kind = Topics("standard").by_number[number]
     assert (kind.number, kind.name, kind.btp_port) == (number, name, port)
 
 
 @pytest.mark.parametrize(("number", "name", "_", "port"), TABLE)
 def test_the_legacy_profile_has_this_row(number: int, name: str, _: int, port: int | None) -> None:
-    kind = Topics("legacy").classify(pdu(number))
+    kind = Topics("legacy").by_number[number]
     assert (kind.number, kind.btp_port) == (number, port)
     assert kind.name == ("" if number in NAMELESS_IN_LEGACY else name)
 
@@ -54,7 +54,7 @@ def test_the_table_has_these_rows_and_no_other() -> None:
 @pytest.mark.parametrize("number", [number for number in range(256) if number not in KNOWN])
 def test_every_other_id_is_nameless_and_has_no_port(profile: str, number: int) -> None:
     topics = Topics(profile)
-    kind = topics.classify(pdu(number))
+    kind = topics.by_number[number]
     assert kind is topics.unknown
     assert (kind.name, kind.btp_port) == ("", None)
 
@@ -104,7 +104,7 @@ def test_a_row_of_the_users_adds_a_type_in_both_profiles() -> None:
     for profile in ("standard", "legacy"):
         topics = Topics(profile, [row])
         kind = topics.by_envelope[b"v2x.mytest."]
-        assert kind is topics.classify(pdu(200))
+        assert kind is topics.by_number[200]
         assert (kind.btp_port, kind.priority, kind.lifetime) == (3000, 5, 0.5)
         assert 3000 in topics.ports
         assert topics.types_by_port()[3000] == 200
@@ -112,7 +112,7 @@ def test_a_row_of_the_users_adds_a_type_in_both_profiles() -> None:
 
 def test_a_row_of_the_users_replaces_the_one_of_its_number() -> None:
     topics = Topics("standard", [TypeRow(2, "mycam", 2050, 2050)])
-    assert topics.classify(pdu(2)).name == "mycam"
+    assert topics.by_number[2].name == "mycam"
     assert b"v2x.cam." not in topics.by_envelope
     assert [kind.number for kind in topics.kinds].count(2) == 1
 
@@ -125,7 +125,7 @@ def test_a_row_of_the_users_gives_a_legacy_nameless_id_its_name() -> None:
 def test_a_second_id_of_a_standard_name_leaves_the_envelope_to_the_standards_id() -> None:
     topics = Topics("standard", [TypeRow(200, "cam", 3000, 3000)])
     assert topics.by_envelope[b"v2x.cam."].number == 2
-    assert topics.classify(pdu(200)).btp_port == 3000
+    assert topics.by_number[200].btp_port == 3000
 
 
 @pytest.mark.parametrize("profile", ["standard", "legacy"])
@@ -153,7 +153,7 @@ def test_each_type_has_a_lane_and_two_ids_of_one_name_share_it(profile: str) -> 
 
 def test_lanes_are_in_the_order_of_priority() -> None:
     numbers = [min(lane) for lane in Topics().lanes()]
-    worth = [Topics().classify(pdu(number)).priority for number in numbers]
+    worth = [Topics().by_number[number].priority for number in numbers]
     assert worth == sorted(worth)
 
 
@@ -175,3 +175,8 @@ def test_two_hundred_types_of_the_users_share_the_last_lane_where_lanes_run_out(
     lanes = Topics("standard", extra).lanes()
     assert len(lanes) == 63
     assert {number for number in range(30, 230) if number % 7 == 0} < lanes[0]
+
+
+def test_a_warning_has_the_traffic_class_of_a_warning() -> None:
+    classes = {kind.name: kind.traffic_class for kind in Topics().kinds}
+    assert (classes["denm"], classes["cam"], classes["poi"]) == (1, 2, 3)

@@ -36,7 +36,7 @@ class Bench:
         return subscriber
 
     def publish(self, pdu: bytes = CAM_PDU, rx: RxInfo = NO_RX_INFO) -> None:
-        kind = TOPICS.classify(pdu)
+        kind = TOPICS.by_number[pdu[1]]
         self.users.publish(Indication(kind, pdu, "g5", 1_795_182_426_461_613_000, self.loop.clock(), rx))
 
     def close(self) -> None:
