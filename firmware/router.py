@@ -15,6 +15,7 @@ from firmware.topics import Topics
 
 _new = tuple.__new__
 Stage = Callable[[Indication], Indication | None]
+RequestStage = Callable[[Request], Request | Reason]
 
 
 class Router:
@@ -24,12 +25,14 @@ class Router:
     report          gives a confirm to those who listen.
     ego             own time and position.
     stages          what an indication passes on its way; each returns what goes on, or None having said why.
+    request_stages  what a request passes after the policy; each returns what goes on, or the reason against it.
     """
 
     def __init__(self, loop: Loop, topics: Topics, drops: Drops, ego: Callable[[], Ego]) -> None:
         self.is_confirm_wanted = False
         self.interfaces: dict[str, Interface] = {}
         self.stages: Sequence[Stage] = ()
+        self.request_stages: Sequence[RequestStage] = ()
         self.publish: Callable[[Indication], None] = lambda indication: None
         self.report: Callable[[Confirm, tuple[Interface, ...]], None] = lambda confirm, targets: None
         self.ego = ego
@@ -104,6 +107,12 @@ class Router:
         if not targets or (row.rate is not None and not row.rate.allows(now)):
             self._refuse(request, _why_not(targets, row.interfaces or asked.options.interfaces), where)
             return
+        for stage in self.request_stages:
+            passed = stage(request)
+            if isinstance(passed, Reason):
+                self._refuse(request, passed, where)
+                return
+            request = passed
         self.accepted += 1
         if self.is_confirm_wanted:
             self.report(Confirm(request, Outcome.ACCEPTED), targets)

@@ -365,3 +365,20 @@ def test_an_ability_is_there_while_an_interface_that_has_it_is_up(bench: Bench) 
     assert bench.router.has_up(Can.BEARER)
     bench.link("modem", False)
     assert not bench.router.has_up(Can.BEARER)
+
+
+def test_a_request_passes_the_stages_in_their_order(bench: Bench) -> None:
+    bench.router.request_stages = (
+        lambda request: request._replace(priority=1),
+        lambda request: request._replace(label=f"was {request.priority}"),
+    )
+    bench.request()
+    assert [(sent.priority, sent.label) for sent in bench.drivers["g5"].sent] == [(1, "was 1")]
+
+
+def test_a_stage_may_refuse_a_request_with_its_reason(bench: Bench) -> None:
+    bench.router.request_stages = (lambda request: Reason.POLICY,)
+    bench.request()
+    assert bench.refusals() == [Reason.POLICY]
+    assert bench.sent_by("g5") == []
+    assert (bench.router.requests, bench.router.accepted, bench.refused) == (1, 0, 1)
