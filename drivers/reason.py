@@ -85,5 +85,5 @@ MEANING: dict[Reason, str] = {
     Reason.BTP_PORT: "its BTP port carries no known type of message; add a row [[types]] to captain.toml",
     Reason.FRAMING: "octets between two frames on a serial line, or a frame of impossible length",
     Reason.CHECKSUM: "the frame's checksum does not match",
-    Reason.SUBSCRIBER_SLOW: "a subscriber did not read fast enough; ZeroMQ drops for it alone",
+    Reason.SUBSCRIBER_SLOW: "a subscriber fell behind; it alone loses messages until it has read half of what waits for it",
 }

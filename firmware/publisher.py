@@ -9,6 +9,8 @@ from zmq.backend import Socket as PlainSocket
 
 from board.errors import InterfaceError
 from board.loop import Loop
+from drivers.reason import Reason
+from firmware.drops import Drops
 
 # The methods of the plain socket: the wrappers of zmq.Socket cost 0.8 us a frame more.
 _send = PlainSocket.send
@@ -48,6 +50,7 @@ def bind(socket: zmq.Socket[bytes], address: str, option: str) -> None:
 class Publisher:
     """An XPUB socket; on the wire it is a PUB.
 
+    place   its key in [endpoint], which is also where its drops are counted: to_users or report.
     topics  of which on_interest tells with each subscriber that comes, and when the last goes: topic, whether wanted.
 
     libzmq drops for a slow subscriber alone and counts nothing. So the socket refuses first (XPUB_NODROP): the
@@ -59,14 +62,16 @@ class Publisher:
         loop: Loop,
         context: zmq.Context[zmq.Socket[bytes]],
         address: str,
-        option: str,
+        place: str,
+        drops: Drops,
         topics: tuple[bytes, ...] = (),
         on_interest: Callable[[bytes, bool], None] = lambda topic, is_wanted: None,
     ) -> None:
-        self.published = 0
         self.slow_since: float | None = None
         self.slow_count = 0
         self._loop = loop
+        self._place = place
+        self._drops = drops
         self._interest = dict.fromkeys(topics, 0)
         self._on_interest = on_interest
         self._is_looking = False
@@ -79,7 +84,7 @@ class Publisher:
         # subscriptions down to the wrong subscriber when another sends what is none.
         self._socket.set(zmq.XPUB_VERBOSER, 1)
         self._socket.set(zmq.IPV6, int("[" in address))
-        bind(self._socket, address, option)
+        bind(self._socket, address, f"endpoint.{place}")
         loop.add(self)
 
     def fileno(self) -> int:
@@ -97,7 +102,6 @@ class Publisher:
             self._publish_dropping(topic, body)
         else:
             _send(socket, body, NOBLOCK)
-        self.published += 1
         # A send may swallow the edge that announces a subscription: look again soon. A look costs as much as four
         # sends, so one for all messages of LOOK_S.
         if not self._is_looking:
@@ -143,12 +147,13 @@ class Publisher:
     def _publish_dropping(self, topic: bytes, body: bytes) -> None:
         """Hand it to those that keep up. libzmq passes the others by until each has read half of what waits for it.
 
-        So one that never reads again is refused but once; that it does is known only when it leaves.
+        So one that never reads again is refused, and counted, but once; that it does is known only when it leaves.
         """
         self.slow_count += 1
+        self._drops.count(self._place, Reason.SUBSCRIBER_SLOW, body)
         if self.slow_since is None:
             self.slow_since = time.time()
-            log.warning("a subscriber does not keep up: ZeroMQ drops for it; the others lose nothing")
+            log.warning("%s: a subscriber does not keep up: it alone loses messages", self._place)
         self._socket.set(zmq.XPUB_NODROP, 0)
         _send(self._socket, topic, MORE)
         _send(self._socket, body, NOBLOCK)

@@ -169,6 +169,10 @@ class Station:
                 "slow_since": publisher.slow_since,
                 "slow_count": publisher.slow_count,
             },
+            "report": {
+                "slow_since": self._report_publisher.slow_since,
+                "slow_count": self._report_publisher.slow_count,
+            },
             "drops": list(self.drops.status()),
             "duplicates": self.duplicates.status(),
             "policy": self.router.policy.status(),
@@ -190,9 +194,9 @@ class Station:
             return {}
 
         local = self.ego if endpoint.local_info and not is_legacy else None
-        self.users = Users(loop, context, at(endpoint.to_users), self.topics, local)
+        self.users = Users(loop, context, at(endpoint.to_users), self.topics, self.drops, local)
         self._report_publisher = Publisher(
-            loop, context, at(endpoint.report), "endpoint.report", (CONFIRM, STATUS), self._report_interest
+            loop, context, at(endpoint.report), "report", self.drops, (CONFIRM, STATUS), self._report_interest
         )
         self.report = Report(loop, self._report_publisher, self.status, self._refresh)
         self._inlets = [

@@ -8,6 +8,7 @@ import zmq
 from board.loop import Loop
 from drivers.message import Ego, Indication, Position
 from drivers.wire import raw
+from firmware.drops import Drops
 from firmware.publisher import Publisher
 from firmware.topics import Topics
 
@@ -29,6 +30,7 @@ class Users:
         context: zmq.Context[zmq.Socket[bytes]],
         address: str,
         topics: Topics,
+        drops: Drops,
         local: Callable[[], Ego] | None,
     ) -> None:
         self.published = 0
@@ -37,7 +39,7 @@ class Users:
         self._loop = loop
         self._envelopes = topics.envelopes
         self._local = local
-        self.publisher = Publisher(loop, context, address, "endpoint.to_users", (RAW,), self._interest)
+        self.publisher = Publisher(loop, context, address, "to_users", drops, (RAW,), self._interest)
         self._look_at = 0.0
         self._beats = 0
         self._next = 0.0

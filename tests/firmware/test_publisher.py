@@ -8,7 +8,9 @@ import pytest
 import zmq
 
 from board.errors import InterfaceError
+from drivers.reason import Reason
 from firmware import publisher as module
+from firmware.drops import Drops
 from firmware.publisher import Publisher
 from tests.virtual import VirtualLoop
 
@@ -20,8 +22,9 @@ class Bench:
         self.loop = loop
         self.context = zmq.Context()
         self.interest: list[tuple[bytes, bool]] = []
+        self.drops = Drops()
         self.publisher = Publisher(
-            loop, self.context, address, "endpoint.to_users", TOPICS, lambda *change: self.interest.append(change)
+            loop, self.context, address, "to_users", self.drops, TOPICS, lambda *change: self.interest.append(change)
         )
         self.address = self.publisher._socket.get(zmq.LAST_ENDPOINT).rstrip(b"\0").decode()
         self.sockets: list[zmq.Socket[bytes]] = []
@@ -75,7 +78,6 @@ def test_a_message_of_two_frames_reaches_its_subscriber(bench: Bench) -> None:
     bench.publisher.publish(b"v2x.cam.", b"pdu")
     bench.publisher.publish(b"hb.counter", b"{}")
     assert received(subscriber) == [[b"v2x.cam.", b"pdu"]]
-    assert bench.publisher.published == 2
 
 
 @pytest.mark.parametrize(
@@ -221,8 +223,37 @@ def test_a_subscriber_that_never_reads_is_noticed_and_the_others_lose_nothing(be
             assert received(reader) == [[b"v2x.cam.", b"%d" % count]]
             count += 1
         bench.loop.run_for(1.0)
-    assert bench.publisher.published == count
     assert bench.publisher.slow_count >= 1
+
+
+def test_a_loss_to_a_slow_subscriber_is_counted_where_it_was_with_its_sample(bench: Bench) -> None:
+    bench.subscriber(b"raw.")
+    bench.publisher.publish(b"raw.", b"earlier")
+    assert bench.drops.total("to_users", Reason.SUBSCRIBER_SLOW) == 0
+    while bench.publisher.slow_since is None:
+        bench.publisher.publish(b"raw.", b"sample")
+    (drop,) = bench.drops.status()
+    assert (drop["where"], drop["reason"], drop["count"]) == ("to_users", "subscriber-slow", 1)
+    assert drop["sample"] == b"sample".hex()
+
+
+def test_what_a_slow_subscriber_did_not_ask_for_is_no_loss(bench: Bench) -> None:
+    bench.subscriber(b"raw.")
+    while bench.publisher.slow_since is None:
+        bench.publisher.publish(b"raw.", b"")
+    for _ in range(100):
+        bench.publisher.publish(b"v2x.cam.", b"")
+    assert bench.drops.total("to_users", Reason.SUBSCRIBER_SLOW) == 1
+
+
+def test_each_time_that_a_subscriber_falls_behind_is_counted(bench: Bench) -> None:
+    slow = bench.subscriber(b"")
+    for count in (1, 2, 3):
+        while bench.publisher.slow_count < count:
+            bench.publisher.publish(b"v2x.cam.", b"")
+        received(slow)
+        bench.turn()
+    assert bench.drops.total("to_users", Reason.SUBSCRIBER_SLOW) == 3
 
 
 def test_a_subscriber_that_never_reads_is_slow_until_it_leaves(bench: Bench) -> None:
@@ -262,7 +293,7 @@ def test_a_message_to_a_slow_subscriber_is_whole_or_not_there(bench: Bench) -> N
 def test_an_address_that_is_taken_names_the_option_and_leaves_nothing_open(bench: Bench) -> None:
     with closing(VirtualLoop()) as loop:
         with pytest.raises(InterfaceError) as caught:
-            Publisher(loop, bench.context, bench.address, "endpoint.report")
+            Publisher(loop, bench.context, bench.address, "report", bench.drops)
         assert str(caught.value).startswith(f"endpoint.report: cannot bind {bench.address}: ")
         assert loop._sources == {}
 
@@ -271,11 +302,11 @@ def test_an_address_that_is_taken_names_the_option_and_leaves_nothing_open(bench
 def test_an_address_that_cannot_be_is_refused_in_words(address: str) -> None:
     refused = pytest.raises(InterfaceError, match=r"endpoint\.report: cannot bind")
     with closing(VirtualLoop()) as loop, zmq.Context() as context, refused:
-        Publisher(loop, context, address, "endpoint.report")
+        Publisher(loop, context, address, "report", Drops())
 
 
 def test_a_timer_that_outlives_the_socket_does_nothing(bench: Bench) -> None:
-    other = Publisher(bench.loop, bench.context, "inproc://other", "endpoint.report")
+    other = Publisher(bench.loop, bench.context, "inproc://other", "report", bench.drops)
     other.publish(b"a", b"b")
     other.close()
     bench.loop.run_for(5.0)

@@ -8,6 +8,7 @@ import zmq
 
 from drivers.message import NO_RX_INFO, Ego, Indication, Position, RxInfo
 from drivers.wire import raw
+from firmware.drops import Drops
 from firmware.topics import Topics
 from firmware.users import Users, heartbeat
 from tests.firmware.doubles import CAM_PDU, INGOLSTADT, pdu_of
@@ -21,7 +22,7 @@ class Bench:
         self.loop = loop
         self.context = zmq.Context()
         self.position: Position | None = INGOLSTADT
-        self.users = Users(loop, self.context, "inproc://users", TOPICS, self.ego)
+        self.users = Users(loop, self.context, "inproc://users", TOPICS, Drops(), self.ego)
         self.subscribers: list[zmq.Socket[bytes]] = []
 
     def ego(self) -> Ego:

@@ -5,6 +5,7 @@ import struct
 from typing import Any
 
 import pytest
+import zmq
 
 from tests.system.air import HEADERS
 from tests.system.conftest import Bench, Launcher
@@ -40,6 +41,29 @@ def test_status_comes_by_itself_and_says_what_is_promised(btp: Bench, shared_rep
     assert (status["station"], status["profile"]) == ("captain", "standard")
     assert (status["interfaces"]["g5"]["driver"], status["interfaces"]["g5"]["state"]) == ("udp", "up")
     assert str(btp.air.station[1]) in status["interfaces"]["g5"]["why"]
+
+
+@pytest.mark.parametrize(("endpoint", "place"), [("to_users", "endpoint"), ("report", "report")])
+def test_a_subscriber_that_never_reads_is_told_of_with_its_first_loss(
+    launch: Launcher, endpoint: str, place: str
+) -> None:
+    bench = launch("pdu")
+    assert bench.station.status()[place]["slow_since"] is None
+    context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+    silent = context.socket(zmq.SUB)
+    silent.linger, silent.rcvhwm, silent.rcvbuf = 0, 1, 4096
+    silent.subscribe(b"confirm." if endpoint == "report" else b"v2x.")
+    silent.connect(bench.station.address(endpoint))
+
+    def is_slow(status: dict[str, Any]) -> bool:
+        for _ in range(500):
+            bench.user.push_pdu(b"v2x.cam.", CAM) if endpoint == "report" else bench.air.send(CAM + bytes(1000))
+        return status[place]["slow_since"] is not None
+
+    status = bench.station.until(is_slow)
+    assert status[place]["slow_count"] == 1
+    assert [row["where"] for row in status["drops"] if row["reason"] == "subscriber-slow"] == [endpoint]
+    context.destroy(linger=0)
 
 
 def test_the_control_socket_gives_the_same_status(btp: Bench) -> None:
