@@ -79,6 +79,8 @@ class Udp:
         self._host = host
         self._is_up = True
         with ExitStack() as opening:
+            # Whoever closes the sockets, a stop or a start that fails half-way, forgets what was known of them.
+            opening.callback(self._forget)
             try:
                 self._open(opening)
             except OSError as error:
@@ -98,6 +100,8 @@ class Udp:
     def stop(self) -> None:
         self._count_drops()
         self._opened.close()
+
+    def _forget(self) -> None:
         self._drops, self._notes = [], []
         self._is_up = False
         self._absent_until = None

@@ -132,6 +132,14 @@ class UdpBench(NetworkBench):
         self._sockets[1].send(self._last)
 
 
+class ListeningBench(UdpBench):
+    """Lanes of its own beside the group: most sockets of all, and the group is joined last."""
+
+    def make(self) -> Driver:
+        options = UdpOptions(listen="127.0.0.1:0", group=GROUP, device="v2x0", beacon_s=0.0)
+        return Udp(options, SHARED)
+
+
 class BtpBench(UdpBench):
     framing: ClassVar = "btp"
 
@@ -233,6 +241,7 @@ BENCHES = {
     "udp-pdu": PduBench,
     "udp-btp": BtpBench,
     "udp-ethernet": UdpBench,
+    "udp-listen": ListeningBench,
     "ethernet": EthernetBench,
     "uart": UartBench,
     "morse": MorseBench,
