@@ -124,6 +124,7 @@ class Ethernet:
         self._opened.close()
         if self._room_timer is not None:
             self._room_timer.cancel()
+            self._room_timer = None
 
     def _open(self, opening: ExitStack) -> None:
         options = self._options

@@ -363,6 +363,29 @@ def test_sending_by_a_device_that_has_just_gone_down_keeps_the_request(loop, hos
     assert host.failures == []
 
 
+class Full:
+    """A socket whose device has a full queue."""
+
+    def send(self, octets):
+        raise OSError(errno.ENOBUFS, os.strerror(errno.ENOBUFS))
+
+
+def test_a_full_device_is_asked_again_also_after_a_stop_while_it_was_full(loop, host, monkeypatch):
+    veth()
+    driver = started(host)
+    for _ in range(2):
+        with monkeypatch.context() as patch:
+            patch.setattr(driver, "_transmitter", Full())
+            assert driver.send(request(CAM)) is Sent.BUSY
+        driver.stop()
+        driver.start(host)
+    with monkeypatch.context() as patch:
+        patch.setattr(driver, "_transmitter", Full())
+        assert driver.send(request(CAM)) is Sent.BUSY
+    loop.run_until(lambda: host.times_writable == 1, within=0.1)
+    assert driver.send(request(CAM)) is Sent.NOW
+
+
 def test_a_frame_longer_than_the_device_takes_is_the_users_fault(host):
     veth()
     ip("link set v2x0 mtu 200")
