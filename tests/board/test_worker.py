@@ -16,13 +16,14 @@ from hypothesis import strategies as st
 
 from board.child import BATCH, GRACE_S, MAX_MESSAGE, QUEUE, START_S
 from board.echo import try_out
-from board.errors import RequestError
+from board.errors import InterfaceError, RequestError
 from board.worker import STEADY_S, Worker
 from tests.virtual import VirtualLoop
 
 PROGRAM = [sys.executable, "-P", str(Path(__file__).with_name("worker_program.py"))]
 SLEEPER = [sys.executable, "-c", "import time; time.sleep(60)"]
 STRANGER = [sys.executable, "-c", "import socket, sys; socket.socket(fileno=int(sys.argv[3])).send(b'what?')"]
+MUTE = "import socket, sys; end = socket.socket(fileno=int(sys.argv[3])); end.send(b'hello'); end.recv(9); end.recv(9)"
 
 
 class Bench:
@@ -430,7 +431,7 @@ def test_signals_for_the_whole_group_do_not_end_a_child(make, number: int):
 
 
 def test_a_child_ends_with_its_parent_even_when_that_is_killed(make):
-    bench = make("nest", [])
+    bench = make("prove-nesting", [])
     nest = bench.up()
     (state,) = bench.receive(1)
     echo = int(re.findall(rb"state process (\d+) runs", state)[0])
@@ -452,3 +453,16 @@ def test_trying_out_the_program_itself_says_how_long_it_took():
     before = len(os.listdir("/proc/self/fd"))
     assert re.fullmatch(r"a child process answered after \d+ ms", try_out())
     assert len(os.listdir("/proc/self/fd")) == before
+
+
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        ([sys.executable, "-c", MUTE], r"runs and did not answer within 0\.01 s"),
+        (STRANGER, "is not this program"),
+        (["/nowhere/captain"], "cannot be started"),
+    ],
+)
+def test_trying_out_a_program_that_does_not_answer_ends_with_why(command: list[str], words: str):
+    with pytest.raises(InterfaceError, match=words):
+        try_out(command, patience=0.01)

@@ -18,7 +18,7 @@ from tests.virtual import VirtualLoop
 
 
 class Nest:
-    """The program as a worker that has a worker: `captain --worker nest` and its `captain --worker echo`."""
+    """The program as a worker that has a worker: `captain --worker prove-nesting` and its `captain --worker echo`."""
 
     def __init__(self) -> None:
         self.loop = VirtualLoop(patience_s=20.0)
@@ -26,7 +26,7 @@ class Nest:
         self.states: list[str] = []
         self.worker = Worker(
             self.loop,
-            "nest",
+            "prove-nesting",
             on_message=self.told.append,
             on_state=lambda is_up, why: self.states.append(why),
             command=PROGRAM,
@@ -91,7 +91,7 @@ def test_a_worker_is_one_process_whose_parent_is_the_program(nest: Nest):
     # Frozen into one file it could be two: a boot loader that unpacks once more, and the worker below it.
     pid = nest.echo_pid()
     assert command_of(pid)[-4:-2] == ["--worker", "echo"]
-    assert command_of(parent_of(pid))[-4:-2] == ["--worker", "nest"]
+    assert command_of(parent_of(pid))[-4:-2] == ["--worker", "prove-nesting"]
 
 
 def test_a_killed_worker_is_started_again(nest: Nest):
