@@ -119,13 +119,6 @@ void message_stamp(unsigned char *message, const struct load *load, uint64_t num
     memcpy(pdu + AT_TIME, &time_ns, sizeof time_ns);
 }
 
-uint64_t pdu_number(const unsigned char *pdu)
-{
-    uint64_t number;
-    memcpy(&number, pdu + AT_NUMBER, sizeof number);
-    return number;
-}
-
 uint64_t pdu_time(const unsigned char *pdu)
 {
     uint64_t time_ns;

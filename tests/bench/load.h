@@ -48,7 +48,6 @@ void sleep_until_ns(uint64_t when);
 size_t message_make(unsigned char *message, const struct load *load, unsigned char message_id);
 /* Number and time of sending into a message made so. */
 void message_stamp(unsigned char *message, const struct load *load, uint64_t number, uint64_t time_ns);
-uint64_t pdu_number(const unsigned char *pdu);
 uint64_t pdu_time(const unsigned char *pdu);
 
 /* A UDP socket bound to 127.0.0.1:port (0: any) with a large receive buffer; sends to 127.0.0.1:to if to is not 0. */

@@ -98,7 +98,7 @@ def ethernet_prefix(pdu_octets: int) -> bytes:
     """Ethernet, GeoNetworking (single hop broadcast, EN 302 636-4-1 V1.4.1, clause 9) and BTP-B in front of a PDU."""
     mac = bytes.fromhex("02000000beef")
     ethernet = bytes.fromhex("ffffffffffff") + mac + b"\x89\x47"
-    basic = bytes((0x11, 0, 0x1A, 1))  # version 1, common header next; lifetime 6 s; one hop
+    basic = bytes((0x11, 0, 0x1A, 1))  # version 1, common header next; lifetime 60 s; one hop
     common = struct.pack(">BBBBHBB", 0x20, 0x50, 2, 0x80, 4 + pdu_octets, 1, 0)  # BTP-B; SHB; DCC profile 2; mobile
     position = struct.pack(">H6sIiiHH", 0x1400, mac, 0, 487668616, 114320680, 0x8000, 0)
     return ethernet + basic + common + position + bytes(4) + struct.pack(">HH", 2001, 0)
