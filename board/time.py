@@ -37,7 +37,7 @@ def leap_seconds_its(its_ms: int) -> int:
 def its_time_ms(utc_s: float, leap_seconds: int) -> int:
     """ITS time of a moment: milliseconds since 2004-01-01T00:00:00Z, leap seconds counted.
 
-    utc_s         Unix time in seconds; rounded to the next millisecond.
+    utc_s         Unix time in seconds; rounded to the nearest millisecond.
     leap_seconds  inserted since the epoch: 5 since 2017-01-01.
 
     Returns 0 ... 2**42 - 1. Raises RequestError before the epoch and beyond that range.
