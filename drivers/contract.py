@@ -1,8 +1,6 @@
 """The contract between the station and an interface: a driver below, its host above."""
 
-from collections.abc import Mapping
 from enum import Enum, Flag, auto
-from types import MappingProxyType
 from typing import Any, NamedTuple, Protocol
 
 from board.errors import StationError
@@ -83,16 +81,23 @@ class Shared(NamedTuple):
     mac                 the station's own address: 6 octets, the end of its GeoNetworking address.
     gn_versions         GeoNetworking protocol versions that are accepted.
     deliver_unverified  pass a signed packet's PDU on although nobody verified it.
-    types_by_port       BTP port -> messageID of the profile in use.
+    btp_ports           BTP ports of the profile in use.
     lanes               messageIDs of each lane: what has a queue of its own at reception, where the driver can give
                         it one. The first is urgent and read before the others; what is in none is in one more.
+    station_type        of the GeoNetworking address: StationType of TS 102 894-2, 0..31; 0 is unknown, 15 a roadside
+                        unit.
+    is_mobile           itsGnIsMobile of EN 302 636-4-1.
+    is_mac_configured   whether mac was given by the user: the M bit of the GeoNetworking address (clause 6.3).
     """
 
     mac: bytes
     gn_versions: frozenset[int] = frozenset({1})
     deliver_unverified: bool = False
-    types_by_port: Mapping[int, int] = MappingProxyType({})
+    btp_ports: frozenset[int] = frozenset()
     lanes: tuple[frozenset[int], ...] = (frozenset({1}),)
+    station_type: int = 0
+    is_mobile: bool = True
+    is_mac_configured: bool = False
 
 
 class Driver(Protocol):

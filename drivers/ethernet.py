@@ -134,8 +134,8 @@ class Ethernet:
         if device is None:
             raise InterfaceError(f"{options.device}: no such network device", "`ip link` lists them")
         self._is_up = device.is_usable
-        mac = mac_address(options.mac) or (device.mac if device.mac != NO_MAC else self._shared.mac)
-        self._link = GeoLink(self._host, self._shared, mac, options.beacon_s, self._beacon)
+        shared = self._own(device)
+        self._link = GeoLink(self._host, shared, shared.mac, options.beacon_s, self._beacon)
         opening.callback(self._link.stop)
         self._transmitter = opening.enter_context(_socket())
         self._transmitter.bind((options.device, 0))
@@ -145,6 +145,14 @@ class Ethernet:
         if self._is_up:
             self._listen(opening)
         self._link.start()
+
+    def _own(self, device: Device) -> Shared:
+        """What the station's interfaces share, with the address of this one: that of its options, or the device's."""
+        if configured := mac_address(self._options.mac):
+            return self._shared._replace(mac=configured, is_mac_configured=True)
+        if device.mac != NO_MAC:
+            return self._shared._replace(mac=device.mac, is_mac_configured=False)
+        return self._shared
 
     def _listen(self, opening: ExitStack) -> None:
         """Open the lanes, on a device that is up: on others kernels before 6.13 refuse it."""

@@ -29,7 +29,15 @@ class GeoLink:
         self._host = host
         self._mac = mac
         self._transmit = transmit
-        self._core = GeoNetworking(mac, shared.gn_versions, shared.deliver_unverified, beacon_s)
+        self._core = GeoNetworking(
+            mac,
+            shared.gn_versions,
+            shared.deliver_unverified,
+            beacon_s,
+            shared.station_type,
+            shared.is_mobile,
+            shared.is_mac_configured,
+        )
         self._timer: Timer | None = None
 
     def receive(self, octets: bytes, received_ns: int) -> None:

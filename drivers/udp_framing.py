@@ -39,7 +39,7 @@ class BtpFraming:
 
     def __init__(self, host: Host, shared: Shared) -> None:
         self._host = host
-        self._rx_by_port = {port: RxInfo(btp_port=port) for port in shared.types_by_port}
+        self._rx_by_port = {port: RxInfo(btp_port=port) for port in shared.btp_ports}
 
     def receive(self, octets: bytes, received_ns: int) -> None:
         if len(octets) < btp.SIZE:

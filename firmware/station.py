@@ -240,7 +240,7 @@ class Station:
             self.config.mac,
             frozenset(reception.gn_versions),
             reception.unverified == "deliver",
-            self.topics.types_by_port(),
+            frozenset(self.topics.types_by_port()),
             self.topics.lanes(),
         )
         drivers: list[tuple[str, Driver, QueueOptions]] = [

@@ -23,9 +23,11 @@ class GeoNetworking:
         deliver_unverified: bool = False,
         beacon_s: float = 3.0,
         station_type: int = 0,
+        is_mobile: bool = True,
+        is_mac_configured: bool = False,
     ) -> None:
         receiver = Receiver(mac, gn_versions, deliver_unverified)
-        sender = Sender(mac, beacon_s, station_type)
+        sender = Sender(mac, beacon_s, station_type, is_mobile, is_mac_configured)
         self.receive = receiver.receive
         self.encode = sender.encode
         self.deadline = sender.deadline

@@ -15,7 +15,7 @@ _VERSION = 1
 _FIRST = _VERSION << 4 | BasicNext.COMMON
 _LIFETIME = 6 << 2 | 2  # itsGnDefaultPacketLifetime, 60 s, as other stations code it: 6 x 10 s
 _MOBILE = 0x80  # flags: itsGnIsMobile
-_MANUAL = 0x8000  # GN_ADDR: the address was configured
+_MANUAL = 0x8000  # M of GN_ADDR, clause 6.3
 _JITTER = 0.25  # itsGnBeaconServiceMaxJitter over itsGnBeaconServiceRetransmitTimer
 
 # What is the same in all: basic header, then the common header's NH, HT and HST.
@@ -32,13 +32,23 @@ _GEO_BROADCAST_OUT = Struct(">BxBBBBBBHBxH2x" + _POSITION + "iiHHH2xH2x")
 class Sender:
     """Packets of one station. Time goes in as the loop's clock in seconds.
 
-    mac           own address; the end of the GN address.
-    beacon_s      silence after which a beacon is due: itsGnBeaconServiceRetransmitTimer; 0: no beacons.
-    station_type  of the GN address (TS 102 894-2, StationType): 0 unknown, 5 passenger car.
+    mac                own address; the end of the GN address.
+    beacon_s           silence after which a beacon is due: itsGnBeaconServiceRetransmitTimer; 0: no beacons.
+    station_type       of the GN address (TS 102 894-2, StationType): 0 unknown, 5 passenger car; 0..31.
+    is_mobile          itsGnIsMobile: whether the station may move.
+    is_mac_configured  whether mac was configured by hand.
     """
 
-    def __init__(self, mac: bytes, beacon_s: float = 3.0, station_type: int = 0) -> None:
-        self._address = struct.pack(">H6s", _MANUAL | station_type << 10, mac)
+    def __init__(
+        self,
+        mac: bytes,
+        beacon_s: float = 3.0,
+        station_type: int = 0,
+        is_mobile: bool = True,
+        is_mac_configured: bool = False,
+    ) -> None:
+        self._address = struct.pack(">H6s", _MANUAL * is_mac_configured | station_type << 10, mac)
+        self._flags = _MOBILE * is_mobile
         self._sequence = 0  # of the next packet that others may pass on
         self._beacon_s = beacon_s
         self._random = Random(mac)  # stations that start together must not send together
@@ -81,7 +91,7 @@ class Sender:
         if not self._is_due:
             return b""
         self._is_due = False
-        return _BEACON_OUT.pack(_BEACON, 0, _MOBILE, 0, 1, *self._position(ego))
+        return _BEACON_OUT.pack(_BEACON, 0, self._flags, 0, 1, *self._position(ego))
 
     def _packet(self, request: Request, now: float, ego: Ego) -> bytes:
         if request.area is not None:
@@ -90,7 +100,7 @@ class Sender:
         head = _SINGLE_HOP_OUT.pack(
             _SINGLE_HOP,
             request.traffic_class,
-            _MOBILE,
+            self._flags,
             len(pdu) + btp.SIZE,
             1,
             *self._position(ego),
@@ -109,7 +119,7 @@ class Sender:
             CommonNext.BTP_B << 4,
             HeaderType.GBC_CIRCLE + area.shape,
             request.traffic_class,
-            _MOBILE,
+            self._flags,
             len(pdu) + btp.SIZE,
             request.hop_limit,
             self._sequence,

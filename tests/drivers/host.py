@@ -11,7 +11,7 @@ from drivers.reason import Reason
 from tests.virtual import VirtualLoop
 
 MAC = bytes.fromhex("02000000000c")
-SHARED = Shared(mac=MAC, types_by_port={2001: 2, 2002: 1})
+SHARED = Shared(mac=MAC, btp_ports=frozenset({2001, 2002}))
 EGO = Ego(its_ms=722_130_000_000, position=Position(487_668_616, 114_320_680), is_known=True)
 CAM = bytes.fromhex("0202000005390001020304")
 DENM = bytes.fromhex("0201000005390001020304")

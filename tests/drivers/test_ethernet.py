@@ -15,6 +15,8 @@ from drivers.contract import Sent
 from drivers.ethernet import Ethernet, EthernetOptions
 from drivers.message import Area, Position, Shape
 from drivers.reason import Reason
+from drivers.wire.geonet_header import Address
+from drivers.wire.geonet_packet import parse
 from firmware.topics import Topics
 from tests.drivers.benches import ip, wait_for_carrier
 from tests.drivers.host import CAM, DENM, EGO, MAC, SHARED, Host, request, told
@@ -90,6 +92,32 @@ def test_a_configured_address_is_the_sender(host):
     other = air()
     driver.send(request(CAM))
     assert other.recv(2048)[6:12] == MAC
+
+
+def sent_with(host, shared, **options):
+    """What a station says of itself in the first packet that it sends."""
+    driver = started(host, shared, **options)
+    other = air()
+    driver.send(request(CAM))
+    packet = parse(other.recv(2048)[14:])
+    driver.stop()
+    return packet
+
+
+def test_the_station_says_what_it_is(host):
+    veth()
+    shared = SHARED._replace(station_type=15, is_mobile=False)
+    packet = sent_with(host, shared)
+    assert packet.extended.source.address == Address(False, 15, 0, device("v2x0").mac)
+    assert packet.common.flags == 0
+
+
+@pytest.mark.parametrize("is_configured", [True, False])
+def test_an_address_of_the_interfaces_own_options_is_a_configured_one_and_the_devices_is_not(host, is_configured):
+    veth()
+    shared = SHARED._replace(is_mac_configured=is_configured)
+    assert sent_with(host, shared, mac="02:00:00:00:00:0c").extended.source.address.is_manual
+    assert not sent_with(host, shared).extended.source.address.is_manual
 
 
 def test_beacons_are_sent_and_heard(loop, host):

@@ -40,14 +40,14 @@ def test_a_request_without_an_area_leaves_as_a_single_hop_broadcast():
     assert (common.next_header, common.header_type, common.max_hop_limit) == (2, HeaderType.SHB, 1)
     assert (common.traffic_class, common.flags, common.reserved, common.reserved_2) == (2, 0x80, 0, 0)
     assert sent.payload == bytes.fromhex("07d10000") + PDU
-    source = LongPosition(Address(True, 0, 0, OWN), 757_886_011, INGOLSTADT.latitude, INGOLSTADT.longitude, True, 0, 0)
+    source = LongPosition(Address(False, 0, 0, OWN), 757_886_011, INGOLSTADT.latitude, INGOLSTADT.longitude, True, 0, 0)
     assert sent.extended == SingleHop(source)
     assert source.timestamp == gn_timestamp(HERE.its_ms)
 
 
 def test_the_same_station_and_time_give_the_octets_of_the_captured_station():
     # cam-shb: the position vector's longitude there is one unit less than the CAM's
-    core = GeoNetworking(bytes.fromhex("02000000000b"))
+    core = GeoNetworking(bytes.fromhex("02000000000b"), is_mac_configured=True)
     ego = Ego(168 * 2**32 + 757_810_499, Position(487668616, 114320679), True)
     request = REQUEST._replace(pdu=parse(packet("cam-shb")).payload[4:], traffic_class=0)
     assert core.encode(request, 0.0, ego) == packet("cam-shb")
@@ -55,7 +55,21 @@ def test_the_same_station_and_time_give_the_octets_of_the_captured_station():
 
 def test_the_station_type_stands_in_the_address():
     sent = parse(station(station_type=5).encode(REQUEST, 0.0, HERE))
-    assert sent.extended.source.address == Address(True, 5, 0, OWN)
+    assert sent.extended.source.address == Address(False, 5, 0, OWN)
+
+
+@pytest.mark.parametrize("is_configured", [True, False])
+def test_the_address_says_whether_it_was_configured(is_configured):
+    sent = parse(station(is_mac_configured=is_configured).encode(REQUEST, 0.0, HERE))
+    assert sent.extended.source.address == Address(is_configured, 0, 0, OWN)
+
+
+def test_a_station_that_does_not_move_says_so_in_everything_it_sends():
+    core = station(is_mobile=False)
+    packets = [core.encode(REQUEST, 0.0, HERE), core.encode(REQUEST._replace(area=AREA), 0.0, HERE)]
+    core.expire(100.0)
+    packets.append(core.take(HERE))
+    assert [parse(octets).common.flags for octets in packets] == [0, 0, 0]
 
 
 def test_an_unknown_position_is_marked_as_inaccurate():
