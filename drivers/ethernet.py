@@ -11,6 +11,7 @@ from board.describe import Range
 from board.errors import ConfigurationError, InterfaceError, RequestError
 from board.loop import Timer
 from board.netlink import Device, DeviceWatch
+from drivers.access_category import BEACON, NEW_SOCKET, prioritize_frames
 from drivers.contract import Can, Capabilities, Host, Sent, Shared
 from drivers.geolink import GEONETWORKING_METADATA, GeoLink
 from drivers.intake import Intake, enlarge, refused
@@ -107,7 +108,7 @@ class Ethernet:
         self._tell()
 
     def send(self, request: Request) -> Sent:
-        return self._transmit(self._link.encode(request))
+        return self._transmit(self._link.encode(request), request.traffic_class)
 
     def refresh(self) -> None:
         for one in self._sockets:
@@ -139,6 +140,7 @@ class Ethernet:
         opening.callback(self._link.stop)
         self._transmitter = opening.enter_context(_socket())
         self._transmitter.bind((options.device, 0))
+        self._traffic_class, self._class_note = NEW_SOCKET, ""
         if options.promiscuous:
             membership = struct.pack("=iHH8s", device.number, PACKET_MR_PROMISC, 0, b"")
             self._transmitter.setsockopt(SOL_PACKET, PACKET_ADD_MEMBERSHIP, membership)
@@ -172,7 +174,9 @@ class Ethernet:
             urgent = urgent or intake
         self._sockets = sockets
 
-    def _transmit(self, octets: bytes) -> Sent:
+    def _transmit(self, octets: bytes, traffic_class: int) -> Sent:
+        if traffic_class != self._traffic_class:
+            self._prioritize(traffic_class)
         try:
             self._transmitter.send(octets)
         except OSError as error:
@@ -181,7 +185,14 @@ class Ethernet:
 
     def _beacon(self, octets: bytes) -> None:
         if self._is_up:
-            self._transmit(octets)
+            self._transmit(octets, BEACON)
+
+    def _prioritize(self, traffic_class: int) -> None:
+        self._traffic_class = traffic_class
+        note = prioritize_frames(self._transmitter, traffic_class)
+        if note and not self._class_note:
+            self._class_note = note
+            self._tell()
 
     def _not_sent(self, error: OSError, octets: int) -> Sent:
         if error.errno == errno.EMSGSIZE:
@@ -220,6 +231,7 @@ class Ethernet:
     def _tell(self) -> None:
         name = self._options.device
         if self._is_up:
-            self._host.link(True, "; ".join(filter(None, [f"EtherType 0x8947 on {name}", self._notes])))
+            parts = (f"EtherType 0x8947 on {name}", self._notes, self._class_note)
+            self._host.link(True, "; ".join(filter(None, parts)))
         else:
             self._host.link(False, f"{name} is down or has no carrier: ip link set {name} up")

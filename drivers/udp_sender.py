@@ -7,9 +7,11 @@ from typing import NamedTuple
 
 from board.errors import RequestError
 from board.loop import WRITE, Timer
+from drivers.access_category import BEACON, NEW_SOCKET, prioritize_datagrams
 from drivers.contract import Host, Sent
 from drivers.intake import refused
 from drivers.message import Request
+from drivers.reason import Reason
 from drivers.udp_socket import Address
 
 # What an earlier datagram met, told at the next send(): ICMP says that nobody is there. The datagram of this
@@ -54,6 +56,7 @@ class Sender:
         self._targets = targets
         self._sends = [target.socket.send for target in targets]
         self._absent = absent
+        self._traffic_class = NEW_SOCKET
         self._is_full = False
         self._full: Target | None = None
         self._rest: Rest | None = None
@@ -62,14 +65,20 @@ class Sender:
             target.has_room = self._resume
 
     def send(self, octets: bytes, request: Request | None = None) -> Sent:
-        """Send to all targets: NOW; BUSY when none took it; LATER when only some did, with a confirm at the end."""
+        """Send to all targets: NOW; BUSY when none took it; LATER when only some did, with a confirm at the end.
+
+        Without a request it is a beacon. Raises RequestError when it is too long for a datagram.
+        """
         if self._is_full:
             return Sent.BUSY
+        traffic_class = BEACON if request is None else request.traffic_class
+        if traffic_class != self._traffic_class:
+            self._prioritize(traffic_class)
         for send in self._sends:
             try:
                 send(octets)
             except OSError as error:
-                return self._go_on(error, Rest(octets, self._sends.index(send), request))
+                return self._go_on(Rest(octets, self._sends.index(send), request), error)
         return Sent.NOW
 
     def close(self) -> None:
@@ -78,30 +87,37 @@ class Sender:
         for target in self._targets:
             target.socket.close()
 
-    def _go_on(self, error: OSError | None, rest: Rest) -> Sent:
-        """Send the rest after one target's socket reported an error."""
-        octets, place, request = rest
-        while True:
-            if error is None:
-                place += 1
-            elif error.errno in ABSENT:
-                self._absent(self._targets[place].to)
-            else:
-                return self._stop_at(error, Rest(octets, place, request))
-            if place == len(self._sends):
-                return Sent.NOW
-            error = self._try(place, octets)
+    def _prioritize(self, traffic_class: int) -> None:
+        self._traffic_class = traffic_class
+        for target in self._targets:
+            prioritize_datagrams(target.socket, traffic_class)
 
-    def _try(self, place: int, octets: bytes) -> OSError | None:
-        # An absent peer's error is told once for each datagram that met it: two may be waiting, more cannot.
+    def _go_on(self, rest: Rest, error: OSError | None = None) -> Sent:
+        """Send the rest; error is what the first of its targets has just reported."""
+        for place in range(rest.place, len(self._sends)):
+            error = self._reach(place, rest.octets, error)
+            if error is not None:
+                return self._stop_at(error, rest._replace(place=place))
+        return Sent.NOW
+
+    def _reach(self, place: int, octets: bytes, error: OSError | None) -> OSError | None:
+        """Send to one target, after its error if there is one; returns what stops this datagram.
+
+        Nobody there is told, and stops nothing: this datagram is lost to that peer, as any is in UDP.
+        """
+        # Errors of earlier datagrams wait in the socket: two may, more cannot.
         for _ in range(2):
+            if error is not None and error.errno not in ABSENT:
+                return error
             try:
                 self._sends[place](octets)
-            except OSError as error:
-                if error.errno not in ABSENT:
-                    return error
-            else:
-                return None
+                break
+            except OSError as again:
+                error = again
+        if error is not None:
+            if error.errno not in ABSENT:
+                return error
+            self._absent(self._targets[place].to)
         return None
 
     def _stop_at(self, error: OSError, rest: Rest) -> Sent:
@@ -124,13 +140,21 @@ class Sender:
         self._leave_loop()
         self._is_full = False
         rest, self._rest = self._rest, None
-        if rest is not None:
-            outcome = self._go_on(self._try(rest.place, rest.octets), rest)
-            if outcome is not Sent.NOW:
-                return
-            if rest.request is not None:
-                self._host.confirm(rest.request)
+        if rest is not None and not self._has_gone(rest):
+            return
         self._host.writable()
+
+    def _has_gone(self, rest: Rest) -> bool:
+        """Send the rest; whether it is done with, sent or dropped."""
+        reason = None
+        try:
+            if self._go_on(rest) is not Sent.NOW:
+                return False
+        except RequestError:
+            reason = Reason.LONG_PDU
+        if rest.request is not None:
+            self._host.confirm(rest.request, reason)
+        return True
 
     def _leave_loop(self) -> None:
         if self._full is not None:

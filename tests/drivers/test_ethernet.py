@@ -391,6 +391,49 @@ def test_sending_by_a_device_that_has_just_gone_down_keeps_the_request(loop, hos
     assert host.failures == []
 
 
+# Of each traffic class, in the order sent: TC-ID 0 is AC_VO, 1 AC_VI, 2 AC_BE, 3 AC_BK, others are reserved; the two
+# bits before it say nothing about the queue. 256 and a user priority is what cfg80211_classify8021d() understands.
+PRIORITIES = {2: 0, 0: 263, 1: 261, 3: 257, 0x82: 256, 0x41: 261, 63: 256}
+
+
+def sent_by_class(driver):
+    """The priority of the socket that each class was sent by."""
+    found = {}
+    for traffic_class in PRIORITIES:
+        assert driver.send(request(CAM)._replace(traffic_class=traffic_class)) is Sent.NOW
+        found[traffic_class] = driver._transmitter.getsockopt(socket.SOL_SOCKET, socket.SO_PRIORITY)
+    return found
+
+
+def test_the_traffic_class_chooses_the_queue_of_the_radio(host):
+    veth()
+    driver = started(host)
+    assert sent_by_class(driver) == PRIORITIES
+    assert len(host.links) == 1
+    driver.stop()
+    driver.start(host)
+    assert sent_by_class(driver) == PRIORITIES
+
+
+def test_without_the_privilege_for_it_messages_leave_all_the_same_and_the_link_says_so_once(host):
+    veth()
+    driver = started(host)
+    _give_up_privileges()
+    assert set(sent_by_class(driver).values()) == {0}
+    assert [is_up for is_up, _ in host.links] == [True, True]
+    assert "traffic classes do not reach the radio" in host.links[-1][1]
+    assert host.failures == []
+
+
+def test_a_beacon_leaves_by_the_class_in_its_header(loop, host):
+    veth()
+    driver = started(host, beacon_s=3.0)
+    other = air()
+    loop.run_for(8)
+    assert other.recv(2048)[20] == 0
+    assert driver._transmitter.getsockopt(socket.SOL_SOCKET, socket.SO_PRIORITY) == 263
+
+
 class Full:
     """A socket whose device has a full queue."""
 

@@ -262,6 +262,20 @@ def test_a_peer_that_returns_gets_the_next_message(start, peer):
         assert back.recv(2048) == DENM
 
 
+def test_the_traffic_class_is_the_class_selector_of_every_datagram_without_privilege(start, peer):
+    other = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    other.bind(("127.0.0.1", 0))
+    driver = start(peers=(text(peer), text(other)))
+    for one in (peer, other):
+        one.setsockopt(socket.IPPROTO_IP, socket.IP_RECVTOS, 1)
+    for traffic_class, tos in {2: 0, 0: 0xE0, 1: 0xA0, 3: 0x20, 0x82: 0, 63: 0}.items():
+        driver.send(request(CAM)._replace(traffic_class=traffic_class))
+        for one in (peer, other):
+            (_, _, octets), *_ = one.recvmsg(2048, 64)[1]
+            assert octets[0] == tos
+    other.close()
+
+
 def _veth():
     ip("link add v2x0 type veth peer name air0")
     ip("addr add 10.0.0.1/24 dev v2x0")

@@ -7,6 +7,7 @@ import pytest
 
 from board.errors import RequestError
 from drivers.contract import Sent
+from drivers.reason import Reason
 from drivers.udp_sender import Sender, Target
 from drivers.udp_socket import Address
 from tests.drivers.host import CAM, DENM, request
@@ -49,6 +50,8 @@ class Failing:
             code = self.errors.pop(0)
             raise OSError(code, errno.errorcode[code])
         self.sent.append(octets)
+
+    def setsockopt(self, level, option, value): ...
 
     def close(self): ...
 
@@ -129,6 +132,35 @@ def test_a_refusal_is_about_an_earlier_datagram_and_this_one_is_sent_again(host,
     assert sender.send(CAM, request(CAM)) is Sent.NOW
     assert told == [Address("127.0.0.1", 9)]
     assert taker.sent == ([CAM] if times < 3 else [])
+
+
+def test_an_absent_peer_does_not_keep_a_message_from_the_next_one(host):
+    told = []
+    gone, taker = Failing(*[errno.EHOSTUNREACH] * 9), Failing()
+    targets = [Target(Address("127.0.0.1", port), one) for port, one in ((8, gone), (9, taker))]
+    assert Sender(host, targets, told.append).send(CAM, request(CAM)) is Sent.NOW
+    assert (told, taker.sent) == ([Address("127.0.0.1", 8)], [CAM])
+
+
+def test_a_peer_that_is_absent_when_its_socket_has_room_again_is_told_and_the_message_confirmed(loop, host):
+    told = []
+    late, last = Failing(errno.ENOBUFS, *[errno.ECONNREFUSED] * 9), Failing()
+    targets = [Target(Address("127.0.0.1", port), one) for port, one in ((7, Failing()), (8, late), (9, last))]
+    wanted = request(CAM)
+    assert Sender(host, targets, told.append).send(CAM, wanted) is Sent.LATER
+    loop.run_until(lambda: host.times_writable == 1)
+    assert (told, last.sent, host.confirms) == ([Address("127.0.0.1", 8)], [CAM], [(wanted, None)])
+
+
+def test_what_turns_out_to_be_too_long_for_a_later_target_is_dropped_and_the_next_one_sent(loop, host):
+    taker = Failing(errno.ENOBUFS, errno.EMSGSIZE)
+    targets = [Target(Address("127.0.0.1", port), one) for port, one in ((8, Failing()), (9, taker))]
+    sender, wanted = Sender(host, targets, lambda to: None), request(CAM)
+    assert sender.send(CAM, wanted) is Sent.LATER
+    loop.run_until(lambda: host.times_writable == 1)
+    assert host.confirms == [(wanted, Reason.LONG_PDU)]
+    assert sender.send(DENM, request(DENM)) is Sent.NOW
+    assert taker.sent == [DENM]
 
 
 def test_what_is_too_long_for_a_datagram_is_the_users_fault(host):
