@@ -61,6 +61,7 @@ class Interface:
         self.driver_name = options.driver
         self._technology = options.technology or driver.capabilities.technology
         self._max_payload = driver.capabilities.max_payload
+        self._carries_areas = Can.GEOBROADCAST in driver.capabilities.can
         self.is_up = False
         self.why = "not started"
         self.since = loop.clock()
@@ -140,6 +141,9 @@ class Interface:
     def transmit(self, request: Request) -> Sent | None:
         if len(request.pdu) > self._max_payload:
             self.dropped(request, Reason.LONG_PDU, detail=f"{self.name} carries {self._max_payload} octets")
+            return None
+        if request.area is not None and not self._carries_areas:
+            self.dropped(request, Reason.NO_AREA)
             return None
         try:
             return self.driver.send(request)

@@ -240,8 +240,11 @@ class Station:
             self.config.mac,
             frozenset(reception.gn_versions),
             reception.unverified == "deliver",
-            frozenset(self.topics.types_by_port()),
+            frozenset(self.topics.ports),
             self.topics.lanes(),
+            self.config.tables.station.type,
+            self.config.tables.station.is_mobile,
+            bool(self.config.tables.station.mac),
         )
         drivers: list[tuple[str, Driver, QueueOptions]] = [
             (entry.name, DRIVERS[entry.queue.driver](entry.options, shared), entry.queue)

@@ -105,11 +105,3 @@ class Topics:
             lane = urgent if kind.priority == 0 else others.setdefault(kind.name or str(kind.number), set())
             lane.add(kind.number)
         return tuple(map(frozenset, (urgent, *others.values())))[:MAX_LANES]
-
-    def types_by_port(self) -> dict[int, int]:
-        """BTP port -> messageID as this profile sends them; where several share a port, the first."""
-        ports: dict[int, int] = {}
-        for kind in self.kinds:
-            if kind.btp_port is not None:
-                ports.setdefault(kind.btp_port, kind.number)
-        return ports

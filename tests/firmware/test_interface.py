@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from board.errors import InterfaceError, RequestError
 from drivers.contract import Can, Sent
-from drivers.message import Outcome, RxInfo
+from drivers.message import Area, Outcome, Position, RxInfo, Shape
 from drivers.reason import Reason
 from firmware.drops import Drops
 from firmware.interface import Interface
@@ -241,3 +241,14 @@ def test_nameless_types_of_the_legacy_profile_are_counted_with_the_unknown() -> 
         for number in (15, 20, 99):
             interface.indicate(pdu_of(number), 0)
         assert interface.status()["received"] == {"unknown": 3}
+
+
+@pytest.mark.parametrize(("can", "is_sent"), [(Can.TRANSMIT, False), (Can.TRANSMIT | Can.GEOBROADCAST, True)])
+def test_an_area_leaves_only_by_an_interface_that_carries_it(can: Can, is_sent: bool) -> None:
+    with closing(VirtualLoop()) as loop:
+        drops, driver = Drops(), ScriptedDriver(can)
+        interface = interface_of(loop, NotingStation(), driver, drops=drops)
+        request = request_of()._replace(area=Area(Shape.CIRCLE, Position(), 100))
+        interface.outlet.submit(request)
+        assert driver.sent == ([request] if is_sent else [])
+        assert drops.total("g5", Reason.NO_AREA) == (0 if is_sent else 1)

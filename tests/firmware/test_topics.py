@@ -93,12 +93,6 @@ def test_reception_knows_the_ports_of_both_profiles_in_either() -> None:
     assert Topics("standard").ports == Topics("legacy").ports == ports
 
 
-def test_a_port_that_several_types_share_means_the_first_of_them() -> None:
-    legacy = Topics("legacy").types_by_port()
-    assert (legacy[2001], legacy[2010]) == (2, 3)
-    assert 2018 not in legacy
-
-
 def test_a_row_of_the_users_adds_a_type_in_both_profiles() -> None:
     row = TypeRow(200, "mytest", 3000, 3000, priority=5, lifetime=0.5)
     for profile in ("standard", "legacy"):
@@ -107,7 +101,6 @@ def test_a_row_of_the_users_adds_a_type_in_both_profiles() -> None:
         assert kind is topics.by_number[200]
         assert (kind.btp_port, kind.priority, kind.lifetime) == (3000, 5, 0.5)
         assert 3000 in topics.ports
-        assert topics.types_by_port()[3000] == 200
 
 
 def test_a_row_of_the_users_replaces_the_one_of_its_number() -> None:
