@@ -8,7 +8,7 @@ import subprocess
 import sys
 import threading
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Protocol
 
@@ -24,6 +24,8 @@ HELLO = b"hello"  # the child's first message: it runs
 START_S = 10.0  # a frozen program on a slow card needs 2 s; one that needs longer hangs
 GRACE_S = 0.5  # to leave after its socket was closed, before it is killed
 KILL_S = 0.5  # for SIGKILL to act: milliseconds, unless a device holds the process inside the kernel
+
+PR_SET_PDEATHSIG = 1  # prctl(2)
 
 
 class Parent(Protocol):
@@ -212,6 +214,17 @@ class _Exit:
 def program() -> list[str]:
     """The command that starts this program once more."""
     return [sys.executable] if getattr(sys, "frozen", False) else [sys.executable, "-P", "-m", "firmware"]
+
+
+def die_with_parent(number: int) -> Callable[[], None]:
+    """What a process calls to be sent a signal when the thread that started it ends, whatever ended that.
+
+    Made apart from the call, so that a process which has just been forked need not load a library.
+    """
+    import ctypes  # costs 10 ms: a station never needs it
+
+    prctl = ctypes.CDLL(None).prctl
+    return lambda: prctl(PR_SET_PDEATHSIG, number, 0, 0, 0)
 
 
 def _run(command: Sequence[str], descriptor: int) -> subprocess.Popen[bytes]:

@@ -10,15 +10,13 @@ import socket
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
-from board.child import GRACE_S, HELLO, MAX_MESSAGE, Child, program
+from board.child import GRACE_S, HELLO, MAX_MESSAGE, Child, die_with_parent, program
 from board.errors import RequestError
 from board.loop import Loop, Timer
 
 FIRST_DELAY_S = 0.2  # before the first restart, doubled with each that follows
 LONGEST_DELAY_S = 30.0
 STEADY_S = 10.0  # up for so long: the next failure begins at FIRST_DELAY_S again
-
-PR_SET_PDEATHSIG = 1  # prctl(2)
 
 
 def jitter() -> float:
@@ -171,10 +169,10 @@ def child(arguments: Sequence[str], workers: Mapping[str, Callable[[socket.socke
     # Signals of a terminal or a service manager go to the whole group; the parent decides when this one ends.
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
-    _end_with_parent()
+    die_with_parent(signal.SIGKILL)()
     with socket.socket(fileno=descriptor) as channel:
         try:
-            # Only the parent holds the other end. Had it ended before _end_with_parent(), this would fail.
+            # Only the parent holds the other end. Had it ended before that, this would fail.
             channel.send(HELLO)
             workers[name](channel)
         except (BrokenPipeError, ConnectionResetError):
@@ -186,9 +184,3 @@ def messages(channel: socket.socket) -> Iterator[bytes]:
     """What the parent sends, until it says stop."""
     while message := channel.recv(MAX_MESSAGE):
         yield message
-
-
-def _end_with_parent() -> None:
-    import ctypes  # costs 10 ms: only the child needs it
-
-    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, int(signal.SIGKILL), 0, 0, 0)

@@ -25,7 +25,6 @@ FIRST_YEAR, LAST_YEAR = 2024, 2100
 OLDEST_ZMQ = (4, 2)
 OLDEST_PYTHON = (3, 11)
 RMEM_MAX = Path("/proc/sys/net/core/rmem_max")
-CLOCK_SOURCE = Path("/sys/devices/system/clocksource/clocksource0/current_clocksource")
 PORTS = ("from_users", "to_users", "pull", "report")
 
 

@@ -13,9 +13,9 @@ import zmq
 
 import firmware
 from board.errors import StationError
-from firmware.lab import netns
-from firmware.lab.child import Child
+from firmware.lab import netns, ports
 from firmware.lab.pcap import Pcap
+from firmware.lab.program import Program
 from firmware.user import client
 from firmware.user.received import Message, Pairing
 
@@ -53,7 +53,7 @@ def vectors() -> list[Vector]:
 class Seat:
     """A user's program at one station: an XPUB, which on the wire is a PUB, and a SUB."""
 
-    def __init__(self, name: str, context: client.Context, place: client.Address, station: Child) -> None:
+    def __init__(self, name: str, context: client.Context, place: client.Address, station: Program) -> None:
         self.name = name
         self.station = station
         self.subscriber = client.subscribe(context, place, place.to_users, "")
@@ -118,7 +118,10 @@ def bench(is_veth: bool, capture: Pcap | None) -> Iterator[Bench]:
         folder = Path(ending.enter_context(tempfile.TemporaryDirectory(prefix="captain-lab-")))
         spaces: list[Callable[[], AbstractContextManager[None]]] = [nullcontext, nullcontext]
         if is_veth:
-            spaces = [space.inside for space in netns.cable(*DEVICES)]
+            ends = netns.cable(*DEVICES)
+            for end in ends:
+                ending.callback(end.close)
+            spaces = [end.inside for end in ends]
             seeing = ending.enter_context(socket.socket(socket.AF_PACKET, socket.SOCK_RAW))
             seeing.bind((DEVICES[0], ETH_P_ALL))
             boards = [VETH.format(device=device) for device in DEVICES]
@@ -142,13 +145,13 @@ def bench(is_veth: bool, capture: Pcap | None) -> Iterator[Bench]:
         yield Bench(seats, recorder)
 
 
-def _station(name: str, board: str, place: client.Address, folder: Path) -> Child:
+def _station(name: str, board: str, place: client.Address, folder: Path) -> Program:
     options = {"station.name": f"lab-{name}", "endpoint.control": str(folder / f"{name}.sock")}
     options |= {f"endpoint.{key}": str(getattr(place, key)) for key in ("from_users", "to_users", "pull", "report")}
     given = ["run", "--board", "/dev/stdin", "--log", "warning"]
     for key, value in options.items():
         given += ["--set", f"{key}={value}"]
-    return Child(f"station {name}", given, f'name = "lab"\n{board}'.encode())
+    return Program(f"station {name}", given, f'name = "lab"\n{board}'.encode())
 
 
 def _wait_for_link(control: Path) -> None:
@@ -174,9 +177,5 @@ def _port(ending: ExitStack) -> int:
 
 
 def _udp_boards(recorder: int) -> list[str]:
-    with ExitStack() as held:
-        found = [held.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) for _ in "AB"]
-        for one in found:
-            one.bind((HOST, 0))
-        a, b = (f"{HOST}:{one.getsockname()[1]}" for one in found)
+    a, b = (f"{HOST}:{port}" for port in ports.free_udp(HOST, 2))
     return [UDP.format(own=own, other=other, recorder=f"{HOST}:{recorder}") for own, other in ((a, b), (b, a))]

@@ -1,10 +1,12 @@
-"""TCP ports of a station: which are free, and who has the others."""
+"""Ports of a station: which are free, and who has the others."""
 
 import socket
 from collections.abc import Iterator, Mapping
+from contextlib import ExitStack
 from pathlib import Path
 
 from board.errors import StationError
+from firmware.control_socket import default_paths
 from firmware.user import client
 from firmware.user.untrusted import number, text
 
@@ -23,9 +25,9 @@ def is_free(host: str, port: int) -> bool:
 
 def running(from_users: int, control: str = "") -> dict[str, object] | None:
     """The status of the station of this machine that has this port; None where no station says so."""
-    for path in [Path(control)] if control else client.control_paths(from_users):
+    for path in [control] if control else default_paths(from_users):
         try:
-            return client.station_status(path)
+            return client.station_status(Path(path))
         except StationError:
             continue  # no station there
     return None
@@ -45,3 +47,12 @@ def free_blocks(host: str, first: int, count: int) -> Iterator[int]:
         if all(is_free(host, port) for port in range(start, start + count)):
             yield start
     raise StationError(f"no {count} free ports in a row on {host} from {first} on")
+
+
+def free_udp(host: str, count: int) -> list[int]:
+    """So many UDP ports that nobody has now, each another."""
+    with ExitStack() as held:
+        found = [held.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) for _ in range(count)]
+        for one in found:
+            one.bind((host, 0))
+        return [one.getsockname()[1] for one in found]

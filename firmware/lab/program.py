@@ -1,7 +1,6 @@
 """Another process of the same program: started, ready, stopped by its id, and never left behind."""
 
 import contextlib
-import ctypes
 import os
 import selectors
 import signal
@@ -13,19 +12,16 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import firmware
-from board.child import program
+from board.child import die_with_parent, program
 from board.errors import StationError
 
-PR_SET_PDEATHSIG = 1  # prctl(2)
 READY_S = 10.0  # a station is ready after 0.2 s; a machine that swaps takes longer
 STOP_S = 3.0  # a station drains within 1 s
 LAST_LINES = 20
 
-_prctl = ctypes.CDLL(None).prctl
 
-
-class Child:
-    """A child process with a session of its own, so that a terminal's Ctrl-C reaches only its parent.
+class Program:
+    """A process with a session of its own, so that a terminal's Ctrl-C reaches only its parent.
 
     name       that it has in messages.
     arguments  of the command line.
@@ -108,8 +104,10 @@ class Child:
 def _die_with(parent: int) -> Callable[[], None]:
     """What the child does before it becomes the program: ask for SIGTERM when its parent is gone."""
 
+    die = die_with_parent(signal.SIGTERM)
+
     def ask() -> None:
-        _prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+        die()
         if os.getppid() != parent:
             os._exit(1)
 
