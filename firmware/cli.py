@@ -77,8 +77,8 @@ def _run(argv: list[str]) -> int:
     command = load(argv[0])
     parser = argparse.ArgumentParser(
         prog=f"captain {argv[0]}",
-        description=getattr(command, "DESCRIPTION", command.SUMMARY),
-        epilog=getattr(command, "EPILOG", None),
+        description=command.DESCRIPTION,
+        epilog=command.EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     command.arguments(parser)

@@ -19,11 +19,16 @@ Command = Callable[[dict[str, object]], dict[str, object]]
 
 
 def default_path(from_users: int) -> str:
-    """Where a station listens for commands unless endpoint.control says otherwise: named by its first port."""
-    for folder in (os.environ.get("XDG_RUNTIME_DIR", ""), "/run/captain"):
-        if folder and os.access(folder, os.W_OK):
-            return f"{folder}/captain-{from_users}.sock"
-    return f"{tempfile.gettempdir()}/captain-{os.getuid()}-{from_users}.sock"
+    """Where a station listens for commands unless endpoint.control says otherwise: the first place it may write to."""
+    *wanted, last = default_paths(from_users)
+    return next((path for path in wanted if os.access(os.path.dirname(path), os.W_OK)), last)
+
+
+def default_paths(from_users: int) -> list[str]:
+    """All places where it may listen, named by its first port; in the last folder anybody may listen."""
+    folders = [folder for folder in (os.environ.get("XDG_RUNTIME_DIR"), "/run/captain") if folder]
+    nowhere_else = f"{tempfile.gettempdir()}/captain-{os.getuid()}-{from_users}.sock"
+    return [*(f"{folder}/captain-{from_users}.sock" for folder in folders), nowhere_else]
 
 
 class ControlSocket:

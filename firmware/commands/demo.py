@@ -2,7 +2,7 @@
 
 import argparse
 import json
-import socket
+import math
 import sys
 import time
 from collections.abc import Sequence
@@ -14,15 +14,14 @@ import zmq
 
 import firmware
 from board.errors import StationError
-from firmware.commands.listen import cells, seconds
 from firmware.lab import ports
-from firmware.lab.child import Child
+from firmware.lab.program import Program
 from firmware.user import client
+from firmware.user.arguments import seconds
 from firmware.user.received import Pairing
 from firmware.user.table import Screen, Table
-from firmware.user.tally import Tally
+from firmware.user.tally import HEADS, Tally, cells
 
-SUMMARY = "two simulated stations that exchange messages, watched live"
 DESCRIPTION = """\
 Starts two stations, A and B, which hear each other through UDP on the
 loopback: the ITS-G5 of the simulated board. A has simulated neighbours too.
@@ -51,6 +50,7 @@ WITHOUT_TERMINAL_S = 20.0
 CAM_S = 0.1  # T_GenCamMin, EN 302 637-2 clause 6.1.3
 CAMS_PER_DENM = 10
 REDRAW_S = 0.5
+LATE_S = 2.0  # what has not come so long after the end has not come
 PRINT_S = 5.0  # where lines stay on the screen
 STATION_ID = {"A": 4201, "B": 4202}  # of the users' messages
 SUBJECTS = ("cam", "denm")
@@ -85,11 +85,17 @@ def main(arguments: argparse.Namespace) -> int:
         users = [User(context, station) for station in stations]
         print(introduction(stations), flush=True)
         try:
+            for user in users:
+                user.join()
             _watch(users, stations, duration)
         except KeyboardInterrupt:
             print()  # the terminal's ^C stands alone
     print("\n".join(summary(users)))
-    return 0 if all(user.has_heard(other) for user in users for other in users if other is not user) else 1
+    return 0 if _all_have_heard(users) else 1
+
+
+def _all_have_heard(users: Sequence["User"]) -> bool:
+    return all(user.has_heard(other) for user in users for other in users if other is not user)
 
 
 class Station(NamedTuple):
@@ -97,7 +103,7 @@ class Station(NamedTuple):
 
     name: str
     place: client.Address
-    process: Child
+    process: Program
 
 
 def _start(ending: ExitStack) -> list[Station]:
@@ -109,11 +115,11 @@ def _start(ending: ExitStack) -> list[Station]:
         who = ports.holder(there) if there else "another program"
         print(f"Ports {FIRST_PORT} to {FIRST_PORT + 3} are not free ({who}): A takes {firsts[0]} and following.\n")
     stations = []
-    for (name, board), first in zip(boards(_free_udp_ports(3)), firsts, strict=True):
+    for (name, board), first in zip(boards(ports.free_udp(HOST, 3)), firsts, strict=True):
         given = ["run", "--board", "/dev/stdin", "--log", "warning", "--set", f"station.name={name}"]
         for at, key in enumerate(("from_users", "to_users", "pull", "report")):
             given += ["--set", f"endpoint.{key}={first + at}"]
-        child = Child(f"station {name}", given, board.encode())
+        child = Program(f"station {name}", given, board.encode())
         ending.callback(child.stop)
         place = client.Address(HOST, *range(first, first + 4))
         stations.append(Station(name, place, child))
@@ -130,14 +136,6 @@ def boards(udp: Sequence[int]) -> list[tuple[str, str]]:
     return [("A", of_a + NEIGHBOURS.format(host=HOST, own=a, neighbours=neighbours)), ("B", of_b)]
 
 
-def _free_udp_ports(count: int) -> list[int]:
-    with ExitStack() as held:
-        found = [held.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) for _ in range(count)]
-        for one in found:
-            one.bind((HOST, 0))
-        return [one.getsockname()[1] for one in found]
-
-
 class User:
     """A user's program at a station, as the README has it: PUB to 5555, SUB to 5556."""
 
@@ -151,10 +149,14 @@ class User:
         # On the wire an XPUB is a PUB; it also tells when the station has subscribed, before which all is lost.
         self._publisher = context.socket(zmq.XPUB)
         self._publisher.connect(place.url(place.from_users))
-        if not self._publisher.poll(round(client.ANSWER_S * 1000)):
-            raise StationError(f"station {self.name} does not listen to its users")
         self._cams = 0
         self._pdus = {kind: pdu_of(kind, self.station_id) for kind in SUBJECTS}
+
+    def join(self) -> None:
+        """Wait until the station listens, and something came of it: then nothing more is lost. Raises StationError."""
+        patience_ms = round(client.ANSWER_S * 1000)
+        if not self._publisher.poll(patience_ms) or not self.subscriber.poll(patience_ms):
+            raise StationError(f"station {self.name} does not answer its user")
 
     def send(self) -> None:
         """A CAM, and with every tenth a DENM."""
@@ -213,6 +215,14 @@ def _watch(users: Sequence[User], stations: Sequence[Station], duration: float |
                 mark += 1.0
                 for user in users:
                     user.tally.mark(now)
+        # The last messages are still on their way, and may be the first.
+        late = time.monotonic() + LATE_S
+        while not _all_have_heard(users) and (left := late - time.monotonic()) > 0:
+            poller.poll(math.ceil(left * 1000))
+            for user in users:
+                user.receive(time.monotonic())
+            for station in stations:
+                station.process.check()
 
 
 def introduction(stations: Sequence[Station]) -> str:
@@ -225,9 +235,6 @@ def introduction(stations: Sequence[Station]) -> str:
     return "\n".join(lines)
 
 
-HEADS = ("from", "type", ">station", ">count", ">per s", ">octets", ">rssi dBm", ">ago")
-
-
 def view(users: Sequence[User], now: float, height: int) -> list[Table]:
     """One table for each user; height in lines for all."""
     most = max(1, height // len(users) - 5)
@@ -235,7 +242,9 @@ def view(users: Sequence[User], now: float, height: int) -> list[Table]:
     for user in users:
         rows = [(_sender(row.station), *cells(row, now)) for row in user.tally.rows(most)]
         rubbish = f", {user.pairing.rubbish} unreadable" if user.pairing.rubbish else ""
-        tables.append(Table(f"received by {user.name}'s user: {user.tally.total} messages{rubbish}", HEADS, rows))
+        tables.append(
+            Table(f"received by {user.name}'s user: {user.tally.total} messages{rubbish}", ("from", *HEADS), rows)
+        )
     return tables
 
 

@@ -9,12 +9,11 @@ from collections.abc import Iterator
 
 from board import echo
 from firmware import config
-from firmware.commands.run import add_configuration
 from firmware.lab import checks, ports
 from firmware.lab.checks import Finding, Level
+from firmware.user.arguments import add_configuration
 from firmware.user.table import clean, width_of
 
-SUMMARY = "check configuration, ports, interfaces, permissions and clock, and say what to do"
 DESCRIPTION = """\
 Looks at everything that `captain run` with the same options would need: the
 configuration, the ports, each interface (its driver is started for a moment

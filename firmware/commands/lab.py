@@ -14,15 +14,14 @@ from typing import NamedTuple
 import zmq
 
 from board.errors import StationError
-from firmware.commands.listen import seconds
 from firmware.lab import dissection
 from firmware.lab.copies import Count
 from firmware.lab.dissection import Dissected
 from firmware.lab.laboratory import Bench, bench, vectors
 from firmware.lab.pcap import Pcap
+from firmware.user.arguments import HIGHEST_RATE, number, seconds
 from firmware.user.table import Screen, Table
 
-SUMMARY = "the ten-message test between two stations: sent, received, equal, lost"
 DESCRIPTION = """\
 Starts two stations, A and B, and a user's program at each. Both users send ten messages (DENM, CAM, MAPEM, SPATEM,
 IVIM, CPM of several origins) and count what the other's arrives as: whole, altered or not at all. At the end two
@@ -51,7 +50,13 @@ HEADS = ("message", "from", ">sent", ">received", ">equal", ">altered", ">lost")
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--duration", metavar="S", type=seconds, default=60.0, help="of sending (default 60)")
     parser.add_argument("--short", action="store_const", const=SHORT_S, dest="duration", help=f"{SHORT_S:g} s")
-    parser.add_argument("--rate", metavar="HZ", type=seconds, default=10.0, help="of each message (default 10)")
+    parser.add_argument(
+        "--rate",
+        metavar="HZ",
+        type=number("messages a second", HIGHEST_RATE),
+        default=10.0,
+        help="of each message (default 10)",
+    )
     parser.add_argument("--veth", action="store_true", help="raw Ethernet between two network namespaces")
     parser.add_argument("--capture", metavar="FILE", type=Path, help="every frame, as a pcap file")
     parser.add_argument("--decode", action="store_true", help="let tshark decode every frame of the capture")
@@ -108,9 +113,9 @@ class Test:
         """Every one of the ten `times` times, the ten spread over each period (seconds); the others once."""
         ten = [place for place, vector in enumerate(self._count.vectors) if not vector.is_beside]
         start = time.monotonic()
-        for number in range(times * len(ten)):
-            self._serve_until(start + number * period / len(ten))
-            self._send(ten[number % len(ten)])
+        for turn in range(times * len(ten)):
+            self._serve_until(start + turn * period / len(ten))
+            self._send(ten[turn % len(ten)])
         self._collect()
         for place, vector in enumerate(self._count.vectors):
             if vector.is_beside:

@@ -8,11 +8,11 @@ from collections.abc import Callable, Iterator
 
 from board.errors import StationError
 from firmware.user import client
+from firmware.user.arguments import add_station, address, seconds, times
 from firmware.user.received import Message, Pairing
 from firmware.user.table import Screen, Table
-from firmware.user.tally import Row, Tally
+from firmware.user.tally import HEADS, Tally, cells
 
-SUMMARY = "show the messages that a station's users receive, as a live table or as JSON"
 DESCRIPTION = """\
 Listens to a station as any user's program does, and shows for each type and
 station (stationID of the ITS PDU header): how many messages, how many a
@@ -57,29 +57,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="only this type (cam, denm, ...); may be repeated",
     )
-    parser.add_argument("--count", metavar="N", type=_count, help="end after so many messages")
+    parser.add_argument("--count", metavar="N", type=times, help="end after so many messages")
     parser.add_argument("--duration", metavar="S", type=seconds, help="end after so many seconds")
-    client.arguments(parser)
-
-
-def _count(text: str) -> int:
-    if not (text.isascii() and text.isdigit() and int(text) > 0):
-        raise argparse.ArgumentTypeError(f"{text!r} is no number of messages")
-    return int(text)
-
-
-def seconds(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not 0.0 < value < 1e9:
-        raise argparse.ArgumentTypeError(f"{text!r} is no number of seconds above 0")
-    return value
+    add_station(parser)
 
 
 def main(arguments: argparse.Namespace) -> int:
-    place = client.address(arguments)
+    place = address(arguments)
     with client.session() as context:
         # Everything, where all types are wanted: what a station should not publish is to be seen as well.
         types = [f"v2x.{kind.lower()}." for kind in arguments.type]
@@ -228,21 +212,3 @@ class Tick:
         if self._listening.silent_s:
             parts.append(f"no heartbeat for {self._listening.silent_s:.0f} s")
         return "  ".join(parts)
-
-
-HEADS = ("type", ">station", ">count", ">per s", ">octets", ">rssi dBm", ">ago")
-
-
-def cells(row: Row, now: float) -> tuple[str, ...]:
-    """A row of the table; now is monotonic."""
-    rate = row.rate(now)
-    sizes = f"{row.shortest}" if row.shortest == row.longest else f"{row.shortest}..{row.longest}"
-    return (
-        row.type or "(no name)",
-        "-" if row.station is None else str(row.station),
-        str(row.count),
-        "" if rate is None else f"{rate:.1f}",
-        sizes,
-        str(row.rssi_dbm or "-"),
-        f"{now - row.last:.1f} s",
-    )

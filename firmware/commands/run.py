@@ -9,41 +9,35 @@ from board.loop import Loop
 from board.signals import Signals
 from firmware import config
 from firmware.station import Station
+from firmware.user.arguments import add_configuration
 
-SUMMARY = "run the station in the foreground"
 DESCRIPTION = """\
 Runs the station: interfaces on one side, user programs on the other.
-
-  captain run                          simulated board with neighbours, default ports
-  captain run --config captain.toml    interfaces and policy of a file
-  captain run --set endpoint.address=0.0.0.0
-  captain run --board none --set interfaces.air.driver=udp --set interfaces.air.framing=ethernet
 
 SIGTERM and Ctrl-C drain the queues and stop within a second. SIGHUP reads the policy again and keeps connections.
 Under systemd (Type=notify) it reports readiness and feeds the watchdog.
 """
-EPILOG = "exit status: 0 stopped as asked, 1 could not start, 2 wrong usage"
+EPILOG = """\
+examples:
+  captain run                           simulated board, default ports
+  captain run --config captain.toml     interfaces and policy of a file
+  captain run --set endpoint.address=0.0.0.0
+        users of other machines may connect
+  captain run --board none --set interfaces.air.driver=udp --set interfaces.air.listen=127.0.0.1:9001
+        one interface, and nothing simulated
+  captain run --board ./crowd.toml      a board file of your own: with another
+                                        [neighbours] than that of sim
+
+exit codes:
+  0    stopped as asked
+  1    could not start
+  2    wrong usage
+"""
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     add_configuration(parser)
     parser.add_argument("--log", default="info", choices=("debug", "info", "warning", "error"), help="to stderr")
-
-
-def add_configuration(parser: argparse.ArgumentParser) -> None:
-    """The options that say how a station is configured; doctor has them, too."""
-    parser.add_argument("--config", metavar="FILE", help="captain.toml: what is wanted (default: nothing but defaults)")
-    parser.add_argument(
-        "--board", help="what is there: sim, none or a board file (default: sim, but none with --config)"
-    )
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="SECTION.KEY=VALUE",
-        dest="overrides",
-        help="overrides one option of the configuration; may be repeated",
-    )
 
 
 def main(arguments: argparse.Namespace) -> int:

@@ -1,20 +1,19 @@
 """captain send: give PDUs to a station and say what became of each."""
 
 import argparse
-import math
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from firmware.user import client, payload, sending
 from firmware.user.account import Account
+from firmware.user.arguments import HIGHEST_RATE, add_station, address, finite, integer, number, seconds, times
 
 if TYPE_CHECKING:
     from rich.progress import Progress as RichProgress
 
-SUMMARY = "send PDUs from hexadecimal, base64, files or folders, and say what became of each"
 DESCRIPTION = """\
 Sends facilities PDUs (ITS PDU header first, no BTP) to the station's PULL
 socket, where nothing is lost, and waits for its confirms: by which interface
@@ -52,6 +51,7 @@ exit codes:
   130  Ctrl-C
 """
 DEFAULT_RATE = 10.0  # the highest rate of CAMs of one station (EN 302 637-2 clause 6.1.3, T_GenCamMin)
+LONGEST_LIFETIME_S = 86400.0  # of the station's options
 TOLD_ONE_BY_ONE = 20  # messages; of more only those that were not sent
 LINGER_MS = 2000  # what the socket still holds at the end of --no-confirm
 
@@ -62,15 +62,15 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--type", metavar="T", type=_type, help="send as this type (cam, denm, ...) without a look at the PDU"
     )
-    parser.add_argument("--count", metavar="N", type=_integer(1, 10**9), default=1, help="send all so many times")
+    parser.add_argument("--count", metavar="N", type=times, default=1, help="send all so many times")
     pace = parser.add_mutually_exclusive_group()
     pace.add_argument(
         "--rate",
         metavar="R",
-        type=_rate,
+        type=number("messages a second", HIGHEST_RATE, is_zero_allowed=True),
         help="messages per second (default 10); 0: as fast as confirms come back",
     )
-    pace.add_argument("--interval", metavar="S", type=_seconds, help="seconds between two messages")
+    pace.add_argument("--interval", metavar="S", type=seconds, help="seconds between two messages")
     wish = parser.add_argument_group("what the station shall do with them")
     wish.add_argument("--interface", metavar="I", action="append", help="only by this interface; may be repeated")
     wish.add_argument("--label", metavar="L", help="name in confirms, where each message adds /NUMBER")
@@ -80,26 +80,28 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         type=area,
         help="a GeoBroadcast into a circle, rectangle or ellipse: degrees, metres, degrees from north",
     )
-    wish.add_argument("--lifetime", metavar="S", type=_seconds, help="not sent when older than this")
-    wish.add_argument("--traffic-class", metavar="0..255", type=_integer(0, 255))
-    wish.add_argument("--priority", metavar="0..7", type=_integer(0, 7), help="0 leaves its queue first")
-    wish.add_argument("--btp-port", metavar="PORT", type=_integer(0, 65535), help="in place of the type's own")
-    wish.add_argument("--hop-limit", metavar="1..255", type=_integer(1, 255), help="of a GeoBroadcast")
+    wish.add_argument(
+        "--lifetime", metavar="S", type=number("seconds", LONGEST_LIFETIME_S), help="not sent when older than this"
+    )
+    wish.add_argument("--traffic-class", metavar="0..255", type=integer(0, 255))
+    wish.add_argument("--priority", metavar="0..7", type=integer(0, 7), help="0 leaves its queue first")
+    wish.add_argument("--btp-port", metavar="PORT", type=integer(0, 65535), help="in place of the type's own")
+    wish.add_argument("--hop-limit", metavar="1..255", type=integer(1, 255), help="of a GeoBroadcast")
     answers = parser.add_argument_group("answers")
     answers.add_argument("--no-confirm", action="store_true", help="do not wait for what becomes of them")
     answers.add_argument(
         "--wait",
         metavar="S",
-        type=_seconds,
+        type=seconds,
         default=client.ANSWER_S,
         help="how long to wait for confirms after the last message (default 3)",
     )
     answers.add_argument("--json", action="store_true", help="one JSON object a line for each message")
-    client.arguments(parser)
+    add_station(parser)
 
 
 def main(arguments: argparse.Namespace) -> int:
-    place = client.address(arguments)
+    place = address(arguments)
     found = payload.read(arguments.what, arguments.format, sys.stdin)
     is_stream = "-" in arguments.what and arguments.count == 1  # may never end
     payloads = found if is_stream else list(found)
@@ -182,42 +184,11 @@ def area(text: str) -> dict[str, object]:
         )
     found: dict[str, object] = {"shape": shape}
     for (key, low, high), part in zip(AREA, parts, strict=False):
-        value = _finite(part)
+        value = finite(part)
         if value is None or not low <= value <= high:
             raise argparse.ArgumentTypeError(f"{part!r} is no {key} of {low:g} ... {high:g}")
         found[key] = round(value) if isinstance(low, int) else value
     return found
-
-
-def _integer(least: int, most: int) -> Callable[[str], int]:
-    def read(text: str) -> int:
-        if not (text.isascii() and text.isdigit() and least <= int(text) <= most):
-            raise argparse.ArgumentTypeError(f"{text!r} is not in {least} ... {most}")
-        return int(text)
-
-    return read
-
-
-def _seconds(text: str) -> float:
-    value = _finite(text)
-    if value is None or not 0.0 < value <= 86400.0:
-        raise argparse.ArgumentTypeError(f"{text!r} is no number of seconds above 0, at most 86400")
-    return value
-
-
-def _rate(text: str) -> float:
-    value = _finite(text)
-    if value is None or not 0.0 <= value <= 1e6:
-        raise argparse.ArgumentTypeError(f"{text!r} is no number of messages per second")
-    return value
-
-
-def _finite(text: str) -> float | None:
-    try:
-        value = float(text)
-    except ValueError:
-        return None
-    return value if math.isfinite(value) else None
 
 
 def _type(text: str) -> str:

@@ -7,12 +7,12 @@ from collections.abc import Iterator, Mapping
 
 from board.errors import StationError
 from firmware.user import client
+from firmware.user.arguments import add_station, address
 from firmware.user.table import Screen, Table
 from firmware.user.untrusted import listed, named, number, text, within
 
 LAST_TIME = 253402300799.0  # 9999-12-31: later ones of a peer have no calendar
 
-SUMMARY = "show a running station: interfaces, queues, counters, and every drop with its reason"
 DESCRIPTION = """\
 Shows the interfaces with their links and queues, what was received and sent
 per type, every drop by reason with its meaning and the last sample,
@@ -41,11 +41,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="one JSON object, as published under `status.`")
     parser.add_argument("--watch", action="store_true", help="show it again every second")
     parser.add_argument("--control", metavar="PATH", default="", help="control socket of a station of this machine")
-    client.arguments(parser)
+    add_station(parser)
 
 
 def main(arguments: argparse.Namespace) -> int:
-    place = client.address(arguments)
+    place = address(arguments)
     if not arguments.watch:
         _show(client.status(place, arguments.control), arguments.json, None)
         return 0

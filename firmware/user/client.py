@@ -1,10 +1,10 @@
 """A user's side of a station: its addresses, its control socket, its sockets; every wait has a bound."""
 
-import argparse
 import json
 import os
 import socket
-import tempfile
+import stat
+import struct
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,6 +14,7 @@ from typing import NamedTuple, TypeAlias
 import zmq
 
 from board.errors import StationError
+from firmware.control_socket import default_paths
 
 # A heartbeat and a status come once a second: three of them lost is nobody there.
 ANSWER_S = 3.0
@@ -24,6 +25,8 @@ HIGH_WATER = 10_000
 
 Socket: TypeAlias = zmq.Socket[bytes]
 Context: TypeAlias = zmq.Context[zmq.Socket[bytes]]
+
+PEER = struct.Struct("=iII")  # struct ucred: process, user, group
 
 LOCAL = ("127.0.0.1", "localhost", "::1")
 START_ONE = "start one with `captain run`, or name another with --station HOST:PORT"
@@ -52,53 +55,6 @@ def parse_report(frames: list[bytes]) -> tuple[str, dict[str, object]] | None:
     except (ValueError, RecursionError):
         return None
     return (frames[0].decode("ascii", "backslashreplace"), answer) if isinstance(answer, dict) else None
-
-
-# -- addresses on the command line
-
-
-def arguments(parser: argparse.ArgumentParser) -> None:
-    """The options by which every command names its station."""
-    group = parser.add_argument_group("the station")
-    group.add_argument(
-        "--station",
-        metavar="HOST[:PORT]",
-        type=station,
-        default=("127.0.0.1", 5555),
-        help="its host and the port that users publish to (default 127.0.0.1:5555); the others follow: "
-        "+1 to users, +2 PULL, +3 reports",
-    )
-    group.add_argument("--to-users", metavar="PORT", type=port, help="another port for users' SUB sockets")
-    group.add_argument("--pull", metavar="PORT", type=port, help="another port for users' PUSH sockets")
-    group.add_argument("--report", metavar="PORT", type=port, help="another port for status and confirms")
-
-
-def address(options: argparse.Namespace) -> Address:
-    """The address that the options of arguments() name."""
-    host, first = options.station
-    return Address(host, first, options.to_users or first + 1, options.pull or first + 2, options.report or first + 3)
-
-
-def station(text: str) -> tuple[str, int]:
-    """Host and port of `HOST`, `HOST:PORT`, `:PORT`, `[V6]:PORT`. Raises ArgumentTypeError."""
-    if text.startswith("["):
-        host, _, rest = text[1:].partition("]")
-        number = rest.removeprefix(":")
-    elif text.count(":") > 1:
-        host, number = text, ""
-    else:
-        host, _, number = text.partition(":")
-    first = port(number) if number else 5555
-    if first + 3 > 0xFFFF:
-        raise argparse.ArgumentTypeError(f"{text!r}: the three ports after {first} do not exist")
-    return host or "127.0.0.1", first
-
-
-def port(text: str) -> int:
-    """A TCP port. Raises ArgumentTypeError."""
-    if not (text.isascii() and text.isdigit() and 1 <= int(text) <= 0xFFFF):
-        raise argparse.ArgumentTypeError(f"{text!r} is no port: 1 ... 65535")
-    return int(text)
 
 
 # -- sockets
@@ -176,14 +132,6 @@ def next_report(subscriber: Socket, topic: str, timeout: float = ANSWER_S) -> di
 # -- status and control
 
 
-def control_paths(from_users: int) -> list[Path]:
-    """Where a station of this machine may have its control socket: firmware/control_socket.py has the choice."""
-    name = f"captain-{from_users}.sock"
-    folders = [folder for folder in (os.environ.get("XDG_RUNTIME_DIR"), "/run/captain") if folder]
-    nowhere_else = Path(tempfile.gettempdir()) / f"captain-{os.getuid()}-{from_users}.sock"
-    return [*(Path(folder) / name for folder in folders), nowhere_else]
-
-
 def ask(path: Path, do: str, timeout: float = ANSWER_S) -> dict[str, object]:
     """Ask a station over its control socket: status, reload or stop. Raises StationError."""
     try:
@@ -205,6 +153,8 @@ def _ask(path: Path, question: bytes, deadline: float) -> bytes:
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as end:
         end.settimeout(max(0.001, deadline - time.monotonic()))
         end.connect(str(path))
+        if path.parent.stat().st_mode & stat.S_IWOTH and (user := _peer_user(end)) not in (0, os.getuid()):
+            raise StationError(f"{path}: user {user} listens there, who may be anybody", START_ONE)
         end.sendall(question)
         line = b""
         while not line.endswith(b"\n"):
@@ -216,6 +166,12 @@ def _ask(path: Path, question: bytes, deadline: float) -> bytes:
         return line
 
 
+def _peer_user(end: socket.socket) -> int:
+    """Numerical id of the user who listens at the other end: SO_PEERCRED of unix(7)."""
+    credentials = end.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, PEER.size)
+    return int(PEER.unpack(credentials)[1])
+
+
 def status(place: Address, control: str = "", timeout: float = ANSWER_S) -> dict[str, object]:
     """A station's status: by its control socket when it is on this machine, else by what it reports.
 
@@ -223,9 +179,9 @@ def status(place: Address, control: str = "", timeout: float = ANSWER_S) -> dict
     """
     if control:
         return station_status(Path(control), timeout)
-    for path in control_paths(place.from_users) if place.host in LOCAL else ():
+    for path in default_paths(place.from_users) if place.host in LOCAL else ():
         try:
-            return station_status(path, timeout)
+            return station_status(Path(path), timeout)
         except StationError:
             continue  # the report port says what is wrong, if anything is
     with session() as context, subscribe(context, place, place.report, "status.") as subscriber:

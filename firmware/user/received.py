@@ -24,7 +24,6 @@ class Pairing:
     """Joins the `raw.` and `v2x.<type>.` messages of 5556, which follow each other; rubbish is counted."""
 
     def __init__(self) -> None:
-        self.heartbeats = 0
         self.rubbish = 0
         self.sample = b""
         self._raw: raw.RawRx | None = None
@@ -39,9 +38,7 @@ class Pairing:
             return self._join(envelope[4:-1].decode("ascii", "backslashreplace"), octets)
         if envelope == b"raw.":
             self._keep(octets)
-        elif envelope == b"hb.counter":
-            self.heartbeats += 1
-        else:
+        elif envelope != b"hb.counter":
             self._count(envelope)
         return None
 

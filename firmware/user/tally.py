@@ -99,3 +99,21 @@ class Tally:
             if row.count:
                 rest.fold(row)
         return [*shown, rest]
+
+
+HEADS = ("type", ">station", ">count", ">per s", ">octets", ">rssi dBm", ">ago")
+
+
+def cells(row: Row, now: float) -> tuple[str, ...]:
+    """What a Table with HEADS shows of a row; now is monotonic."""
+    rate = row.rate(now)
+    sizes = f"{row.shortest}" if row.shortest == row.longest else f"{row.shortest}..{row.longest}"
+    return (
+        row.type or "(no name)",
+        "-" if row.station is None else str(row.station),
+        str(row.count),
+        "" if rate is None else f"{rate:.1f}",
+        sizes,
+        str(row.rssi_dbm or "-"),
+        f"{now - row.last:.1f} s",
+    )

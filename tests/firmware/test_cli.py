@@ -57,7 +57,7 @@ def a_command_that_raises(error: BaseException, monkeypatch: pytest.MonkeyPatch)
     def main(arguments: object) -> int:
         raise error
 
-    command = SimpleNamespace(SUMMARY="x", arguments=lambda parser: None, main=main)
+    command = SimpleNamespace(DESCRIPTION="x", EPILOG="y", arguments=lambda parser: None, main=main)
     monkeypatch.setattr(cli, "load", lambda verb: command)
 
 

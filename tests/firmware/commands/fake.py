@@ -1,5 +1,6 @@
 """A station as its users see it, and nothing behind: sockets that say what a test wants them to say."""
 
+import contextlib
 import json
 import socket
 import threading
@@ -143,6 +144,6 @@ class FakeControl:
                 connection, _ = self._socket.accept()
             except OSError:
                 return
-            with connection:
+            with connection, contextlib.suppress(BrokenPipeError):  # a client may leave without an answer
                 self.lines.append(connection.recv(4096))
                 connection.sendall(self._answer)

@@ -10,7 +10,7 @@ import pytest
 from board import describe
 from firmware import cli, config
 from firmware.commands import demo
-from tests.firmware.commands.test_child import is_gone
+from tests.firmware.commands.test_program import is_gone
 
 
 @pytest.fixture(autouse=True)
@@ -18,12 +18,12 @@ def started(block, monkeypatch):
     """The children of a demo on free ports; none may be left."""
     children = []
 
-    class Recorded(demo.Child):
+    class Recorded(demo.Program):
         def __init__(self, *arguments: object) -> None:
             super().__init__(*arguments)
             children.append(self)
 
-    monkeypatch.setattr(demo, "Child", Recorded)
+    monkeypatch.setattr(demo, "Program", Recorded)
     monkeypatch.setattr(demo, "FIRST_PORT", block)
     monkeypatch.setattr("sys.stdin", io.StringIO())
     yield children
@@ -57,6 +57,7 @@ def test_ports_that_are_taken_are_told_and_left(block, capsys):
 
 def test_users_that_hear_nothing_of_each_other_end_it_with_1(monkeypatch, capsys):
     monkeypatch.setattr(demo.User, "send", lambda self: None)
+    monkeypatch.setattr(demo, "LATE_S", 0.1)
     assert cli.main(["demo", "--duration", "0.2"]) == 1
     assert "A received 0 CAM and 0 DENM from B's user." in capsys.readouterr().out
 

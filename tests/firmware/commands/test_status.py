@@ -1,4 +1,5 @@
 import json
+import os
 import socket
 
 import pytest
@@ -7,12 +8,13 @@ from hypothesis import strategies as st
 
 from firmware import cli
 from firmware.commands import status
-from firmware.control_socket import default_path
-from firmware.user import client
+from firmware.control_socket import default_path, default_paths
+from firmware.user import arguments, client
 from firmware.user.table import plain
 from tests.firmware.commands.fake import STATUS, FakeControl, FakeStation
 
 NOW = 1795182430.0
+STRANGER = 4_000_000  # a user's number
 
 anything = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8),
@@ -91,7 +93,33 @@ def test_a_station_listens_where_its_command_line_looks(tmp_path, monkeypatch, r
         monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     else:
         monkeypatch.delenv("XDG_RUNTIME_DIR", raising=False)
-    assert default_path(5555) in map(str, client.control_paths(5555))
+    assert default_path(5555) in default_paths(5555)
+
+
+@pytest.mark.parametrize(
+    ("mode", "user", "is_believed"),
+    [
+        (0o1777, STRANGER, False),
+        (0o1777, 0, True),
+        (0o1777, os.getuid(), True),
+        (0o755, STRANGER, True),
+    ],
+)
+def test_a_stranger_in_a_folder_of_everybody_is_not_believed(tmp_path, monkeypatch, capsys, mode, user, is_believed):
+    # Only root could really listen as somebody else.
+    monkeypatch.setattr(client, "_peer_user", lambda end: user)
+    tmp_path.chmod(mode)
+    answer = json.dumps({"ok": True, "status": STATUS}).encode() + b"\n"
+    with FakeControl(tmp_path / "control", answer) as control:
+        assert cli.main(["status", "--control", str(control.path)]) == (0 if is_believed else 1)
+    assert (f"user {STRANGER} listens there" in capsys.readouterr().err) is not is_believed
+    assert any(control.lines) is is_believed
+
+
+def test_who_listens_is_told_by_the_kernel():
+    near, far = socket.socketpair(socket.AF_UNIX)
+    with near, far:
+        assert client._peer_user(near) == os.getuid()
 
 
 @pytest.mark.parametrize(
@@ -156,7 +184,7 @@ def test_a_listener_that_is_no_station_ends_in_a_message_and_not_in_waiting(monk
     ],
 )
 def test_a_station_is_named_by_host_and_first_port(text, expected):
-    assert client.station(text) == expected
+    assert arguments.station(text) == expected
 
 
 @pytest.mark.parametrize("text", ["box:0", "box:65533", "box:70000", "box:x", "box:-1", "box:٣", "[::1]6000x"])

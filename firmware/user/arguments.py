@@ -1,0 +1,112 @@
+"""Arguments of the command line that several commands have, and how their values are read."""
+
+import argparse
+import math
+from collections.abc import Callable
+
+from firmware.user.client import Address
+
+MOST_MESSAGES = 10**9
+LONGEST_S = 1e9  # thirty years: whoever asks for more means no end
+HIGHEST_RATE = 1e6  # messages a second: ten times what a station can take
+
+Integer = Callable[[str], int]
+Number = Callable[[str], float]
+
+# -- options
+
+
+def add_station(parser: argparse.ArgumentParser) -> None:
+    """The options by which every user's command names its station; address() reads them."""
+    group = parser.add_argument_group("the station")
+    group.add_argument(
+        "--station",
+        metavar="HOST[:PORT]",
+        type=station,
+        default=("127.0.0.1", 5555),
+        help="its host and the port that users publish to (default 127.0.0.1:5555); the others follow: "
+        "+1 to users, +2 PULL, +3 reports",
+    )
+    group.add_argument("--to-users", metavar="PORT", type=port, help="another port for users' SUB sockets")
+    group.add_argument("--pull", metavar="PORT", type=port, help="another port for users' PUSH sockets")
+    group.add_argument("--report", metavar="PORT", type=port, help="another port for status and confirms")
+
+
+def address(options: argparse.Namespace) -> Address:
+    """The address that the options of add_station() name."""
+    host, first = options.station
+    return Address(host, first, options.to_users or first + 1, options.pull or first + 2, options.report or first + 3)
+
+
+def add_configuration(parser: argparse.ArgumentParser) -> None:
+    """The options that say how a station is configured: as config.load() takes them."""
+    parser.add_argument("--config", metavar="FILE", help="captain.toml: what is wanted (default: nothing but defaults)")
+    parser.add_argument(
+        "--board",
+        help="what is there: sim, none or a board file of your own, which also has the simulated neighbours "
+        "(default: sim, but none with --config)",
+    )
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="SECTION.KEY=VALUE",
+        dest="overrides",
+        help="overrides one option of captain.toml or of an interface of the board; may be repeated",
+    )
+
+
+# -- values; each raises ArgumentTypeError
+
+
+def station(text: str) -> tuple[str, int]:
+    """Host and port of `HOST`, `HOST:PORT`, `:PORT`, `[V6]:PORT`."""
+    if text.startswith("["):
+        host, _, rest = text[1:].partition("]")
+        number = rest.removeprefix(":")
+    elif text.count(":") > 1:
+        host, number = text, ""
+    else:
+        host, _, number = text.partition(":")
+    first = port(number) if number else 5555
+    if first + 3 > 0xFFFF:
+        raise argparse.ArgumentTypeError(f"{text!r}: the three ports after {first} do not exist")
+    return host or "127.0.0.1", first
+
+
+def integer(least: int, most: int) -> Integer:
+    """A reader of decimal digits within limits, both included."""
+
+    def read(text: str) -> int:
+        if not (text.isascii() and text.isdigit() and least <= int(text) <= most):
+            raise argparse.ArgumentTypeError(f"{text!r} is not in {least} ... {most}")
+        return int(text)
+
+    return read
+
+
+def number(unit: str, most: float, is_zero_allowed: bool = False) -> Number:
+    """A reader of a number above 0, or from 0 on; unit is what there are so many of."""
+    limits = f"{'from 0 on' if is_zero_allowed else 'above 0'}, at most {most:g}"
+
+    def read(text: str) -> float:
+        value = finite(text)
+        if value is None or not 0.0 <= value <= most or (value == 0.0 and not is_zero_allowed):
+            raise argparse.ArgumentTypeError(f"{text!r} is no number of {unit} {limits}")
+        return value
+
+    return read
+
+
+def finite(text: str) -> float | None:
+    """A number that is neither infinite nor NaN; None for the rest."""
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None
+
+
+port = integer(1, 0xFFFF)
+times = integer(1, MOST_MESSAGES)
+seconds = number("seconds", LONGEST_S)
