@@ -17,6 +17,7 @@ class Can(Flag):
     POSITION = auto()
     TIMEMARK = auto()
     BEARER = auto()
+    GEOBROADCAST = auto()  # a request's area is carried to the receivers
 
 
 class Capabilities(NamedTuple):

@@ -13,7 +13,7 @@ from board.loop import Timer
 from board.netlink import Device, DeviceWatch
 from drivers.access_category import BEACON, NEW_SOCKET, prioritize_frames
 from drivers.contract import Can, Capabilities, Host, Sent, Shared
-from drivers.geolink import GEONETWORKING_METADATA, GeoLink
+from drivers.geolink import GEONETWORKING_METADATA, MAX_PAYLOAD, GeoLink
 from drivers.intake import Intake, enlarge, refused
 from drivers.lanes import ALL, NONE, NOT_FOR_OTHERS, SOL_PACKET, fan_out, in_packet, keep
 from drivers.message import NO_MAC, Request
@@ -24,9 +24,6 @@ ETHERTYPE = 0x8947
 PACKET_ADD_MEMBERSHIP = 1
 PACKET_STATISTICS = 6
 PACKET_MR_PROMISC = 1
-
-# itsGnMaxSduSize (EN 302 636-4-1 V1.4.1, Annex H) is 1398 octets, and BTP takes 4 of them.
-MAX_PAYLOAD = 1394
 
 # The queue of the device is full, and no event tells when there is room again: ask after this time.
 NO_ROOM = frozenset({errno.ENOBUFS, errno.EAGAIN, errno.ENOMEM})
@@ -82,7 +79,7 @@ class Ethernet:
 
     Options: ClassVar[type] = EthernetOptions
     capabilities: ClassVar[Capabilities] = Capabilities(
-        Can.RECEIVE | Can.TRANSMIT, "ethernet", MAX_PAYLOAD, GEONETWORKING_METADATA
+        Can.RECEIVE | Can.TRANSMIT | Can.GEOBROADCAST, "ethernet", MAX_PAYLOAD, GEONETWORKING_METADATA
     )
 
     def __init__(self, options: EthernetOptions, shared: Shared) -> None:

@@ -9,6 +9,9 @@ from drivers.reason import Reason
 from drivers.wire import frame
 from drivers.wire.geonet import GeoNetworking, Heard, Received
 
+# itsGnMaxSduSize (EN 302 636-4-1 V1.4.1, Annex H) is 1398 octets, and BTP takes 4 of them.
+MAX_PAYLOAD = 1394
+
 # Fields of RxInfo that GeoNetworking fills.
 GEONETWORKING_METADATA = frozenset(
     {"btp_port", "traffic_class", "hop_limit", "security", "position", "area", "source_mac", "transport"}

@@ -15,6 +15,7 @@ class Reason(StrEnum):
     NO_INTERFACE = "no-interface"
     POLICY = "policy"
     RATE_LIMIT = "rate-limit"
+    NO_AREA = "no-area"
     # from either side
     EMPTY_PDU = "empty-pdu"
     SHORT_PDU = "short-pdu"
@@ -58,6 +59,7 @@ MEANING: dict[Reason, str] = {
     Reason.NO_INTERFACE: "no interface that the policy or the user names for it exists and transmits",
     Reason.POLICY: "a row of the policy says that this message leaves by no interface",
     Reason.RATE_LIMIT: "more of these per second than the policy's row allows",
+    Reason.NO_AREA: "the interface cannot carry a destination area; choose one with GeoNetworking or leave it out",
     Reason.EMPTY_PDU: "the PDU has no octets",
     Reason.SHORT_PDU: "the PDU is shorter than the 6 octets of an ITS PDU header",
     Reason.LONG_PDU: "the PDU is longer than 1500 octets, or than what the interface carries",
@@ -85,5 +87,5 @@ MEANING: dict[Reason, str] = {
     Reason.BTP_PORT: "its BTP port carries no known type of message; add a row [[types]] to captain.toml",
     Reason.FRAMING: "octets between two frames on a serial line, or a frame of impossible length",
     Reason.CHECKSUM: "the frame's checksum does not match",
-    Reason.SUBSCRIBER_SLOW: "a subscriber fell behind; it alone loses messages until it has read half of what waits for it",
+    Reason.SUBSCRIBER_SLOW: "a subscriber fell behind; it alone loses messages until it has read half of its queue",
 }

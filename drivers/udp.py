@@ -10,7 +10,7 @@ from board.errors import ConfigurationError, InterfaceError, RequestError
 from board.netlink import Device, DeviceWatch
 from drivers.contract import Can, Capabilities, Host, Sent, Shared
 from drivers.datagrams import sockaddr
-from drivers.geolink import GEONETWORKING_METADATA, GeoLink
+from drivers.geolink import GEONETWORKING_METADATA, MAX_PAYLOAD, GeoLink
 from drivers.intake import Intake, KernelDrops, enlarge, refused
 from drivers.message import Request
 from drivers.reason import Reason
@@ -21,7 +21,12 @@ from drivers.udp_socket import Address, address, group_address, is_address, open
 # How long the link's text speaks of an absent peer after the last sign of its absence. UDP gives no sign of return.
 ABSENT_S = 5.0
 
-METADATA = {"pdu": frozenset[str](), "btp": frozenset({"btp_port"}), "ethernet": GEONETWORKING_METADATA}
+# What each framing carries and tells.
+FRAMINGS = {
+    "pdu": Capabilities(Can(0), "udp"),
+    "btp": Capabilities(Can(0), "udp", metadata=frozenset({"btp_port"})),
+    "ethernet": Capabilities(Can(0), "udp", MAX_PAYLOAD, GEONETWORKING_METADATA),
+}
 
 
 @dataclass(frozen=True)
@@ -65,7 +70,8 @@ class Udp:
     def __init__(self, options: UdpOptions, shared: Shared) -> None:
         hears = Can.RECEIVE if options.listen or options.group else Can(0)
         sends = Can.TRANSMIT if options.peers or options.group else Can(0)
-        self.capabilities = Capabilities(hears | sends, "udp", metadata=METADATA[options.framing])
+        areas = Can.GEOBROADCAST if sends and options.framing == "ethernet" else Can(0)
+        self.capabilities = FRAMINGS[options.framing]._replace(can=hears | sends | areas)
         self._options = options
         self._shared = shared
         self._opened = ExitStack()

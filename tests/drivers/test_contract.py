@@ -14,6 +14,7 @@ from tests.drivers.host import CAM, DENM, requests, told
 
 pytestmark = [pytest.mark.namespace, pytest.mark.parametrize("kind", BENCHES)]
 
+WITH_GEONETWORKING = ("udp-ethernet", "udp-listen", "ethernet")
 PDUS = [CAM, DENM, CAM + bytes(300), bytes(range(256))]
 
 
@@ -187,5 +188,6 @@ def test_every_driver_has_a_bench_and_describes_its_options(bench, kind):
     assert {name.partition("-")[0] for name in BENCHES} == set(DRIVERS)
     driver = DRIVERS[kind.partition("-")[0]]
     assert isinstance(bench.driver, driver)
-    assert bench.driver.capabilities.can == Can.RECEIVE | Can.TRANSMIT
+    carries_areas = Can.GEOBROADCAST if kind in WITH_GEONETWORKING else Can(0)
+    assert bench.driver.capabilities.can == Can.RECEIVE | Can.TRANSMIT | carries_areas
     assert driver.Options.__doc__

@@ -226,7 +226,18 @@ def test_options_that_cannot_be_meant_are_refused_with_their_place(table):
     ({"group": "239.118.122.97:8947"}, Can.RECEIVE | Can.TRANSMIT),
 ])  # fmt: skip
 def test_it_declares_what_its_options_let_it_do(options, can):
-    assert Udp(UdpOptions(**options), SHARED).capabilities.can == can
+    assert Udp(UdpOptions(**options, framing="pdu"), SHARED).capabilities.can == can
+
+
+@pytest.mark.parametrize(("framing", "octets"), [("pdu", 1500), ("btp", 1500), ("ethernet", 1394)])
+def test_it_carries_what_its_framing_does(framing, octets):
+    capabilities = Udp(UdpOptions(group=GROUP, framing=framing), SHARED).capabilities
+    assert capabilities.max_payload == octets
+    assert (Can.GEOBROADCAST in capabilities.can) is (framing == "ethernet")
+
+
+def test_an_interface_that_only_listens_sends_no_geobroadcasts():
+    assert Udp(UdpOptions(listen="127.0.0.1:0"), SHARED).capabilities.can == Can.RECEIVE
 
 
 def test_an_interface_without_peers_refuses_requests(host, start):
