@@ -81,6 +81,7 @@ def tables(status: Mapping[str, object], now: float) -> list[Table]:
         _interfaces(status),
         _traffic(status),
         Table(_endpoint(status)),
+        *_reports(status),
         _drops(status, now),
         _duplicates(status),
         _policy(status),
@@ -140,9 +141,21 @@ def _endpoint(status: Mapping[str, object]) -> str:
             ("as raw.", "raw"),
         )
     )
-    slow = number(endpoint, "slow_since")
-    since = time.strftime("%H:%M:%S", time.localtime(min(slow, LAST_TIME))) if slow > 0 else ""
-    return f"users: {counts}" + (f"; a subscriber is slow since {since}" if since else "")
+    return f"users: {counts}{_slow(endpoint)}"
+
+
+def _reports(status: Mapping[str, object]) -> list[Table]:
+    """Only where a subscriber of them does not keep up."""
+    slow = _slow(within(status, "report"))
+    return [Table(f"reports{slow}")] if slow else []
+
+
+def _slow(publisher: Mapping[str, object]) -> str:
+    since = number(publisher, "slow_since")
+    if since <= 0:
+        return ""
+    clock = time.strftime("%H:%M:%S", time.localtime(min(since, LAST_TIME)))
+    return f"; a subscriber is slow since {clock}, time {number(publisher, 'slow_count'):.0f}"
 
 
 def _drops(status: Mapping[str, object], now: float) -> Table:

@@ -1,5 +1,6 @@
 import json
 import os
+import re
 import socket
 
 import pytest
@@ -42,6 +43,17 @@ def test_a_status_tells_links_queues_counters_and_drops_with_their_meaning():
     assert "g5     short-pdu      3  10 s       5  0202000005" in text
     assert "short-pdu: the PDU is shorter than the 6 octets of an ITS PDU header" in text
     assert "duplicates within 2 s: 7 suppressed" in text
+
+
+def test_a_slow_subscriber_is_told_where_it_is():
+    slow = {"slow_since": NOW, "slow_count": 3}
+    titles = {
+        place: [table.title for table in status.tables(STATUS | {place: slow}, NOW)] for place in ("endpoint", "report")
+    }
+    words = r"; a subscriber is slow since \d\d:\d\d:\d\d, time 3"
+    assert re.fullmatch(rf"users: .*{words}", titles["endpoint"][3])
+    assert re.fullmatch(rf"reports{words}", titles["report"][4])
+    assert "slow" not in "\n".join(shown(STATUS))
 
 
 @given(st.dictionaries(st.sampled_from(sorted(STATUS)), anything))
