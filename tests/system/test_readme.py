@@ -13,7 +13,9 @@ import pytest
 
 from drivers import DRIVERS
 from drivers.reason import Reason
+from drivers.sim.neighbours import NeighboursOptions
 from firmware import config
+from firmware.topics import ROWS, TypeRow
 from tests.system.conftest import Bench
 from tests.system.station import PATIENCE, ROOT
 from tests.system.user import JOIN_MS, mark
@@ -23,6 +25,7 @@ BLOCKS = re.findall(r"^```(\w+)\n(.*?)^```", README, re.MULTILINE | re.DOTALL)
 # The first line of a program is a comment with its name.
 PROGRAMS = {code.split(maxsplit=2)[1].rstrip(":"): code for kind, code in BLOCKS if kind in ("python", "cpp")}
 TOML = [code for kind, code in BLOCKS if kind == "toml"]
+BOARDS = re.findall(r"^```toml board\n(.*?)^```", README, re.MULTILINE | re.DOTALL)
 LONGEST = 20  # lines that say something
 
 
@@ -92,8 +95,31 @@ def test_every_configuration_is_accepted(tmp_path: Path, text: str) -> None:
     assert config.load(str(file), board="none").interfaces
 
 
+def test_every_board_is_accepted_and_has_neighbours(tmp_path: Path) -> None:
+    assert BOARDS
+    for text in BOARDS:
+        (tmp_path / "crowd.toml").write_text(text)
+        read = config.load(None, board=str(tmp_path / "crowd.toml"))
+        assert read.interfaces
+        assert read.board.neighbours
+
+
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: str(row.number))
+def test_the_traffic_class_of_every_type_is_told(row: TypeRow) -> None:
+    (told,) = re.findall(
+        rf"^\| (?:\d+ and )?{row.number}(?: and \d+)? \| `{row.name}` \|.* (\d+) \|$", README, re.MULTILINE
+    )
+    assert int(told) == row.traffic_class
+
+
 def test_every_option_is_in_a_table_or_an_example() -> None:
-    kinds = [config.StationOptions, config.EndpointOptions, config.ReceptionOptions, config.QueueOptions]
+    kinds = [
+        config.StationOptions,
+        NeighboursOptions,
+        config.EndpointOptions,
+        config.ReceptionOptions,
+        config.QueueOptions,
+    ]
     kinds += [config.TypeConfig, config.Match, config.PolicyRow, config.PlaceMatch, config.NeighbourMatch]
     kinds += [driver.Options for driver in DRIVERS.values()]
     missing = {field.name for kind in kinds for field in fields(kind)} - set(re.findall(r"[a-z0-9_]+", README))
