@@ -1,11 +1,11 @@
-"""BTP headers, both kinds."""
+"""BTP-B headers."""
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from board.errors import ProtocolError
-from drivers.wire.btp import BtpA, BtpB, decode_a, decode_b, encode
+from drivers.wire.btp import BtpB, decode_b, encode
 
 PORT = st.integers(0, 65535)
 
@@ -15,22 +15,15 @@ def test_a_btp_b_header_is_the_port_and_its_info():
     assert decode_b(bytes.fromhex("07d20017") + b"pdu") == (BtpB(2002, 23), b"pdu")
 
 
-def test_a_btp_a_header_is_both_ports():
-    assert encode(BtpA(2001, 4000), b"pdu") == bytes.fromhex("07d10fa0") + b"pdu"
-    assert decode_a(bytes.fromhex("07d10fa0")) == (BtpA(2001, 4000), b"")
-
-
 @pytest.mark.parametrize("octets", [0, 1, 2, 3])
-@pytest.mark.parametrize("decode", [decode_a, decode_b])
-def test_a_packet_shorter_than_its_header_is_refused(decode, octets):
+def test_a_packet_shorter_than_its_header_is_refused(octets):
     with pytest.raises(ProtocolError, match=f"{octets} octets"):
-        decode(bytes(octets))
+        decode_b(bytes(octets))
 
 
 @given(first=PORT, second=PORT, pdu=st.binary(max_size=50))
 @settings(deadline=None, max_examples=100)
 def test_a_packet_survives_the_way_to_octets_and_back(first, second, pdu):
-    assert decode_a(encode(BtpA(first, second), pdu)) == (BtpA(first, second), pdu)
     assert decode_b(encode(BtpB(first, second), pdu)) == (BtpB(first, second), pdu)
 
 
