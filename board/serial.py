@@ -3,6 +3,7 @@
 import errno
 import os
 from collections.abc import Callable
+from contextlib import suppress
 
 from board.errors import InterfaceError
 from board.loop import READ, WRITE, Loop
@@ -79,6 +80,7 @@ class SerialPort:
             self._is_open = False
             self._waiting = b""
             self._loop.remove(self)
+            _discard(self._descriptor)
             self._port.close()
 
     def _go_on(self) -> None:
@@ -115,6 +117,15 @@ class SerialPort:
     def _fail(self, why: str) -> None:
         self.close()
         self._broken(InterfaceError(f"{self._path} is gone: {why.lower()}"))
+
+
+def _discard(descriptor: int) -> None:
+    """Throw away what the line has not sent: close() would wait for it, up to closing_wait, 30 s by default."""
+    import termios  # with pyserial, not before
+
+    # A port that is gone has nothing to throw away.
+    with suppress(termios.error):
+        termios.tcflush(descriptor, termios.TCOFLUSH)
 
 
 def _why(path: str, error: Exception) -> str:

@@ -46,6 +46,17 @@ def test_frames_cross_the_line_both_ways_with_their_ports(loop, host, line, star
     assert [(pdu, rx.btp_port) for pdu, _, rx in host.indications] == [(CAM, 2001), (CAM, None)]
 
 
+def test_what_the_line_has_not_taken_is_thrown_away_at_a_stop_which_would_wait_for_it_otherwise(loop, host, start):
+    line = SerialLine(loop, reads=False)
+    driver = start(line.path)
+    driver.send(request(CAM))
+    driver.stop()
+    line.listen()
+    loop.run_for(0.1)
+    assert line.heard == []
+    line.unplug()
+
+
 @pytest.mark.parametrize("baud", [9600, 115_200])
 def test_requests_wait_in_the_stations_queue_and_not_in_the_kernels(loop, host, line, start, baud):
     driver = start(line.path, baud=baud)
