@@ -12,16 +12,17 @@ from typing import Annotated
 from board.describe import Range
 from board.errors import ConfigurationError, InterfaceError
 from board.loop import Loop, Timer
-from board.time import its_time_ms, leap_seconds
-from drivers.message import ITS_HEADER, Ego, MessageType, Position, Request
+from board.time import EPOCH, its_time_ms, leap_seconds
+from drivers.message import ITS_HEADER, Area, Ego, MessageType, Position, Request, Shape
 from drivers.sim.messages import cam, denm
 from drivers.wire import frame
 from drivers.wire.geonet import GeoNetworking, Heard, Received
 
 CAM = MessageType("cam", 2, 2001, 0, 0)
-DENM = MessageType("denm", 1, 2002, 0, 0)
+DENM = MessageType("denm", 1, 2002, 0, 0, traffic_class=1)
 
 FIRST_STATION = 4711
+RADIUS = 5000  # metres around a station that its DENMs are for: more than the 3.2 km of the widest circle
 METRE = 90  # of latitude, in 1e-7 degree
 BATCH = 64  # datagrams heard in one turn
 
@@ -59,7 +60,7 @@ class Neighbour:
         self._core = GeoNetworking(self.mac, beacon_s=0.0)
         self._number = number
         self._middle = Position(round(options.latitude * 1e7), round(options.longitude * 1e7))
-        self._requests = 0
+        self._events = 0
 
     def cam(self, now: float, its_ms: int) -> bytes:
         """A frame with a CAM."""
@@ -67,9 +68,11 @@ class Neighbour:
         return self._frame(CAM, cam(self.station_id, its_ms, ego.position), now, ego)
 
     def denm(self, now: float, its_ms: int) -> bytes:
-        """A frame with a DENM."""
+        """A frame with a DENM about a new event, for all around it."""
+        self._events += 1
         ego = self._ego(now, its_ms)
-        return self._frame(DENM, denm(self.station_id, its_ms, ego.position, self._requests), now, ego)
+        pdu = denm(self.station_id, its_ms, ego.position, self._events)
+        return self._frame(DENM, pdu, now, ego, Area(Shape.CIRCLE, ego.position, RADIUS))
 
     def _ego(self, now: float, its_ms: int) -> Ego:
         """Once around in 40 s: 400 m at 36 km/h for the first station, wider and faster for each further one."""
@@ -81,10 +84,9 @@ class Neighbour:
         heading = round(math.degrees(angle + math.pi / 2) * 10) % 3600
         return Ego(its_ms, position, is_known=True, speed=round(1000 * (1 + self._number / 4)), heading=heading)
 
-    def _frame(self, kind: MessageType, pdu: bytes, now: float, ego: Ego) -> bytes:
-        self._requests += 1
+    def _frame(self, kind: MessageType, pdu: bytes, now: float, ego: Ego, area: Area | None = None) -> bytes:
         port = kind.btp_port or 0
-        request = Request(self._requests, kind, pdu, port, now, now + 60, kind.priority, traffic_class=2)
+        request = Request(0, kind, pdu, port, now, now + 60, kind.priority, kind.traffic_class, area)
         return frame.wrap(self.mac, self._core.encode(request, now, ego))
 
 
@@ -207,7 +209,7 @@ class Neighbours:
         self.missed += 1
 
     def _its_ms(self) -> int:
-        utc_s = self._wall()
+        utc_s = max(self._wall(), EPOCH)  # a clock that was never set: ITS time begins in 2004
         return its_time_ms(utc_s, leap_seconds(utc_s))
 
 

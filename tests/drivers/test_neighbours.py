@@ -33,13 +33,13 @@ def begin(loop, host):
     """A station under test and its neighbours, who know each other."""
     opened = []
 
-    def begin(**options):
+    def begin(wall=lambda: NOON, **options):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
             free.bind(("127.0.0.1", 0))
             listen = "{}:{}".format(*free.getsockname())
         driver = Udp(UdpOptions(listen="127.0.0.1:0", peers=(listen,), beacon_s=0.0), SHARED)
         driver.start(host)
-        neighbours = Neighbours(loop, NeighboursOptions(listen=listen, to=str(driver.address), **options), lambda: NOON)
+        neighbours = Neighbours(loop, NeighboursOptions(listen=listen, to=str(driver.address), **options), wall)
         neighbours.start()
         opened.extend([driver, neighbours])
         return driver, neighbours
@@ -58,6 +58,24 @@ def test_each_sends_ten_cams_and_one_denm_a_second(loop, host, begin):
     macs = {rx.source_mac for _, _, rx in host.indications}
     stations = {pdu[2:6] for pdu in host.pdus}
     assert (len(macs), stations) == (3, {number.to_bytes(4) for number in (4711, 4712, 4713)})
+
+
+def test_their_denms_are_geobroadcasts_to_an_area_around_them_each_an_event_of_its_own(loop, host, begin):
+    begin(count=1, cam_hz=10.0, denm_hz=1.0)
+    loop.run_for(3.95)
+    denms = [(pdu, rx) for pdu, _, rx in host.indications if pdu[1] == 1]
+    sequences = [int.from_bytes(pdu) >> (len(pdu) * 8 - 105) & 0xFFFF for pdu, _ in denms]
+    assert sequences == [1, 2, 3, 4]
+    assert {(rx.transport, rx.traffic_class, rx.area.centre == rx.position) for _, rx in denms} == {("gbc", 1, True)}
+    assert {(rx.transport, rx.traffic_class) for pdu, _, rx in host.indications if pdu[1] == 2} == {("shb", 2)}
+
+
+@pytest.mark.parametrize("utc_s", [0.0, -1.0, 1_072_915_199.0])
+def test_a_clock_that_was_never_set_is_taken_for_the_beginning_of_its_time(loop, host, begin, utc_s):
+    _, neighbours = begin(wall=lambda: utc_s)
+    loop.run_for(1.99)
+    assert neighbours.sent[2] > 30
+    assert host.count == neighbours.sent.total()
 
 
 def test_they_move_and_their_two_positions_agree(loop, host, begin):
