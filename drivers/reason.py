@@ -46,6 +46,7 @@ class Reason(StrEnum):
     BTP_PORT = "btp-port"
     FRAMING = "framing"
     CHECKSUM = "checksum"
+    RAW_FORMAT = "raw-format"
     # towards a user
     SUBSCRIBER_SLOW = "subscriber-slow"
 
@@ -87,5 +88,6 @@ MEANING: dict[Reason, str] = {
     Reason.BTP_PORT: "its BTP port carries no known type of message; add a row [[types]] to captain.toml",
     Reason.FRAMING: "octets between two frames on a serial line, or a frame of impossible length",
     Reason.CHECKSUM: "the frame's checksum does not match",
+    Reason.RAW_FORMAT: "a message of an interface process is no RawRxMessage of one frame",
     Reason.SUBSCRIBER_SLOW: "a subscriber fell behind; it alone loses messages until it has read half of its queue",
 }

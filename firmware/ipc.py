@@ -4,17 +4,20 @@ from pathlib import Path
 from typing import NamedTuple
 
 import zmq
-from zmq.backend import Socket as PlainSocket
 
 from board.errors import InterfaceError, ProtocolError
+from board.loop import Timer
 from drivers.contract import Can, Capabilities, Host, Sent
 from drivers.message import Request
 from drivers.reason import Reason
 from drivers.wire import raw
+from firmware.drops import Drops
 from firmware.inlet import MAX_FRAME, SUB_HWM
-from firmware.publisher import MORE, NOBLOCK, bind
+from firmware.publisher import NOBLOCK, Publisher, bind
 
 BATCH = 32
+ENVELOPES = b"v2x."  # a process that takes any of them makes the link
+RETRY_S = 0.05  # a process that does not keep up has 16,000 messages to read meanwhile
 
 
 class IpcOptions(NamedTuple):
@@ -25,37 +28,47 @@ class IpcOptions(NamedTuple):
 
 
 class Ipc:
-    """Lives beside the routing, not among the drivers, because it speaks ZeroMQ, which is the router's alone."""
+    """Lives beside the routing, not among the drivers, because it speaks ZeroMQ, which is the router's alone.
 
-    def __init__(self, context: zmq.Context[zmq.Socket[bytes]], options: IpcOptions) -> None:
+    Its link is that of sending: up while a process is subscribed. What processes bring passes whatever the link is.
+    """
+
+    def __init__(self, context: zmq.Context[zmq.Socket[bytes]], options: IpcOptions, drops: Drops) -> None:
         # Without a socket to send by, nothing may count as sent.
         self.capabilities = Capabilities(Can.RECEIVE | Can.TRANSMIT if options.ipc_out else Can.RECEIVE, "ipc")
         self._context = context
         self._options = options
+        self._drops = drops
         self._in: zmq.Socket[bytes] | None = None
-        self._out: zmq.Socket[bytes] | None = None
+        self._out: Publisher | None = None
         self._host: Host | None = None
+        self._is_scheduled = False
+        self._retry_timer: Timer | None = None
 
     def start(self, host: Host) -> None:
         self._host = host
         try:
             if self._options.ipc_out:
-                self._out = self._bound(zmq.PUB, self._options.ipc_out, "endpoint.ipc_out")
+                self._out = self._publisher(host)
             if self._options.ipc_in:
-                self._in = self._bound(zmq.SUB, self._options.ipc_in, "endpoint.ipc_in")
+                self._in = self._subscriber()
         except InterfaceError:
             self.stop()
             raise
         if self._in is not None:
-            self._in.set(zmq.SUBSCRIBE, b"")
             host.loop.add(self)
-        host.link(True, f"in {self._options.ipc_in or 'off'}, out {self._options.ipc_out or 'off'}")
+        self._interest(ENVELOPES, self._out is None)
 
     def fileno(self) -> int:
         assert self._in is not None
         return self._in.fileno()
 
     def ready(self, events: int = 0) -> None:
+        if not self._is_scheduled:
+            self._take_batch()
+
+    def _take_batch(self) -> None:
+        self._is_scheduled = False
         if self._in is None or self._host is None:
             return
         for _ in range(BATCH):
@@ -64,13 +77,16 @@ class Ipc:
             except zmq.Again:
                 return
             self._take(self._host, frames)
-        self._host.loop.soon(self.ready)
+        self._is_scheduled = True
+        self._host.loop.soon(self._take_batch)
 
     def send(self, request: Request) -> Sent:
-        if self._out is not None:
-            PlainSocket.send(self._out, b"v2x.%s." % request.kind.name.encode(), MORE)
-            PlainSocket.send(self._out, request.pdu, NOBLOCK)
-        return Sent.NOW
+        assert self._out is not None
+        assert self._host is not None
+        if self._out.offer(b"v2x.%s." % request.kind.name.encode(), request.pdu):
+            return Sent.NOW
+        self._retry_timer = self._host.loop.after(RETRY_S, self._host.writable)
+        return Sent.BUSY
 
     def refresh(self) -> None:
         """Nothing below counts anything."""
@@ -82,28 +98,47 @@ class Ipc:
             self._in.close(0)
             self._in = None
         if self._out is not None:
-            self._out.close(0)
+            self._out.close()
             self._out = None
+        if self._retry_timer is not None:
+            self._retry_timer.cancel()
 
-    def _bound(self, kind: int, address: str, option: str) -> "zmq.Socket[bytes]":
-        path = Path(address.removeprefix("ipc://"))
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InterfaceError(f"{option}: cannot make {path.parent}: {error.strerror}") from error
-        socket = self._context.socket(kind)
+    def _interest(self, topic: bytes, is_wanted: bool) -> None:
+        """A process subscribed, or the last one left."""
+        assert self._host is not None
+        ways = f"in {self._options.ipc_in or 'off'}, out {self._options.ipc_out or 'off'}"
+        self._host.link(is_wanted, ways if is_wanted else f"{ways}: no interface process is subscribed")
+
+    def _publisher(self, host: Host) -> Publisher:
+        _make_folder(self._options.ipc_out, "endpoint.ipc_out")
+        return Publisher(
+            host.loop, self._context, self._options.ipc_out, "ipc_out", self._drops, (ENVELOPES,), self._interest
+        )
+
+    def _subscriber(self) -> "zmq.Socket[bytes]":
+        _make_folder(self._options.ipc_in, "endpoint.ipc_in")
+        socket = self._context.socket(zmq.SUB)
         socket.set(zmq.RCVHWM, SUB_HWM)
         socket.set(zmq.MAXMSGSIZE, MAX_FRAME)
-        bind(socket, address, option)
+        socket.set(zmq.SUBSCRIBE, b"")
+        bind(socket, self._options.ipc_in, "endpoint.ipc_in")
         return socket
 
     def _take(self, host: Host, frames: list[bytes]) -> None:
         if len(frames) != 1:
-            host.drop(Reason.FRAMING, frames[0])
+            host.drop(Reason.RAW_FORMAT, frames[0])
             return
         try:
             received = raw.parse(frames[0])
         except ProtocolError:
-            host.drop(Reason.FRAMING, frames[0])
+            host.drop(Reason.RAW_FORMAT, frames[0])
             return
         host.indicate(received.pdu, received.received_ns, received.rx)
+
+
+def _make_folder(address: str, option: str) -> None:
+    folder = Path(address.removeprefix("ipc://")).parent
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InterfaceError(f"{option}: cannot make {folder}: {error.strerror}") from error

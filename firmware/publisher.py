@@ -50,7 +50,7 @@ def bind(socket: zmq.Socket[bytes], address: str, option: str) -> None:
 class Publisher:
     """An XPUB socket; on the wire it is a PUB.
 
-    place   its key in [endpoint], which is also where its drops are counted: to_users or report.
+    place   its key in [endpoint], which is also where its drops are counted: to_users, report or ipc_out.
     topics  of which on_interest tells with each subscriber that comes, and when the last goes: topic, whether wanted.
 
     libzmq drops for a slow subscriber alone and counts nothing. So the socket refuses first (XPUB_NODROP): the
@@ -107,6 +107,18 @@ class Publisher:
         if not self._is_looking:
             self._is_looking = True
             self._loop.after(LOOK_S, self._look)
+
+    def offer(self, topic: bytes, body: bytes) -> bool:
+        """As publish(), but nobody has it while one that wants it does not keep up; whether it was handed over."""
+        try:
+            _send(self._socket, topic, MORE)
+        except zmq.Again:
+            return False
+        _send(self._socket, body, NOBLOCK)
+        if not self._is_looking:
+            self._is_looking = True
+            self._loop.after(LOOK_S, self._look)
+        return True
 
     def close(self) -> None:
         self._loop.remove(self)

@@ -8,14 +8,14 @@ import pytest
 import zmq
 
 from board.errors import InterfaceError
-from drivers.contract import Can, Sent
-from drivers.message import RxInfo
+from drivers.contract import Can
+from drivers.message import Outcome, RxInfo
 from drivers.reason import Reason
 from drivers.wire import raw
 from firmware.config import QueueOptions
 from firmware.drops import Drops
 from firmware.interface import Interface
-from firmware.ipc import Ipc, IpcOptions
+from firmware.ipc import RETRY_S, Ipc, IpcOptions
 from firmware.topics import Topics
 from tests.firmware.doubles import CAM_PDU, NotingStation, pdu_of, request_of
 from tests.virtual import VirtualLoop
@@ -28,7 +28,7 @@ class Bench:
         self.context = zmq.Context()
         self.above = NotingStation()
         self.drops = Drops()
-        self.ipc = Ipc(self.context, IpcOptions(ipc_in, ipc_out))
+        self.ipc = Ipc(self.context, IpcOptions(ipc_in, ipc_out), self.drops)
         self.interface = Interface("ipc", self.ipc, QueueOptions("ipc"), loop, self.above, Topics(), self.drops)
         self.sockets: list[zmq.Socket[bytes]] = []
 
@@ -77,7 +77,6 @@ def sender(bench: Bench) -> "zmq.Socket[bytes]":
 def test_folders_that_are_not_there_are_made(bench: Bench, tmp_path: Path) -> None:
     assert (tmp_path / "v2x" / "in" / "0").is_socket()
     assert (tmp_path / "v2x" / "out" / "0").is_socket()
-    assert bench.interface.is_up
 
 
 def test_a_rawrxmessage_comes_in_with_what_is_known_of_it(bench: Bench) -> None:
@@ -92,10 +91,10 @@ def test_a_rawrxmessage_comes_in_with_what_is_known_of_it(bench: Bench) -> None:
 @pytest.mark.parametrize(
     ("frames", "reason"),
     [
-        ([b""], Reason.FRAMING),
-        ([b"rubbish"], Reason.FRAMING),
-        ([b"raw.", raw.build(CAM_PDU, 0, RxInfo())], Reason.FRAMING),
-        ([raw.build(CAM_PDU, 0, RxInfo())[:40]], Reason.FRAMING),
+        ([b""], Reason.RAW_FORMAT),
+        ([b"rubbish"], Reason.RAW_FORMAT),
+        ([b"raw.", raw.build(CAM_PDU, 0, RxInfo())], Reason.RAW_FORMAT),
+        ([raw.build(CAM_PDU, 0, RxInfo())[:40]], Reason.RAW_FORMAT),
         ([raw.build(b"", 0, RxInfo())], Reason.EMPTY_PDU),
         ([raw.build(b"abc", 0, RxInfo())], Reason.SHORT_PDU),
     ],
@@ -115,13 +114,80 @@ def test_a_burst_beyond_one_batch_is_taken_whole(bench: Bench) -> None:
     bench.loop.run_until(lambda: len(bench.above.indications) == 100)
 
 
-def test_a_request_goes_out_under_its_envelope(bench: Bench) -> None:
+def subscriber(bench: Bench) -> "zmq.Socket[bytes]":
+    """A process that is connected and takes everything."""
     process = bench.process(zmq.SUB, bench.ipc._options.ipc_out)
-    for number in range(200):  # until the subscription has travelled
-        assert bench.ipc.send(request_of(number)) is Sent.NOW
-        if process.poll(10):
-            break
+    bench.loop.run_until(lambda: bench.interface.is_up)
+    return process
+
+
+def test_a_request_goes_out_under_its_envelope(bench: Bench) -> None:
+    process = subscriber(bench)
+    bench.interface.outlet.submit(request_of(1))
     assert process.recv_multipart() == [b"v2x.cam.", CAM_PDU]
+    assert bench.above.outcomes() == [(1, Outcome.SENT, None)]
+
+
+def test_nothing_counts_as_sent_while_no_process_is_subscribed(bench: Bench) -> None:
+    assert not bench.interface.is_up
+    assert "no interface process is subscribed" in bench.interface.why
+    bench.interface.outlet.submit(request_of(1, deadline=bench.loop.now + 1.0))
+    bench.loop.run_for(2.0)
+    assert bench.above.outcomes() == [(1, Outcome.DROPPED, Reason.LINK_DOWN)]
+
+
+def test_what_waited_for_a_process_leaves_when_it_comes(bench: Bench) -> None:
+    bench.interface.outlet.submit(request_of(1))
+    process = subscriber(bench)
+    assert process.recv_multipart() == [b"v2x.cam.", CAM_PDU]
+    assert bench.above.outcomes() == [(1, Outcome.SENT, None)]
+
+
+def test_the_link_goes_down_with_the_last_process(bench: Bench) -> None:
+    first, second = subscriber(bench), subscriber(bench)
+    first.close(0)
+    second.close(0)
+    bench.loop.run_until(lambda: not bench.interface.is_up)
+
+
+def test_a_process_that_takes_no_envelope_makes_no_link(bench: Bench) -> None:
+    process = bench.process(zmq.XSUB, bench.ipc._options.ipc_out)
+    process.send(b"\1other.")
+    process.send(b"rubbish")
+    bench.loop.run_for(0.5)
+    assert not bench.interface.is_up
+    process.send(b"\1v2x.cam.")
+    bench.loop.run_until(lambda: bench.interface.is_up)
+
+
+def test_what_a_process_brings_passes_while_the_link_is_down(bench: Bench) -> None:
+    sender(bench).send(raw.build(CAM_PDU, 0, RxInfo()))
+    bench.loop.run_until(lambda: bool(bench.above.indications))
+    assert not bench.interface.is_up
+
+
+def test_a_process_that_does_not_keep_up_makes_requests_wait_and_none_is_lost(bench: Bench) -> None:
+    process = subscriber(bench)
+    count = 0
+    while bench.interface.outlet.is_empty:
+        count += 1
+        bench.interface.outlet.submit(request_of(count))
+        assert count < 100_000
+    assert bench.drops.total("ipc_out", Reason.SUBSCRIBER_SLOW) == 0
+    for number in range(count):
+        assert process.recv_multipart() == [b"v2x.cam.", CAM_PDU]
+        if number % 1000 == 0:
+            bench.loop.run_for(RETRY_S)
+    assert bench.above.outcomes() == [(number, Outcome.SENT, None) for number in range(1, count + 1)]
+
+
+def test_a_stop_while_requests_wait_leaves_no_timer_that_acts(bench: Bench) -> None:
+    subscriber(bench)
+    while bench.interface.outlet.is_empty:
+        bench.interface.outlet.submit(request_of())
+    bench.ipc.stop()
+    bench.loop.run_for(1.0)
+    assert bench.interface.outlet.length == 1
 
 
 def test_a_way_that_is_off_is_not_opened(loop: VirtualLoop, tmp_path: Path) -> None:
@@ -133,7 +199,7 @@ def test_a_way_that_is_off_is_not_opened(loop: VirtualLoop, tmp_path: Path) -> N
     with closing(Bench(loop, "", f"ipc://{tmp_path}/out")) as bench:
         bench.ipc.start(bench.interface)
         assert bench.interface.can_transmit
-        assert loop._sources == {}
+        assert not bench.interface.is_up
 
 
 @pytest.mark.parametrize("taken", ["in", "out"])
