@@ -9,6 +9,7 @@ from drivers.message import Request
 from drivers.reason import Reason
 
 PRIORITIES = 8
+BATCH = 64  # requests handed over in one turn: a long queue must not hold up the rest
 SWEEP_S = 0.2  # how soon after its lifetime a waiting request is given up
 LATE_S = 0.002  # the grain of epoll's timer: what it comes late by is caught up, a pause is not
 
@@ -43,6 +44,7 @@ class Outlet:
         self._gap_s = gap_s
         self._next_at = 0.0
         self._is_busy = False
+        self._is_scheduled = False
         self._pump_timer: Timer | None = None
         self._sweep_timer: Timer | None = None
         self._kept: dict[int, tuple[Request, float]] = {}
@@ -106,7 +108,9 @@ class Outlet:
 
     def _pump(self) -> None:
         """Hand over what may leave now; come back by timer for what may leave later."""
-        while self.length and not self._is_busy and self._interface.is_up:
+        for _ in range(BATCH):
+            if not self.length or self._is_busy or not self._interface.is_up:
+                return
             now = self._clock()
             if self._gap_s and now < self._next_at:
                 if self._pump_timer is None:
@@ -123,6 +127,13 @@ class Outlet:
                 self.length += 1
             elif self._gap_s:
                 self._next_at = max(self._next_at, now - LATE_S) + self._gap_s
+        if self.length and not self._is_scheduled:
+            self._is_scheduled = True
+            self._loop.soon(self._pump_on)
+
+    def _pump_on(self) -> None:
+        self._is_scheduled = False
+        self._pump()
 
     def _pump_again(self) -> None:
         self._pump_timer = None

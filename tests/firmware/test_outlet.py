@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from drivers.contract import Sent
 from drivers.message import Request
 from drivers.reason import Reason
-from firmware.outlet import Outlet
+from firmware.outlet import BATCH, Outlet
 from tests.firmware.doubles import request_of
 from tests.virtual import VirtualLoop
 
@@ -135,6 +135,20 @@ def test_a_flood_of_cams_pushes_out_no_denm(bench: Bench) -> None:
     assert len(bench.air.drops) == 997
     bench.free()
     assert bench.air.numbers[0] == 1
+
+
+def test_a_long_queue_leaves_a_batch_a_turn_in_its_order(loop: VirtualLoop) -> None:
+    bench = Bench(loop, capacity=1000)
+    bench.busy()
+    bench.submit(*[CAM] * 1000)
+    bench.free()
+    assert bench.air.numbers == list(range(1, BATCH + 1))
+    bench.outlet.writable()
+    loop.turn()
+    assert BATCH < len(bench.air.numbers) <= 3 * BATCH
+    loop.run_for(0.1)
+    assert bench.air.numbers == list(range(1, 1001))
+    assert bench.outlet.is_empty
 
 
 def test_the_longest_that_it_was_is_remembered(bench: Bench) -> None:
