@@ -54,6 +54,7 @@ class Inlet:
         self._router = router
         self._takes_options = takes_options
         self._is_strict = is_strict
+        self._is_scheduled = False
         self._socket = context.socket(kind)
         self._socket.set(zmq.RCVHWM, SUB_HWM if kind == zmq.SUB else PULL_HWM)
         self._socket.set(zmq.MAXMSGSIZE, MAX_FRAME)
@@ -69,8 +70,13 @@ class Inlet:
 
     def ready(self, events: int = 0) -> None:
         """Take a batch; the descriptor tells of an edge only, so what is left is taken in the next turn."""
-        if not self._socket.closed and self._take_batch(BATCH):
-            self._loop.soon(self.ready)
+        if not self._is_scheduled:
+            self._go_on()
+
+    def _go_on(self) -> None:
+        self._is_scheduled = not self._socket.closed and self._take_batch(BATCH)
+        if self._is_scheduled:
+            self._loop.soon(self._go_on)
 
     def finish(self) -> None:
         """Take what has arrived, as far as the queue reaches, and close: the station stops."""

@@ -207,6 +207,16 @@ def test_a_burst_is_taken_a_batch_a_turn_so_that_others_have_theirs(pull: Bench)
     assert len(pull.router.requests) == 3 * BATCH
 
 
+def test_edges_while_a_burst_is_taken_make_no_larger_batches(pull: Bench) -> None:
+    for _ in range(20 * BATCH):
+        pull.send(*GOOD)
+    for _ in range(5):
+        pull.inlet.ready()
+    assert len(pull.router.requests) == BATCH
+    pull.loop.turn()
+    assert len(pull.router.requests) == 2 * BATCH
+
+
 def test_a_burst_of_20000_through_the_sub_is_taken_whole() -> None:
     with closing(VirtualLoop()) as loop, closing(Bench(loop, takes_options=False)) as bench:
         for number in range(20_000):
