@@ -224,13 +224,15 @@ class MorseBench:
     def say(self, pdu: bytes) -> None:
         self._count += 1
         part = self._listen / "part"
-        part.write_bytes(morse.write_wav(morse.encode(pdu), 20))
+        part.write_bytes(b"".join(morse.wav(morse.encode(pdu), 20)))
         os.rename(part, self._listen / f"{self._count:09}.wav")
 
     def heard(self) -> list[bytes]:
         found = []
         for path in sorted(self._speak.glob("*.wav")):
-            pdu = morse.decode(morse.read_wav(path.read_bytes()))
+            ear = morse.Ear()
+            ear.receive(path.read_bytes())
+            pdu = morse.decode(ear.end())
             assert isinstance(pdu, bytes)
             found.append(pdu)
             path.unlink()

@@ -18,6 +18,10 @@ WITH_GEONETWORKING = ("udp-ethernet", "udp-listen", "ethernet")
 PDUS = [CAM, DENM, CAM + bytes(300), bytes(range(256))]
 
 
+def pdus(bench):
+    return [pdu[: bench.driver.capabilities.max_payload] for pdu in PDUS]
+
+
 @pytest.fixture
 def bench(loop, kind, tmp_path):
     # Plugged in by each test: the network namespace is the test's own, not the fixture's.
@@ -56,10 +60,10 @@ def test_its_link_is_up_when_start_returns(bench, host):
 def test_it_indicates_what_the_other_end_says(bench, loop, host):
     bench.plug()
     bench.driver.start(host)
-    for pdu in PDUS:
+    for pdu in pdus(bench):
         bench.say(pdu)
     told(loop, lambda: host.count == len(PDUS), bench.patience_s)
-    assert sorted(host.pdus) == sorted(PDUS)
+    assert sorted(host.pdus) == sorted(pdus(bench))
     assert host.drops == {}
     assert all(received_ns > 1_600_000_000 * 10**9 for _, received_ns, _ in host.indications)
 
@@ -77,10 +81,10 @@ def test_it_fills_only_the_metadata_that_it_declares(bench, loop, host):
 def test_it_sends_requests_unchanged_and_confirms_them(bench, loop, host):
     bench.plug()
     bench.driver.start(host)
-    send_all(loop, host, bench.driver, PDUS)
+    send_all(loop, host, bench.driver, pdus(bench))
     heard = []
     told(loop, lambda: heard.extend(bench.heard()) or len(heard) == len(PDUS), bench.patience_s)
-    assert heard == PDUS
+    assert heard == pdus(bench)
     assert host.failures == []
 
 
@@ -127,7 +131,7 @@ def test_stopped_it_leaves_no_descriptor_no_source_and_no_timer(bench, loop, hos
     bench.plug()
     before, others = descriptors(), sources(loop)
     bench.driver.start(host)
-    send_all(loop, host, bench.driver, PDUS)
+    send_all(loop, host, bench.driver, pdus(bench))
     bench.driver.stop()
     bench.driver.stop()
     assert (descriptors(), sources(loop)) == (before, others)
@@ -150,7 +154,7 @@ def test_it_may_be_stopped_by_what_it_indicates(bench, loop, host):
     bench.plug()
     bench.driver.start(host)
     host.on_indication = bench.driver.stop
-    for pdu in PDUS:
+    for pdu in pdus(bench):
         bench.say(pdu)
     told(loop, lambda: host.count, bench.patience_s)
     loop.run_for(10)

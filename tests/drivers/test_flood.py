@@ -122,16 +122,22 @@ def test_uart_survives_a_flood_of_noise(loop, counting, steady):
     assert counting.count == before + 1
 
 
+def hear(driver, file):
+    ear = morse.Ear()
+    ear.receive(file)
+    driver._heard(ear, file)
+
+
 def test_morse_survives_a_flood_of_noise(counting, steady):
     driver = Morse(MorseOptions(listen="."), SHARED)
     driver._host = counting
-    file = morse.write_wav(morse.encode(b""), 5)
+    file = b"".join(morse.wav(morse.encode(b""), 5))
     chance = random.Random(4)
     messages = damaged(chance, [file[:60], file])
     for done in range(1, COUNT + 1):
-        driver._hear(next(messages))
+        hear(driver, next(messages))
         steady(done)
     steady.check()
     assert counting.total == COUNT
-    driver._hear(morse.write_wav(morse.encode(CAM), 5))
+    hear(driver, b"".join(morse.wav(morse.encode(CAM), 5)))
     assert counting.total == COUNT + 1
