@@ -80,6 +80,19 @@ class Loop:
         heapq.heappush(self._timers, (timer.when, next(self._order), timer))
         return timer
 
+    def every(self, period: float, call: Callable[[], None]) -> None:
+        """Call now and then each period for as long as the loop turns; what a pause has missed is left out."""
+        due = self.clock()
+
+        def again() -> None:
+            nonlocal due
+            call()
+            now = self.clock()
+            due += period * (int((now - due) / period) + 1)
+            self.after(due - now, again)
+
+        again()
+
     def soon(self, call: Callable[[], None]) -> None:
         """Call once in the next turn, after the descriptors of this one had theirs."""
         self._soon.append(call)

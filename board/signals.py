@@ -19,8 +19,9 @@ class Signals:
         self._read, self._write = socket.socketpair()
         self._read.setblocking(False)
         self._write.setblocking(False)
-        self._before = {number: signal.signal(number, lambda *_: None) for number in self._calls}
+        # The descriptor first: a signal that comes between the two lines must not be swallowed.
         self._wakeup = signal.set_wakeup_fd(self._write.fileno(), warn_on_full_buffer=False)
+        self._before = {number: signal.signal(number, lambda *_: None) for number in self._calls}
         loop.add(self)
 
     def fileno(self) -> int:

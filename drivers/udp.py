@@ -10,7 +10,7 @@ from board.errors import ConfigurationError, InterfaceError, RequestError
 from board.netlink import Device, DeviceWatch
 from drivers.contract import Can, Capabilities, Host, Sent, Shared
 from drivers.datagrams import sockaddr
-from drivers.geolink import GEONETWORKING_METADATA, MAX_PAYLOAD, GeoLink
+from drivers.geolink import GEONETWORKING_METADATA, GeoLink
 from drivers.intake import Intake, KernelDrops, enlarge, refused
 from drivers.message import Request
 from drivers.reason import Reason
@@ -25,7 +25,8 @@ ABSENT_S = 5.0
 FRAMINGS = {
     "pdu": Capabilities(Can(0), "udp"),
     "btp": Capabilities(Can(0), "udp", metadata=frozenset({"btp_port"})),
-    "ethernet": Capabilities(Can(0), "udp", MAX_PAYLOAD, GEONETWORKING_METADATA),
+    # No device's frame is the limit here, so the longest PDU passes, itsGnMaxSduSize or not.
+    "ethernet": Capabilities(Can(0), "udp", metadata=GEONETWORKING_METADATA),
 }
 
 

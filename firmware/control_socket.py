@@ -3,6 +3,7 @@
 import contextlib
 import errno
 import json
+import logging
 import os
 import socket
 import tempfile
@@ -14,6 +15,9 @@ from board.loop import READ, WRITE, Loop
 
 MAX_LINE = 4096  # octets of a command
 MAX_CLIENTS = 8  # people at a console
+PAUSE_S = 1.0  # before the next try when a connection cannot be taken: it stays readable, and would spin the loop
+
+log = logging.getLogger("captain.control")
 
 Command = Callable[[dict[str, object]], dict[str, object]]
 
@@ -51,11 +55,18 @@ class ControlSocket:
     def ready(self, events: int) -> None:
         try:
             connection, _ = self._socket.accept()
-        except OSError:  # it went away again, or descriptors are used up: the next one may have more luck
+        except OSError as error:  # it went away again, or descriptors are used up: the next one may have more luck
+            log.warning("control socket: %s; trying again in %.0f s", error.strerror, PAUSE_S)
+            self._loop.want(self, 0)
+            self._loop.after(PAUSE_S, self._listen_again)
             return
         if len(self.clients) >= MAX_CLIENTS:
             next(iter(self.clients)).close()  # silent for the longest
         self.clients[Client(self._loop, connection, self)] = None
+
+    def _listen_again(self) -> None:
+        if self._socket.fileno() >= 0:
+            self._loop.want(self, READ)
 
     def close(self) -> None:
         for client in list(self.clients):

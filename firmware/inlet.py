@@ -23,7 +23,7 @@ BATCH = 64
 SUB_HWM = 20_000
 PULL_HWM = 1_000
 # Octets. A file sent by mistake is refused with its reason; a client that sends more loses its connection, uncounted.
-MAX_FRAME = 1 << 20
+MAX_FRAME = 65536
 
 log = logging.getLogger("captain.inlet")
 
@@ -78,9 +78,12 @@ class Inlet:
         if self._is_scheduled:
             self._loop.soon(self._go_on)
 
-    def finish(self) -> None:
-        """Take what has arrived, as far as the queue reaches, and close: the station stops."""
-        self._take_batch(SUB_HWM)
+    def finish(self, until: float) -> None:
+        """Take what has arrived, but no longer than until (the loop's clock), and close: the station stops."""
+        while self._take_batch(BATCH) and self._loop.clock() < until:
+            pass
+        if is_readable(self._socket):
+            log.warning("%s: messages that had arrived were not taken any more: the station stops", self._name)
         self.close()
 
     def close(self) -> None:

@@ -31,5 +31,4 @@ class ServiceNotice:
     def watch(self, loop: Loop) -> None:
         """Feed the watchdog from the loop, at a third of its time, so that a stuck loop is noticed."""
         if self.watchdog_s:
-            self.send("WATCHDOG=1")
-            loop.after(self.watchdog_s / 3, lambda: self.watch(loop))
+            loop.every(self.watchdog_s / 3, lambda: self.send("WATCHDOG=1"))

@@ -25,7 +25,7 @@ SEND_HWM = 16384
 # Subscriptions taken in one turn: a client that sends nothing else must not hold up the rest.
 BATCH = 64
 LOOK_S = 0.01  # a new subscription waits no longer than this while messages flow
-LINGER_MS = 300  # what is still unsent when the station stops
+LINGER_MS = 200  # what is still unsent when the station stops
 
 log = logging.getLogger("captain.publisher")
 

@@ -39,11 +39,10 @@ class Report:
         self._status = status
         self._refresh = refresh
         self._is_status_wanted = False
-        self._next = self._said = loop.clock()
+        self._said = loop.clock()
 
     def start(self) -> None:
-        self._next = self._loop.clock()
-        self._tick()
+        self._loop.every(PERIOD_S, self._tick)
 
     def status_interest(self, is_wanted: bool) -> None:
         """Somebody subscribed, who need not wait for the next second; or the last one left."""
@@ -55,8 +54,6 @@ class Report:
         self._refresh()
         if self._is_status_wanted:
             self._say()
-        self._next += PERIOD_S
-        self._loop.after(max(0.0, self._next - self._loop.clock()), self._tick)
 
     def _say(self) -> None:
         self._said = self._loop.clock()

@@ -31,7 +31,10 @@ from firmware.supervisor import Supervised
 from firmware.topics import Topics, TypeRow
 from firmware.users import Users
 
-DRAIN_S = 0.5  # what is queued may still leave for so long after a stop was asked for
+# A stop takes less than a second: what users have handed over is taken for FINISH_S, what is queued may leave for
+# DRAIN_S, and libzmq has its LINGER_MS for what is published.
+FINISH_S = 0.2
+DRAIN_S = 0.4
 DRAIN_STEP_S = 0.02
 
 log = logging.getLogger("captain")
@@ -120,8 +123,9 @@ class Station:
             return
         self._is_stopping = True
         self._notice.send("STOPPING=1")
+        until = self.loop.clock() + FINISH_S
         for inlet in self._inlets:
-            inlet.finish()
+            inlet.finish(until)
         if self._neighbours is not None:
             self._neighbours.stop()
         self._drain(self.loop.clock() + DRAIN_S)

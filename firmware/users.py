@@ -42,11 +42,9 @@ class Users:
         self.publisher = Publisher(loop, context, address, "to_users", drops, (RAW,), self._interest)
         self._look_at = 0.0
         self._beats = 0
-        self._next = 0.0
 
     def start(self) -> None:
-        self._next = self._loop.clock()
-        self._beat()
+        self._loop.every(HEARTBEAT_S, self._beat)
 
     def publish(self, indication: Indication) -> None:
         """First `raw.` with what is known of the reception, then the PDU as it came."""
@@ -74,8 +72,6 @@ class Users:
     def _beat(self) -> None:
         self.publisher.publish(HEARTBEAT, heartbeat(self._beats))
         self._beats += 1
-        self._next += HEARTBEAT_S
-        self._loop.after(max(0.0, self._next - self._loop.clock()), self._beat)
 
 
 def heartbeat(count: int) -> bytes:

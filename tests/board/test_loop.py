@@ -3,6 +3,7 @@
 import os
 import socket
 from collections.abc import Callable, Iterator
+from contextlib import closing
 
 import pytest
 
@@ -464,3 +465,20 @@ def test_waiting_for_what_never_comes_fails_after_its_virtual_seconds(loop: Virt
     with pytest.raises(AssertionError, match=r"not so within 5\.0 virtual seconds"):
         loop.run_until(lambda: False, within=5.0)
     assert loop.now == 1005.0
+
+
+def test_a_periodic_call_comes_at_once_and_then_each_period():
+    with closing(VirtualLoop(now=100.0)) as loop:
+        calls = []
+        loop.every(1.0, lambda: calls.append(loop.now))
+        loop.run_for(3.5)
+        assert calls == pytest.approx([100.0, 101.0, 102.0, 103.0])
+
+
+def test_what_a_pause_has_missed_of_a_periodic_call_is_left_out():
+    with closing(VirtualLoop(now=100.0)) as loop:
+        calls = []
+        loop.every(1.0, lambda: calls.append(loop.now))
+        loop.now = 107.3
+        loop.run_for(2.0)
+        assert calls == pytest.approx([100.0, 107.3, 108.0, 109.0])

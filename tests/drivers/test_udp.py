@@ -229,7 +229,7 @@ def test_it_declares_what_its_options_let_it_do(options, can):
     assert Udp(UdpOptions(**options, framing="pdu"), SHARED).capabilities.can == can
 
 
-@pytest.mark.parametrize(("framing", "octets"), [("pdu", 1500), ("btp", 1500), ("ethernet", 1394)])
+@pytest.mark.parametrize(("framing", "octets"), [("pdu", 1500), ("btp", 1500), ("ethernet", 1500)])
 def test_it_carries_what_its_framing_does(framing, octets):
     capabilities = Udp(UdpOptions(group=GROUP, framing=framing), SHARED).capabilities
     assert capabilities.max_payload == octets

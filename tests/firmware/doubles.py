@@ -13,7 +13,7 @@ from firmware.interface import Interface
 from firmware.topics import Topics
 
 CAM_PDU = bytes.fromhex("02020000053900010203")
-BOTH_WAYS = Can.RECEIVE | Can.TRANSMIT
+BOTH_WAYS = Can.RECEIVE | Can.TRANSMIT | Can.GEOBROADCAST
 INGOLSTADT = Position(487668616, 114320680)
 
 

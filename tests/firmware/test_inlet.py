@@ -66,7 +66,7 @@ class Bench:
     def close(self) -> None:
         self.user.close(0)
         if not self.inlet._socket.closed:
-            self.inlet.finish()
+            self.inlet.close()
         self.context.term()
 
 
@@ -228,7 +228,7 @@ def test_a_burst_of_20000_through_the_sub_is_taken_whole() -> None:
 def test_a_stop_takes_what_has_arrived(pull: Bench) -> None:
     for _ in range(500):
         pull.send(*GOOD)
-    pull.inlet.finish()
+    pull.inlet.finish(pull.loop.clock() + 1.0)
     assert len(pull.router.requests) == 500
     pull.turn()
 
@@ -237,7 +237,7 @@ def test_a_turn_that_was_asked_for_before_the_stop_does_nothing_after_it(pull: B
     for _ in range(3 * BATCH):
         pull.send(*GOOD)
     pull.loop.turn()
-    pull.inlet.finish()
+    pull.inlet.finish(pull.loop.clock() + 1.0)
     pull.turn()
     assert len(pull.router.requests) == 3 * BATCH
 
