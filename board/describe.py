@@ -37,11 +37,16 @@ class Range(NamedTuple):
 
     def __str__(self) -> str:
         bounds = zip(RULES, self, strict=True)
-        return " and ".join(f"{word} {bound}" for (word, _), bound in bounds if bound is not None)
+        return " and ".join(f"{word} {_plain(bound)}" for (word, _), bound in bounds if bound is not None)
 
     def holds(self, value: float) -> bool:
         bounds = zip(RULES, self, strict=True)
         return all(bound is None or rule(value, bound) for (_, rule), bound in bounds)
+
+
+def _plain(bound: float) -> float:
+    """90 for 90.0: bounds that are equal shall read alike, and typing takes them for the same."""
+    return int(bound) if bound == int(bound) else bound
 
 
 def read(kind: type[T], table: Mapping[str, object], where: str, path: str = "") -> T:
