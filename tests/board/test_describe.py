@@ -151,7 +151,7 @@ def test_a_section_that_is_absent_names_the_keys_it_lacks():
         ({"name": "a", "ports": {"odd name": "x"}}, 'ports."odd name": "x" is text in quotes; give an integer'),
         ({"name": "a", "place": {"latitude": 90.1, "longitude": 0}}, "place.latitude: 90.1 is out of range; give at least -90 and at most 90"),
         ({"name": "a", "place": {"latitude": 0, "longitude": 180}}, "place.longitude: 180.0 is out of range; give at least -180 and below 180"),
-        ({"name": "a", "timing": {"window_s": 0}}, "timing.window_s: 0.0 is out of range; give above 0.0"),
+        ({"name": "a", "timing": {"window_s": 0}}, "timing.window_s: 0.0 is out of range; give above 0"),
         ({"name": "a", "timing": {"hold_s": 3}}, "timing: hold_s is longer than window_s; make it shorter"),
         ({"name": "a", "profile": "legcy"}, 'profile: "legcy" is not a choice; did you mean "legacy"?'),
         ({"name": "a", "profile": 1}, 'profile: 1 is not a choice; known: "standard", "legacy"'),
