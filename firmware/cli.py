@@ -1,6 +1,7 @@
 """The command line: one verb, its arguments, and how failures are told."""
 
 import argparse
+import errno
 import io
 import os
 import sys
@@ -20,6 +21,7 @@ VERBS = {
     "lab": "the ten-message test between two stations: sent, received, equal, lost",
 }
 USAGE_ERROR = 2
+OUTPUT_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 INTERRUPTED = 130  # as a shell reports SIGINT
 
 
@@ -58,6 +60,9 @@ def load(verb: str) -> ModuleType:
 
 def main(argv: list[str]) -> int:
     """Run one verb. Returns the exit status: 0 done, 1 failed, 2 wrong usage, 130 interrupted."""
+    # A stream that the caller has closed is None: what would be said to it is said to nobody.
+    sys.stdout = sys.stdout or open(os.devnull, "w")  # noqa: SIM115 for as long as the process runs
+    sys.stderr = sys.stderr or open(os.devnull, "w")  # noqa: SIM115
     try:
         try:
             return _run(argv) if argv and argv[0] in VERBS else _help(argv)
@@ -67,6 +72,12 @@ def main(argv: list[str]) -> int:
         # The reader of our output left: nothing more to say, and nothing may be said at exit either.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    except OSError as error:
+        if error.errno not in OUTPUT_FULL:
+            raise
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        print(f"captain: cannot write: {error.strerror}", file=sys.stderr)
+        return 1
 
 
 def _run(argv: list[str]) -> int:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from firmware.topics import ROWS
 
 if TYPE_CHECKING:
-    from firmware.config import EndpointOptions, PayloadMatch, PolicyRow, Tables, TypeConfig
+    from firmware.config import EndpointOptions, PayloadMatch, PolicyRow, StationOptions, Tables, TypeConfig
 
 # Interface processes appear as an interface of this name.
 IPC = "ipc"
@@ -18,7 +18,18 @@ PLACES = frozenset({"from_users", "to_users", "pull", "report", "router"})
 
 def mistakes(tables: Tables) -> list[str]:
     """Each as `key.path: what is wrong; what to do`."""
-    return [*_interfaces(tables), *_policy(tables), *_types(tables.types), *_endpoint(tables.endpoint)]
+    return [
+        *_station(tables.station),
+        *_interfaces(tables),
+        *_policy(tables),
+        *_types(tables.types),
+        *_endpoint(tables.endpoint),
+    ]
+
+
+def _station(station: StationOptions) -> Iterator[str]:
+    if not station.name.strip() or not station.name.isprintable():
+        yield f"station.name: {station.name!r} must have letters and nothing that does not print"
 
 
 def _interfaces(tables: Tables) -> Iterator[str]:
@@ -42,6 +53,9 @@ def _policy(tables: Tables) -> Iterator[str]:
         for name in row.match.type:
             if name not in names:
                 yield f"{where}.match.type: {name!r} is no type; one of {', '.join(sorted(names))}"
+        least, most = row.match.size.min, row.match.size.max
+        if least is not None and most is not None and least > most:
+            yield f"{where}.match.size: min {least} is more than max {most}; no message is so long"
         for place, payload in enumerate(row.match.payload):
             yield from _payload(payload, f"{where}.match.payload[{place}]")
 
@@ -80,6 +94,8 @@ def _endpoint(endpoint: EndpointOptions) -> Iterator[str]:
     ports = [endpoint.from_users, endpoint.to_users, endpoint.pull, endpoint.report]
     for port in sorted({port for port in ports if port and ports.count(port) > 1}):
         yield f"endpoint: port {port} is given to two sockets; each needs its own"
+    if endpoint.ipc_in and endpoint.ipc_in == endpoint.ipc_out:
+        yield f"endpoint: ipc_in and ipc_out are both {endpoint.ipc_in!r}; each needs its own"
     for key, address in (("ipc_in", endpoint.ipc_in), ("ipc_out", endpoint.ipc_out)):
         if address and not (address.startswith("ipc://") and address.removeprefix("ipc://")):
             yield f"endpoint.{key}: {address!r} is no path; write ipc:///run/captain/{key}"

@@ -31,7 +31,9 @@ def default_path(from_users: int) -> str:
 def default_paths(from_users: int) -> list[str]:
     """All places where it may listen, named by its first port; in the last folder anybody may listen."""
     folders = [folder for folder in (os.environ.get("XDG_RUNTIME_DIR"), "/run/captain") if folder]
-    nowhere_else = f"{tempfile.gettempdir()}/captain-{os.getuid()}-{from_users}.sock"
+    # Ports are those of a network namespace, and several may share one /tmp.
+    network = os.stat("/proc/self/ns/net").st_ino
+    nowhere_else = f"{tempfile.gettempdir()}/captain-{os.getuid()}-{network}-{from_users}.sock"
     return [*(f"{folder}/captain-{from_users}.sock" for folder in folders), nowhere_else]
 
 

@@ -42,13 +42,17 @@ class RequestOptions:
     """What a user may ask for one message; what is absent is left to the policy."""
 
     label: str = ""
-    interfaces: tuple[str, ...] = ()
+    interfaces: tuple[str, ...] | None = None
     btp_port: Annotated[int, Range(0, 65535)] | None = None
     traffic_class: Annotated[int, Range(0, 255)] | None = None
     priority: Annotated[int, Range(0, 7)] | None = None
-    lifetime_s: Annotated[float, Range(0.0, 86400.0)] | None = None
-    hop_limit: Annotated[int, Range(1, 255)] = 10
+    lifetime_s: Annotated[float, Range(above=0.0, max=86400.0)] | None = None
+    hop_limit: Annotated[int, Range(1, 255)] | None = None
     area: AreaOptions | None = None
+
+    def __post_init__(self) -> None:
+        if self.hop_limit is not None and self.area is None:
+            raise ConfigurationError("hop_limit is that of a GeoBroadcast", "give an area, or leave it out")
 
 
 NO_OPTIONS = RequestOptions()

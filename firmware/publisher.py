@@ -1,6 +1,8 @@
 """A socket that publishes: it knows what is subscribed to, and notices when a subscriber does not keep up."""
 
+import errno
 import logging
+import os
 import time
 from collections.abc import Callable
 
@@ -35,16 +37,21 @@ def is_readable(socket: zmq.Socket[bytes]) -> bool:
     return bool(_get(socket, EVENTS) & READABLE)
 
 
+BIND_HINTS = {
+    errno.EADDRINUSE: "another station or program may have it: captain status, ss -ltnp; or choose another port",
+    errno.EACCES: "ports below 1024 are for privileged users; choose another",
+}
+
+
 def bind(socket: zmq.Socket[bytes], address: str, option: str) -> None:
     """Bind, or say which option of captain.toml names an address that is taken or does not exist."""
     try:
         socket.bind(address)
     except zmq.ZMQError as error:
         socket.close(0)
-        raise InterfaceError(
-            f"{option}: cannot bind {address}: {error.strerror}",
-            "another station or program may have it: captain status, ss -ltnp; or choose another port",
-        ) from error
+        number = error.errno or 0
+        hint = BIND_HINTS.get(number, "it must be an address of this host")
+        raise InterfaceError(f"{option}: cannot bind {address}: {os.strerror(number)}", hint) from error
 
 
 class Publisher:

@@ -14,6 +14,7 @@ from firmware.policy import Policy, Row
 from firmware.topics import Topics
 
 _new = tuple.__new__
+DEFAULT_HOP_LIMIT = 10  # itsGnDefaultHopLimit, EN 302 636-4-1 V1.4.1 Annex H
 Stage = Callable[[Indication], Indication | None]
 RequestStage = Callable[[Request], Request | Reason]
 
@@ -50,6 +51,9 @@ class Router:
 
     def set_policy(self, policy: Policy) -> None:
         """Exchange the policy between two messages; queues and connections stay."""
+        counts = {row.name: row.matched for row in self.policy.rows}
+        for row in policy.rows:
+            row.matched = counts.get(row.name, 0)
         self.policy = policy
         self._targets.clear()
 
@@ -98,14 +102,15 @@ class Router:
         if is_asked:
             request = _as_asked(request, asked)
             named = asked.options.interfaces
-            if strange := [name for name in named if name != "*" and name not in self.interfaces]:
+            if strange := [name for name in named or () if name != "*" and name not in self.interfaces]:
                 detail = f"no interface {', '.join(map(repr, strange))}; one of {', '.join(self.interfaces)}"
                 self._refuse(request, Reason.NO_INTERFACE, where, detail)
                 return
-            if named:
+            if named is not None:
                 targets = self._usable(named, ())
         if not targets or (row.rate is not None and not row.rate.allows(now)):
-            self._refuse(request, _why_not(targets, row.interfaces or asked.options.interfaces), where)
+            named = row.interfaces if asked.options.interfaces is None else asked.options.interfaces
+            self._refuse(request, _why_not(targets, named), where)
             return
         for stage in self.request_stages:
             passed = stage(request)
@@ -180,7 +185,7 @@ def _as_asked(request: Request, asked: Parsed) -> Request:
     options = asked.options
     changes: dict[str, Any] = {"area": asked.area, "label": options.label}
     if asked.area is not None:
-        changes["hop_limit"] = options.hop_limit
+        changes["hop_limit"] = options.hop_limit or DEFAULT_HOP_LIMIT
     if options.lifetime_s is not None:
         changes["deadline"] = request.accepted + options.lifetime_s
     if options.priority is not None:

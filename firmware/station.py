@@ -94,6 +94,8 @@ class Station:
         # What is there now stays: the collector need not look at it again.
         gc.collect()
         gc.freeze()
+        if not self._interfaces:
+            log.warning("no interface is configured: nothing is sent or received; see [interfaces.<name>]")
         if time.time() < EPOCH:
             log.warning("the clock is not set (it says %.0f s since 1970): own position counts as unknown", time.time())
         self._notice.send(f"READY=1\nSTATUS=routing over {len(self._interfaces)} interfaces")

@@ -149,7 +149,7 @@ class Neighbours:
             air.bind(_address(self._options.listen))
         except OSError as error:
             air.close()
-            hint = "another station may be running with the same neighbours"
+            hint = "another station has them already; run this one with --board none, or a board file of its own"
             raise InterfaceError(f"simulated neighbours at {self._options.listen}: {error.strerror}", hint) from error
         self._socket = air
         self._loop.add(self)

@@ -53,12 +53,13 @@ def main(arguments: argparse.Namespace) -> int:
     try:
         station.start()
         endpoint = wanted.tables.endpoint
+        address = f"[{endpoint.address}]" if ":" in endpoint.address else endpoint.address
         logging.getLogger("captain").info(
             "%s is ready: users send to tcp://%s:%d and receive from tcp://%s:%d",
             wanted.tables.station.name,
-            endpoint.address,
+            address,
             endpoint.from_users,
-            endpoint.address,
+            address,
             endpoint.to_users,
         )
         loop.run()

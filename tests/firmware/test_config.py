@@ -387,3 +387,16 @@ def test_a_written_configuration_gets_no_simulated_board_unless_it_asks(folder: 
 def test_two_stations_of_one_name_on_one_host_have_addresses_of_their_own() -> None:
     one, other = (config.load(None, [f"endpoint.from_users={port}"], "none").mac for port in (5555, 5565))
     assert one != other
+
+
+@pytest.mark.parametrize(
+    ("text", "key"),
+    [
+        ('[station]\nname = ""', "station.name"),
+        ('[station]\nname = "a\\nb"', "station.name"),
+        ('[endpoint]\nipc_in = "ipc:///tmp/x"\nipc_out = "ipc:///tmp/x"', "endpoint: ipc_in and ipc_out"),
+        ("[[policy]]\nmatch.size = { min = 300, max = 100 }", "policy[0].match.size"),
+    ],
+)
+def test_what_can_never_be_meant_is_a_mistake(folder: Path, text: str, key: str) -> None:
+    assert any(line.startswith(key) for line in mistakes(folder, text + "\n"))

@@ -252,3 +252,10 @@ def test_an_area_leaves_only_by_an_interface_that_carries_it(can: Can, is_sent: 
         interface.outlet.submit(request)
         assert driver.sent == ([request] if is_sent else [])
         assert drops.total("g5", Reason.NO_AREA) == (0 if is_sent else 1)
+
+
+def test_octets_are_counted_both_ways(bench: Bench) -> None:
+    bench.interface.indicate(CAM_PDU, 0)
+    bench.interface.indicate(CAM_PDU + b"more", 0)
+    status = bench.interface.status()
+    assert (status["received_octets"], status["sent_octets"]) == (2 * len(CAM_PDU) + 4, 0)

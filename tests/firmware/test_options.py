@@ -54,10 +54,9 @@ def test_all_options_at_once_are_read() -> None:
         ("btp_port", 65535),
         ("traffic_class", 0),
         ("priority", 7),
-        ("lifetime_s", 0),
+        ("lifetime_s", 0.001),
         ("lifetime_s", 86400),
-        ("hop_limit", 1),
-        ("hop_limit", 255),
+        ("interfaces", ["*"]),
         ("area", CIRCLE),
         ("area", {**CIRCLE, "latitude": -90, "longitude": 180}),
         ("area", {**CIRCLE, "shape": "rectangle", "distance_b": 65535, "angle": 360}),
@@ -206,3 +205,15 @@ def test_any_json_under_the_right_keys_is_read_or_refused_in_words(table: dict[s
 def test_an_area_that_nobody_can_be_in_or_that_has_too_much_is_refused(area: dict[str, object]) -> None:
     with pytest.raises(RequestError, match="area"):
         parsed(area=area)
+
+
+@pytest.mark.parametrize("hop_limit", [1, 255])
+def test_a_hop_limit_goes_with_an_area(hop_limit: int) -> None:
+    assert parsed(area=CIRCLE, hop_limit=hop_limit).options.hop_limit == hop_limit
+    with pytest.raises(RequestError, match="hop_limit"):
+        parsed(hop_limit=hop_limit)
+
+
+def test_a_message_without_a_life_is_refused() -> None:
+    with pytest.raises(RequestError, match="lifetime_s"):
+        parsed(lifetime_s=0)

@@ -201,7 +201,7 @@ def test_what_the_user_asks_goes_before_what_the_row_says(bench: Bench) -> None:
 
 def test_what_the_user_leaves_open_stays_as_the_row_says(bench: Bench) -> None:
     bench.policy({"priority": 6, "lifetime_s": 4.0, "traffic_class": 9})
-    bench.request(asked=parse(b'{"label": "mine", "hop_limit": 9}'))
+    bench.request(asked=parse(b'{"label": "mine"}'))
     (request,) = bench.drivers["g5"].sent
     assert (request.priority, request.deadline - request.accepted, request.traffic_class) == (6, 4.0, 9)
     assert (request.hop_limit, request.area) == (1, None)

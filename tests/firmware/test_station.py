@@ -6,6 +6,7 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
+import zmq
 
 from board.errors import ConfigurationError, InterfaceError
 from board.loop import Loop
@@ -163,4 +164,20 @@ def test_a_clock_that_is_not_set_makes_the_position_unknown_and_is_said(
     assert (station.ego().its_ms, station.ego().is_known) == (0, False)
     assert station.status()["is_clock_set"] is False
     assert "clock is not set" in caplog.text
+    station.close()
+
+
+def test_a_station_may_be_bound_to_an_ipv6_address(folder: Folder, loop: Loop) -> None:
+    station = folder.station(loop, "endpoint.address='::1'")
+    address = station.users.publisher._socket.get(zmq.LAST_ENDPOINT)
+    assert address.startswith(b"tcp://[::1]:")
+    station.close()
+
+
+def test_a_reload_keeps_the_counts_of_rows_that_stay(folder: Folder, loop: Loop) -> None:
+    folder.write('[[policy]]\nname = "cams"\nmatch.type = ["cam"]')
+    station = folder.station(loop)
+    station.router.request(station.topics.by_number[2], b"\2\2\0\0\0\1", "pull")
+    station.reload_policy()
+    assert station.router.policy.status()[0] == {"name": "cams", "matched": 1}
     station.close()
