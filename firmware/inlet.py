@@ -19,8 +19,9 @@ NOBLOCK = int(zmq.NOBLOCK)
 
 # Messages taken in one turn: 64 of 10 us let an interface wait for less than a millisecond.
 BATCH = 64
-# A SUB's sender drops what it cannot hand over, so a burst of 20,000 must fit here. A PULL's sender waits.
-SUB_HWM = 20_000
+# A SUB's sender drops what it cannot hand over: half a burst of 20,000 fits here, the other half in TCP's buffers and
+# in what is taken meanwhile. All of it would cost 10 MB. A PULL's sender waits.
+SUB_HWM = 10_000
 PULL_HWM = 1_000
 # Octets. A file sent by mistake is refused with its reason; a client that sends more loses its connection, uncounted.
 MAX_FRAME = 65536

@@ -22,8 +22,8 @@ EVENTS = int(zmq.EVENTS)
 READABLE = int(zmq.POLLIN)
 NOBLOCK = int(zmq.NOBLOCK)
 MORE = int(zmq.SNDMORE | zmq.NOBLOCK)
-# Messages that wait for one subscriber; a second of a full channel, eight times over.
-SEND_HWM = 16384
+# Messages that wait for one subscriber; a second of a full channel, four times over, and 4 MB.
+SEND_HWM = 8192
 # Subscriptions taken in one turn: a client that sends nothing else must not hold up the rest.
 BATCH = 64
 LOOK_S = 0.01  # a new subscription waits no longer than this while messages flow

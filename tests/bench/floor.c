@@ -21,8 +21,8 @@ enum {
     TURN = 64, /* messages taken from one side before the other is looked at */
     /* The station's own values: else buffers would be compared, not work. */
     RECEIVE_BUFFER = 4 << 20,
-    FROM_USERS_HIGH_WATER = 20000,
-    TO_USERS_HIGH_WATER = 16384,
+    FROM_USERS_HIGH_WATER = 10000,
+    TO_USERS_HIGH_WATER = 8192,
 };
 
 /* messageID -> type, TS 102 894-2 and the vehicleCAPTAIN envelope names. */

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from drivers.message import MessageType
 from drivers.reason import Reason
-from firmware.inlet import BATCH, Inlet
+from firmware.inlet import BATCH, SUB_HWM, Inlet
 from firmware.options import Parsed
 from firmware.topics import Topics
 from tests.firmware.doubles import CAM_PDU, pdu_of
@@ -217,12 +217,12 @@ def test_edges_while_a_burst_is_taken_make_no_larger_batches(pull: Bench) -> Non
     assert len(pull.router.requests) == 2 * BATCH
 
 
-def test_a_burst_of_20000_through_the_sub_is_taken_whole() -> None:
+def test_a_burst_as_long_as_the_queue_is_taken_whole() -> None:
     with closing(VirtualLoop()) as loop, closing(Bench(loop, takes_options=False)) as bench:
-        for number in range(20_000):
+        for number in range(SUB_HWM):
             bench.send(b"v2x.cam.", number.to_bytes(4, "big"))
         bench.turn()
-        assert [int.from_bytes(pdu, "big") for _, pdu in bench.router.requests] == list(range(20_000))
+        assert [int.from_bytes(pdu, "big") for _, pdu in bench.router.requests] == list(range(SUB_HWM))
 
 
 def test_a_stop_takes_what_has_arrived(pull: Bench) -> None:

@@ -166,7 +166,7 @@ def test_a_subscriber_that_never_reads_costs_the_others_nothing(launch: Launcher
     _receive_all(bench, 2000)
     before = memory_kb(bench)
     _receive_all(bench, 10_000)
-    # What waits for it is bounded by the socket's high water mark; 16,384 messages of 1.5 kB are 25 MB.
+    # What waits for it is bounded by the socket's high water mark; 8,192 messages of 1.5 kB are 13 MB.
     assert memory_kb(bench) < before + 40_000
     assert bench.station.drops() == {("to_users", "subscriber-slow"): 1}
     context.destroy(linger=0)
