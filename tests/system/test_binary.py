@@ -13,6 +13,7 @@ import pytest
 
 from board.child import MAX_MESSAGE
 from board.worker import Worker
+from tests.system.conftest import Launcher
 from tests.system.station import PROGRAM
 from tests.virtual import VirtualLoop
 
@@ -121,3 +122,15 @@ def test_doctor_tries_a_worker_out():
     (finding,) = [row for row in json.loads(told.stdout) if row["subject"] == "worker"]
     assert finding["level"] == "ok"
     assert re.fullmatch(r"a child process answered after \d+ ms", finding["text"])
+
+
+def test_a_station_whose_started_process_is_killed_does_not_live_on(launch: Launcher) -> None:
+    # In the one-file form that process only unpacked the program; what works is its child.
+    bench = launch("pdu")
+    assert bench.station.child is not None
+    station = os.pidfd_open(bench.station.status()["pid"])
+    bench.station.kill()
+    with select.epoll() as epoll:
+        epoll.register(station, select.EPOLLIN)
+        assert epoll.poll(10.0)
+    os.close(station)
