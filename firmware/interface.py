@@ -118,13 +118,12 @@ class Interface:
     def link(self, is_up: bool, why: str) -> None:
         if (is_up, why) == (self.is_up, self.why):
             return
-        if is_up is not self.is_up:
-            self.since = self.loop.clock()
         has_changed = is_up is not self.is_up
         self.is_up = is_up
         self.why = why
         log.info("%s: %s: %s", self.name, "up" if is_up else "down", why)
         if has_changed:
+            self.since = self.loop.clock()
             self._above.links_changed()
             if is_up:
                 self.outlet.writable()
