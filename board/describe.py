@@ -80,7 +80,7 @@ class _Reading:
         before = len(self.mistakes)
         for key in table:
             if key not in fields:
-                self.wrong(_join(path, key), f"is not a known key; {_remedy(key, fields)}")
+                self.wrong(_join(path, key), f"is not a known key; {remedy(key, fields)}")
         values = {}
         for key, field in fields.items():
             hint, place = hints[field.name], _join(path, key)
@@ -112,7 +112,7 @@ class _Reading:
             value = self.either(hint, value, path)
         elif origin is Literal:
             if not any(value == choice and type(value) is type(choice) for choice in arguments):
-                self.wrong(path, f"{show(value)} is not a choice; {_remedy(value, arguments, show)}")
+                self.wrong(path, f"{show(value)} is not a choice; {remedy(value, arguments, show)}")
         elif dataclasses.is_dataclass(hint) and isinstance(value, dict):
             value = self.table(hint, value, path)
         elif origin is tuple and isinstance(value, list):
@@ -173,7 +173,8 @@ def _wanted(hint: Any) -> str:
     return "a table" if dataclasses.is_dataclass(hint) else NAMES.get(origin or hint, "a value")
 
 
-def _remedy(word: object, known: Iterable[object], show: Callable[[object], str] = str) -> str:
+def remedy(word: object, known: Iterable[object], show: Callable[[object], str] = str) -> str:
+    """What may have been meant: the closest of the known words, or all of them."""
     from difflib import get_close_matches
 
     names = [show(name) for name in known]

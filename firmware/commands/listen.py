@@ -4,11 +4,11 @@ import argparse
 import json
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
 from board.errors import StationError
 from firmware.user import client
-from firmware.user.arguments import add_station, address, seconds, times
+from firmware.user.arguments import add_station, address, message_type, seconds, times
 from firmware.user.received import Message, Pairing
 from firmware.user.table import Screen, Table
 from firmware.user.tally import HEADS, Tally, cells
@@ -54,8 +54,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--type",
         metavar="T",
         action="append",
+        type=message_type,
         default=[],
-        help="only this type (cam, denm, ...); may be repeated",
+        help="only this type (cam, denm, ...), or this messageID (200); may be repeated",
     )
     parser.add_argument("--count", metavar="N", type=times, help="end after so many messages")
     parser.add_argument("--duration", metavar="S", type=seconds, help="end after so many seconds")
@@ -66,10 +67,11 @@ def main(arguments: argparse.Namespace) -> int:
     place = address(arguments)
     with client.session() as context:
         # Everything, where all types are wanted: what a station should not publish is to be seen as well.
-        types = [f"v2x.{kind.lower()}." for kind in arguments.type]
+        # A messageID has whatever name the station gives it.
+        types = [f"v2x.{kind}." if isinstance(kind, str) else "v2x." for kind in arguments.type]
         topics = ["hb.", "raw.", *types] if types else [""]
         subscriber = client.subscribe(context, place, place.to_users, *topics)
-        listening = Listening(subscriber, place, arguments.count, arguments.duration)
+        listening = Listening(subscriber, place, arguments.type, arguments.count, arguments.duration)
         if arguments.json:
             _print_json(listening)
         else:
@@ -80,14 +82,24 @@ def main(arguments: argparse.Namespace) -> int:
 class Listening:
     """Messages of one subscription until a count, a duration, or a station that is not there.
 
+    wanted  names or messageIDs of the types; all when empty.
+
     messages() calls `idle` at least every REDRAW_S, so that a table can be drawn while nothing comes.
     """
 
-    def __init__(self, subscriber: client.Socket, place: client.Address, most: int | None, for_s: float | None):
+    def __init__(
+        self,
+        subscriber: client.Socket,
+        place: client.Address,
+        wanted: Sequence[str | int],
+        most: int | None,
+        for_s: float | None,
+    ) -> None:
         self.pairing = Pairing()
         self.place = place
         self.started = self.heard = time.monotonic()
         self._subscriber = subscriber
+        self._wanted = frozenset(wanted)
         self._most = most
         self._end = self.started + for_s if for_s is not None else None
 
@@ -100,7 +112,7 @@ class Listening:
             for frames in client.waiting(self._subscriber):
                 self.heard = time.monotonic()
                 message = self.pairing.feed(frames)
-                if message is None:
+                if message is None or not self._is_wanted(message):
                     continue
                 yield message
                 count += 1
@@ -110,6 +122,9 @@ class Listening:
                 self._check()
                 idle()
                 wake = time.monotonic() + REDRAW_S
+
+    def _is_wanted(self, message: Message) -> bool:
+        return not self._wanted or not self._wanted.isdisjoint((message.type, message.message_id))
 
     @property
     def silent_s(self) -> float:
@@ -145,7 +160,7 @@ def described(message: Message) -> dict[str, object]:
     found: dict[str, object] = {
         "type": message.type,
         "station_id": message.station_id,
-        "message_id": pdu[1] if len(pdu) > 1 else None,
+        "message_id": message.message_id,
         "protocol_version": pdu[0] if pdu else None,
         "octets": len(pdu),
     }

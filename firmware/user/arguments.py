@@ -4,6 +4,8 @@ import argparse
 import math
 from collections.abc import Callable
 
+from board.describe import remedy
+from firmware import topics
 from firmware.user.client import Address
 
 MOST_MESSAGES = 10**9
@@ -96,6 +98,24 @@ def number(unit: str, most: float, is_zero_allowed: bool = False) -> Number:
         return value
 
     return read
+
+
+def message_type(text: str) -> str | int:
+    """A type by its name in the envelope, or by its messageID: the rows of a station's own are not known here.
+
+    The empty name is that of all types without one (`v2x..`).
+    """
+    if text.isascii() and text.isdigit():
+        digits = text.lstrip("0") or "0"
+        if len(digits) > 3 or int(digits) > 255:
+            raise argparse.ArgumentTypeError(f"{text[:20]!r} is no messageID: those are 0 ... 255")
+        return int(digits)
+    names = dict.fromkeys(row.name for row in topics.ROWS)
+    if text and text.lower() not in names:
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is no type; {remedy(text.lower(), names)} (one that only the station knows: its messageID)"
+        )
+    return text.lower()
 
 
 def finite(text: str) -> float | None:

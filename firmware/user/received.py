@@ -15,6 +15,11 @@ class Message(NamedTuple):
     raw: raw.RawRx | None
 
     @property
+    def message_id(self) -> int | None:
+        """messageID of the ITS PDU header; None where it is too short."""
+        return self.pdu[1] if len(self.pdu) > 1 else None
+
+    @property
     def station_id(self) -> int | None:
         """stationID of the ITS PDU header (TS 102 894-2, ItsPduHeader); None where it is too short."""
         return int.from_bytes(self.pdu[2:6]) if len(self.pdu) >= ITS_HEADER else None

@@ -90,6 +90,48 @@ def test_only_the_wanted_types_are_shown(capsys):
     assert json.loads(capsys.readouterr().out)["type"] == "denm"
 
 
+@pytest.mark.parametrize("wanted", ["200", "0200"])
+def test_a_type_that_only_the_station_knows_is_wanted_by_its_message_id(wanted, capsys):
+    own = bytes.fromhex("02c8000005390a")
+    named = [(b"v2x.mine.", own), (b"v2x..", own)]
+    with FakeStation([*on_air("cam", CAM), *named, *on_air("denm", DENM)]) as station:
+        assert listened(station, "--json", "--type", wanted, "--type", "denm", "--count", "3") == 0
+    found = [json.loads(line)["type"] for line in capsys.readouterr().out.splitlines()]
+    assert found == ["mine", "", "denm"]
+
+
+def test_a_pdu_too_short_for_a_message_id_has_none_that_is_wanted(capsys):
+    with FakeStation([(b"v2x..", b"\x02"), *on_air("cam", CAM)]) as station:
+        assert listened(station, "--json", "--type", "2", "--count", "1") == 0
+    assert json.loads(capsys.readouterr().out)["type"] == "cam"
+
+
+def test_messages_without_a_name_are_wanted_by_the_empty_one(capsys):
+    with FakeStation([*on_air("cam", CAM), *on_air("", DENM)]) as station:
+        assert listened(station, "--json", "--type", "", "--count", "1") == 0
+    assert json.loads(capsys.readouterr().out)["hex"] == DENM.hex()
+
+
+@pytest.mark.parametrize(
+    ("wanted", "remedy"),
+    [
+        ("foo", "'foo' is no type; known: denm, cam, poi, "),
+        ("dnem", "'dnem' is no type; did you mean denm?"),
+        ("SPAT", "'SPAT' is no type; did you mean spatem?"),
+        ("cam.", "'cam.' is no type; did you mean cam?"),
+        ("256", "'256' is no messageID: those are 0 ... 255"),
+        ("9" * 5000, "is no messageID: those are 0 ... 255"),
+        ("\u0662", "is no type; known: "),
+        ("-1", "is no type; known: "),
+    ],
+)
+def test_a_type_that_does_not_exist_is_wrong_usage_with_a_remedy(wanted, remedy, capsys):
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["listen", f"--type={wanted}"])
+    assert ended.value.code == 2
+    assert remedy in capsys.readouterr().err
+
+
 def test_without_a_terminal_the_table_is_plain_text(capsys):
     with FakeStation(on_air("cam", CAM) * 3) as station:
         assert listened(station, "--count", "3") == 0
