@@ -26,6 +26,7 @@ class Reason(StrEnum):
     EXPIRED = "expired"
     LINK_DOWN = "link-down"
     SEND_FAILED = "send-failed"
+    NO_SUBSCRIBER = "no-subscriber"
     STOPPED = "stopped"
     # from an interface
     KERNEL_QUEUE = "kernel-queue"
@@ -69,6 +70,7 @@ MEANING: dict[Reason, str] = {
     Reason.EXPIRED: "it waited in the interface's queue for longer than its lifetime",
     Reason.LINK_DOWN: "the interface's link was down for the rest of its lifetime",
     Reason.SEND_FAILED: "the interface took it and then reported a failure",
+    Reason.NO_SUBSCRIBER: "interface processes are there, but none is subscribed to this type",
     Reason.STOPPED: "the station stopped before it was sent",
     Reason.KERNEL_QUEUE: "the kernel's receive queue was full: more arrives than the station can take",
     Reason.DUPLICATE: "another interface delivered this PDU first",

@@ -1,5 +1,6 @@
 """Interface processes of vehicleCAPTAIN: programs of their own that bring RawRxMessages and take PDUs over ipc://."""
 
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,6 +15,7 @@ from drivers.wire import raw
 from firmware.drops import Drops
 from firmware.inlet import MAX_FRAME, SUB_HWM
 from firmware.publisher import NOBLOCK, Publisher, bind
+from firmware.topics import Topics
 
 BATCH = 32
 ENVELOPES = b"v2x."  # a process that takes any of them makes the link
@@ -31,13 +33,17 @@ class Ipc:
     """Lives beside the routing, not among the drivers, because it speaks ZeroMQ, which is the router's alone.
 
     Its link is that of sending: up while a process is subscribed. What processes bring passes whatever the link is.
+    A type that none of them takes is dropped at once: it may be that none ever will.
     """
 
-    def __init__(self, context: zmq.Context[zmq.Socket[bytes]], options: IpcOptions, drops: Drops) -> None:
+    def __init__(
+        self, context: zmq.Context[zmq.Socket[bytes]], options: IpcOptions, topics: Topics, drops: Drops
+    ) -> None:
         # Without a socket to send by, nothing may count as sent.
         self.capabilities = Capabilities(Can.RECEIVE | Can.TRANSMIT if options.ipc_out else Can.RECEIVE, "ipc")
         self._context = context
         self._options = options
+        self._envelopes = topics.envelopes
         self._drops = drops
         self._in: zmq.Socket[bytes] | None = None
         self._out: Publisher | None = None
@@ -83,7 +89,11 @@ class Ipc:
     def send(self, request: Request) -> Sent:
         assert self._out is not None
         assert self._host is not None
-        if self._out.offer(b"v2x.%s." % request.kind.name.encode(), request.pdu):
+        envelope = self._envelopes[request.kind.row]
+        if not self._out.wants(envelope):
+            self._host.loop.soon(partial(self._host.confirm, request, Reason.NO_SUBSCRIBER))
+            return Sent.LATER
+        if self._out.offer(envelope, request.pdu):
             return Sent.NOW
         self._retry_timer = self._host.loop.after(RETRY_S, self._host.writable)
         return Sent.BUSY
@@ -112,7 +122,14 @@ class Ipc:
     def _publisher(self, host: Host) -> Publisher:
         _make_folder(self._options.ipc_out, "endpoint.ipc_out")
         return Publisher(
-            host.loop, self._context, self._options.ipc_out, "ipc_out", self._drops, (ENVELOPES,), self._interest
+            host.loop,
+            self._context,
+            self._options.ipc_out,
+            "ipc_out",
+            self._drops,
+            (ENVELOPES,),
+            self._interest,
+            self._envelopes,
         )
 
     def _subscriber(self) -> "zmq.Socket[bytes]":

@@ -4,7 +4,7 @@ import errno
 import logging
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import zmq
 from zmq.backend import Socket as PlainSocket
@@ -59,6 +59,7 @@ class Publisher:
 
     place   its key in [endpoint], which is also where its drops are counted: to_users, report or ipc_out.
     topics  of which on_interest tells with each subscriber that comes, and when the last goes: topic, whether wanted.
+    whole   topics as they are sent, of which wants() tells.
 
     libzmq drops for a slow subscriber alone and counts nothing. So the socket refuses first (XPUB_NODROP): the
     refusal is the word that a subscriber is slow, then the message is sent again, dropping for that one.
@@ -73,6 +74,7 @@ class Publisher:
         drops: Drops,
         topics: tuple[bytes, ...] = (),
         on_interest: Callable[[bytes, bool], None] = lambda topic, is_wanted: None,
+        whole: Iterable[bytes] = (),
     ) -> None:
         self.slow_since: float | None = None
         self.slow_count = 0
@@ -80,6 +82,7 @@ class Publisher:
         self._place = place
         self._drops = drops
         self._interest = dict.fromkeys(topics, 0)
+        self._takers = dict.fromkeys(whole, 0)
         self._on_interest = on_interest
         self._is_looking = False
         self._socket = context.socket(zmq.XPUB)
@@ -127,6 +130,12 @@ class Publisher:
             self._loop.after(LOOK_S, self._look)
         return True
 
+    def wants(self, topic: bytes) -> bool:
+        """Whether anybody who has subscribed until now would get a message of this topic, one of the whole ones."""
+        if not self._takers[topic]:
+            self.look()
+        return self._takers[topic] > 0
+
     def close(self) -> None:
         self._loop.remove(self)
         self._socket.close()
@@ -155,11 +164,16 @@ class Publisher:
         is_wish, prefix = bool(message[0]), message[1:]
         if not is_wish:
             self.slow_since = None
+        # A peer may unsubscribe from what it never subscribed to, and libzmq passes that on: no count falls below 0.
+        step = 1 if is_wish else -1
+        # These first: who hears of interest may send at once.
+        for topic, before in self._takers.items():
+            if topic.startswith(prefix):
+                self._takers[topic] = max(0, before + step)
         for topic, before in self._interest.items():
             if not (topic.startswith(prefix) or prefix.startswith(topic)):
                 continue
-            # A peer may unsubscribe from what it never subscribed to, and libzmq passes that on.
-            after = self._interest[topic] = max(0, before + (1 if is_wish else -1))
+            after = self._interest[topic] = max(0, before + step)
             if after > before or before > after == 0:
                 self._on_interest(topic, after > 0)
 

@@ -257,7 +257,7 @@ class Station:
             for entry in self.config.interfaces
         ]
         if endpoint.ipc_in or endpoint.ipc_out:
-            ipc = Ipc(self._context, IpcOptions(endpoint.ipc_in, endpoint.ipc_out), self.drops)
+            ipc = Ipc(self._context, IpcOptions(endpoint.ipc_in, endpoint.ipc_out), self.topics, self.drops)
             drivers.append(("ipc", ipc, QueueOptions("ipc")))
         return drivers
 

@@ -20,6 +20,8 @@ from firmware.topics import Topics
 from tests.firmware.doubles import CAM_PDU, NotingStation, pdu_of, request_of
 from tests.virtual import VirtualLoop
 
+DENM = Topics().by_number[1]
+
 
 class Bench:
     def __init__(self, loop: VirtualLoop, ipc_in: str, ipc_out: str) -> None:
@@ -28,7 +30,7 @@ class Bench:
         self.context = zmq.Context()
         self.above = NotingStation()
         self.drops = Drops()
-        self.ipc = Ipc(self.context, IpcOptions(ipc_in, ipc_out), self.drops)
+        self.ipc = Ipc(self.context, IpcOptions(ipc_in, ipc_out), Topics(), self.drops)
         self.interface = Interface("ipc", self.ipc, QueueOptions("ipc"), loop, self.above, Topics(), self.drops)
         self.sockets: list[zmq.Socket[bytes]] = []
 
@@ -134,6 +136,71 @@ def test_nothing_counts_as_sent_while_no_process_is_subscribed(bench: Bench) -> 
     bench.interface.outlet.submit(request_of(1, deadline=bench.loop.now + 1.0))
     bench.loop.run_for(2.0)
     assert bench.above.outcomes() == [(1, Outcome.DROPPED, Reason.LINK_DOWN)]
+
+
+def cam_process(bench: Bench) -> "zmq.Socket[bytes]":
+    """A process that is connected and takes CAMs only."""
+    process = bench.process(zmq.XSUB, bench.ipc._options.ipc_out)
+    process.send(b"\1v2x.cam.")
+    bench.loop.run_until(lambda: bench.interface.is_up)
+    return process
+
+
+def test_what_no_process_takes_is_not_sent_and_says_why_while_what_one_takes_is(bench: Bench) -> None:
+    process = cam_process(bench)
+    bench.interface.outlet.submit(request_of(1, pdu=pdu_of(1), kind=DENM))
+    bench.interface.outlet.submit(request_of(2))
+    bench.loop.run_until(lambda: bench.interface.outlet.is_empty)
+    assert sorted(bench.above.outcomes()) == [
+        (1, Outcome.DROPPED, Reason.NO_SUBSCRIBER),
+        (2, Outcome.SENT, None),
+    ]
+    assert process.recv_multipart() == [b"v2x.cam.", CAM_PDU]
+    assert bench.drops.total("ipc", Reason.NO_SUBSCRIBER) == 1
+
+
+@pytest.mark.parametrize("prefix", [b"", b"v2x", b"v2x.", b"v2x.d", b"v2x.denm."])
+def test_a_message_is_sent_to_a_process_that_takes_any_beginning_of_its_envelope(bench: Bench, prefix: bytes) -> None:
+    process = cam_process(bench)
+    process.send(b"\1" + prefix)
+    # It stands in the socket before the next message, and nobody has read it yet.
+    assert bench.ipc._out is not None
+    assert bench.ipc._out._socket.poll(2000)
+    bench.interface.outlet.submit(request_of(1, pdu=pdu_of(1), kind=DENM))
+    assert bench.above.outcomes() == [(1, Outcome.SENT, None)]
+    assert process.recv_multipart() == [b"v2x.denm.", pdu_of(1)]
+
+
+def test_a_process_that_takes_only_what_is_longer_than_an_envelope_takes_nothing(bench: Bench) -> None:
+    process = bench.process(zmq.XSUB, bench.ipc._options.ipc_out)
+    process.send(b"\1v2x.cam.and")
+    bench.loop.run_until(lambda: bench.interface.is_up)
+    bench.interface.outlet.submit(request_of(1))
+    bench.loop.run_until(lambda: bench.interface.outlet.is_empty)
+    assert bench.above.outcomes() == [(1, Outcome.DROPPED, Reason.NO_SUBSCRIBER)]
+
+
+def test_what_waited_finds_the_process_that_takes_it_whatever_that_subscribed_to_first(bench: Bench) -> None:
+    bench.interface.outlet.submit(request_of(1, pdu=pdu_of(1), kind=DENM))
+    process = bench.process(zmq.XSUB, bench.ipc._options.ipc_out)
+    process.send(b"\1v2x.cam.")
+    process.send(b"\1v2x.")
+    bench.loop.run_until(lambda: bool(bench.above.confirms))
+    assert bench.above.outcomes() == [(1, Outcome.SENT, None)]
+
+
+def test_what_the_last_process_that_took_it_left_is_not_sent(bench: Bench) -> None:
+    first = cam_process(bench)
+    second = cam_process(bench)
+    second.send(b"\1v2x.denm.")
+    bench.loop.run_until(lambda: bench.ipc._out is not None and bench.ipc._out.wants(b"v2x.denm."))
+    second.close(0)
+    bench.loop.run_until(lambda: bench.ipc._out is not None and not bench.ipc._out.wants(b"v2x.denm."))
+    bench.interface.outlet.submit(request_of(1, pdu=pdu_of(1), kind=DENM))
+    bench.interface.outlet.submit(request_of(2))
+    bench.loop.run_until(lambda: bench.interface.outlet.is_empty)
+    assert sorted(bench.above.outcomes()) == [(1, Outcome.DROPPED, Reason.NO_SUBSCRIBER), (2, Outcome.SENT, None)]
+    assert first.recv_multipart() == [b"v2x.cam.", CAM_PDU]
 
 
 def test_what_waited_for_a_process_leaves_when_it_comes(bench: Bench) -> None:
