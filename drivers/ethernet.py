@@ -7,6 +7,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
+from board.address import mac_address
 from board.describe import Range
 from board.errors import ConfigurationError, InterfaceError, RequestError
 from board.loop import Timer
@@ -51,21 +52,8 @@ class EthernetOptions:
     def __post_init__(self) -> None:
         if not 0 < len(self.device.encode()) < 16:
             raise ConfigurationError(f'"{self.device}" is no name of a network device', "`ip link` lists them")
-        mac_address(self.mac)
-
-
-def mac_address(text: str) -> bytes:
-    """Six octets, or none for an empty text. Raises ConfigurationError for anything but 02:00:00:00:00:0b."""
-    parts = text.split(":")
-    if not text:
-        return b""
-    try:
-        octets = bytes.fromhex("".join(parts))
-    except ValueError:
-        octets = b""
-    if [len(part) for part in parts] != [2] * 6 or len(octets) != 6 or octets[0] & 1:
-        raise ConfigurationError(f'"{text}" is no address of one station', "write for example 02:00:00:00:00:0b")
-    return octets
+        if self.mac:
+            mac_address(self.mac)
 
 
 def _socket() -> socket.socket:
@@ -147,8 +135,8 @@ class Ethernet:
 
     def _own(self, device: Device) -> Shared:
         """What the station's interfaces share, with the address of this one: that of its options, or the device's."""
-        if configured := mac_address(self._options.mac):
-            return self._shared._replace(mac=configured, is_mac_configured=True)
+        if self._options.mac:
+            return self._shared._replace(mac=mac_address(self._options.mac), is_mac_configured=True)
         if device.mac != NO_MAC:
             return self._shared._replace(mac=device.mac, is_mac_configured=False)
         return self._shared

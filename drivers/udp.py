@@ -5,6 +5,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
+from board.address import Address, address, is_ipv4
 from board.describe import Range
 from board.errors import ConfigurationError, InterfaceError, RequestError
 from board.netlink import Device, DeviceWatch
@@ -16,7 +17,7 @@ from drivers.message import Request
 from drivers.reason import Reason
 from drivers.udp_framing import LANE_PROGRAMS, BtpFraming, Framing, PduFraming
 from drivers.udp_sender import Sender, Target
-from drivers.udp_socket import Address, address, group_address, is_address, open_group, open_sender, open_unicast
+from drivers.udp_socket import group_address, open_group, open_sender, open_unicast
 
 # How long the link's text speaks of an absent peer after the last sign of its absence. UDP gives no sign of return.
 ABSENT_S = 5.0
@@ -115,7 +116,7 @@ class Udp:
 
     def _open(self, opening: ExitStack) -> None:
         options = self._options
-        if options.device and not is_address(options.device):
+        if options.device and not is_ipv4(options.device):
             watch = DeviceWatch(self._host.loop, options.device, self._changed)
             opening.callback(watch.close)
             self._is_up = watch.state is not None and watch.state.is_usable

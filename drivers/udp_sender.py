@@ -5,6 +5,7 @@ import socket
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+from board.address import Address
 from board.errors import RequestError
 from board.loop import WRITE, Timer
 from drivers.access_category import BEACON, NEW_SOCKET, prioritize_datagrams
@@ -12,7 +13,6 @@ from drivers.contract import Host, Sent
 from drivers.intake import refused
 from drivers.message import Request
 from drivers.reason import Reason
-from drivers.udp_socket import Address
 
 # What an earlier datagram met, told at the next send(): ICMP says that nobody is there. The datagram of this
 # send() did not leave.

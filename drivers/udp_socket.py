@@ -5,41 +5,14 @@ import ipaddress
 import socket
 import struct
 from contextlib import ExitStack
-from typing import NamedTuple
 
+from board.address import Address, address, is_ipv4
 from board.errors import ConfigurationError
 from drivers.intake import refused
 from drivers.lanes import Program, steer
 
 # A group's datagrams stay on the link: ITS messages go one hop.
 MULTICAST_TTL = 1
-
-
-class Address(NamedTuple):
-    """An IPv4 address and a UDP port."""
-
-    host: str
-    port: int
-
-    def __str__(self) -> str:
-        return f"{self.host}:{self.port}"
-
-
-def address(text: str) -> Address:
-    """The address in `127.0.0.1:8947`. Raises ConfigurationError; names are not resolved, that could take seconds."""
-    host, _, port = text.rpartition(":")
-    if not is_address(host) or not (port.isascii() and port.isdecimal() and len(port) < 6 and int(port) <= 65535):
-        raise ConfigurationError(f'"{text}" is no IPv4 address and port', "write for example 127.0.0.1:8947")
-    return Address(host, int(port))
-
-
-def is_address(text: str) -> bool:
-    """Whether a text is an IPv4 address, and not the name of a network device."""
-    try:
-        ipaddress.IPv4Address(text)
-    except ValueError:
-        return False
-    return True
 
 
 def group_address(text: str) -> Address:
@@ -115,7 +88,7 @@ def _udp() -> socket.socket:
 def _membership(group: str, device: str) -> bytes:
     """struct ip_mreqn of ip(7): group, local address, index of the device."""
     index, local = 0, "0.0.0.0"
-    if is_address(device):
+    if is_ipv4(device):
         local = device
     elif device:
         index = _index(device)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from board import describe
+from board.address import mac_address
 from board.describe import Range
 from board.errors import ConfigurationError
 from drivers import DRIVERS
@@ -300,14 +301,9 @@ def _mac(tables: Tables, where: str) -> bytes:
     if not station.mac:
         return _made_mac(f"{station.name}/{tables.endpoint.from_users}")
     try:
-        mac = bytes(int(part, 16) for part in station.mac.split(":"))
-    except ValueError:
-        mac = b""
-    if len(mac) != 6 or mac[0] & 1 or not any(mac):
-        raise ConfigurationError(
-            f"{where}: station.mac: {station.mac!r} is no station's address; six octets such as 02:00:00:00:00:0b"
-        )
-    return mac
+        return mac_address(station.mac)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{where}: station.mac: {error.message}; {error.hint}") from error
 
 
 def _made_mac(who: str) -> bytes:

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Annotated
 
+from board.address import address
 from board.describe import Range
-from board.errors import ConfigurationError, InterfaceError
+from board.errors import InterfaceError
 from board.loop import Loop, Timer
 from board.time import EPOCH, its_time_ms, leap_seconds
 from drivers.message import ITS_HEADER, Area, Ego, MessageType, Position, Request, Shape
@@ -48,7 +49,7 @@ class NeighboursOptions:
 
     def __post_init__(self) -> None:
         for text in (self.listen, self.to):
-            _address(text)
+            address(text)
 
 
 class Neighbour:
@@ -131,7 +132,7 @@ class Neighbours:
         self._loop = loop
         self._options = options
         self._wall = wall
-        self._to = _address(options.to)
+        self._to = address(options.to)
         self._ear = GeoNetworking(bytes.fromhex("02aa0000ffff"), beacon_s=0.0)
         self._socket: socket.socket | None = None
         self._beats: list[Beat] = []
@@ -146,7 +147,7 @@ class Neighbours:
         """Hear and send from now on. Raises InterfaceError when the address is taken or not ours."""
         air = socket.socket(socket.AF_INET, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
         try:
-            air.bind(_address(self._options.listen))
+            air.bind(address(self._options.listen))
         except OSError as error:
             air.close()
             hint = "another station has them already; run this one with --board none, or a board file of its own"
@@ -211,15 +212,3 @@ class Neighbours:
     def _its_ms(self) -> int:
         utc_s = max(self._wall(), EPOCH)  # a clock that was never set: ITS time begins in 2004
         return its_time_ms(utc_s, leap_seconds(utc_s))
-
-
-def _address(text: str) -> tuple[str, int]:
-    host, _, port = text.rpartition(":")
-    try:
-        socket.inet_aton(host)
-        number = int(port)
-    except (OSError, ValueError):
-        number = -1
-    if not 0 <= number <= 65535:
-        raise ConfigurationError(f'"{text}" is no IPv4 address and port', "write for example 127.0.0.1:8947")
-    return host, number

@@ -4,6 +4,7 @@ import argparse
 import math
 from collections.abc import Callable
 
+from board.address import host_and_port
 from board.describe import remedy
 from firmware import topics
 from firmware.user.client import Address
@@ -63,13 +64,7 @@ def add_configuration(parser: argparse.ArgumentParser) -> None:
 
 def station(text: str) -> tuple[str, int]:
     """Host and port of `HOST`, `HOST:PORT`, `:PORT`, `[V6]:PORT`."""
-    if text.startswith("["):
-        host, _, rest = text[1:].partition("]")
-        number = rest.removeprefix(":")
-    elif text.count(":") > 1:
-        host, number = text, ""
-    else:
-        host, _, number = text.partition(":")
+    host, number = host_and_port(text)
     first = port(number) if number else 5555
     if first + 3 > 0xFFFF:
         raise argparse.ArgumentTypeError(f"{text!r}: the three ports after {first} do not exist")

@@ -6,6 +6,7 @@ import subprocess
 from pathlib import Path
 from typing import ClassVar
 
+from board.address import address
 from board.netlink import device
 from drivers.contract import Driver
 from drivers.ethernet import Ethernet, EthernetOptions
@@ -14,7 +15,7 @@ from drivers.morse import Morse, MorseOptions
 from drivers.sim.serial_line import SerialLine
 from drivers.uart import Uart, UartOptions
 from drivers.udp import Udp, UdpOptions
-from drivers.udp_socket import address, open_group, open_sender
+from drivers.udp_socket import open_group, open_sender
 from drivers.wire import btp, frame, morse
 from drivers.wire.geonet import GeoNetworking, Received
 from drivers.wire.serial_frame import Frame

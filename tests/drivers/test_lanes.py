@@ -8,8 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from board.address import Address
 from drivers.lanes import ALL, NONE, in_btp, in_frame, in_packet, in_pdu, keep
-from drivers.udp_socket import Address, open_unicast
+from drivers.udp_socket import open_unicast
 
 CAPTURES = json.loads((Path(__file__).parents[1] / "captures" / "frames.json").read_text())
 FRAMES = {frame["name"]: bytes.fromhex(frame["hex"]) for frame in CAPTURES["frames"]}

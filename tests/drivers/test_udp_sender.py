@@ -5,11 +5,11 @@ import socket
 
 import pytest
 
+from board.address import Address
 from board.errors import RequestError
 from drivers.contract import Sent
 from drivers.reason import Reason
 from drivers.udp_sender import Sender, Target
-from drivers.udp_socket import Address
 from tests.drivers.host import CAM, DENM, request
 
 

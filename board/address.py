@@ -1,0 +1,57 @@
+"""Addresses as they are written: host and port, IPv4 and port, six octets of a device."""
+
+import ipaddress
+from typing import NamedTuple
+
+from board.errors import ConfigurationError
+
+
+class Address(NamedTuple):
+    """An IPv4 address and a UDP port."""
+
+    host: str
+    port: int
+
+    def __str__(self) -> str:
+        return f"{self.host}:{self.port}"
+
+
+def host_and_port(text: str) -> tuple[str, str]:
+    """Both parts of `HOST`, `HOST:PORT`, `:PORT`, `V6`, `[V6]:PORT`; what is not written is empty."""
+    if text.startswith("["):
+        host, _, rest = text[1:].partition("]")
+        return host, rest.removeprefix(":")
+    if text.count(":") > 1:
+        return text, ""
+    host, _, port = text.partition(":")
+    return host, port
+
+
+def address(text: str) -> Address:
+    """The address in `127.0.0.1:8947`. Raises ConfigurationError; names are not resolved, that could take seconds."""
+    host, port = host_and_port(text)
+    is_port = port.isascii() and port.isdecimal() and len(port) < 6 and int(port) <= 65535
+    if text.startswith("[") or not is_ipv4(host) or not is_port:
+        raise ConfigurationError(f'"{text}" is no IPv4 address and port', "write for example 127.0.0.1:8947")
+    return Address(host, int(port))
+
+
+def is_ipv4(text: str) -> bool:
+    """Whether a text is an IPv4 address, and not the name of a network device."""
+    try:
+        ipaddress.IPv4Address(text)
+    except ValueError:
+        return False
+    return True
+
+
+def mac_address(text: str) -> bytes:
+    """The six octets of one station's address, written as 02:00:00:00:00:0b. Raises ConfigurationError."""
+    parts = text.split(":")
+    try:
+        octets = bytes.fromhex("".join(parts))
+    except ValueError:
+        octets = b""
+    if [len(part) for part in parts] != [2] * 6 or len(octets) != 6 or octets[0] & 1 or not any(octets):
+        raise ConfigurationError(f'"{text}" is no address of one station', "write for example 02:00:00:00:00:0b")
+    return octets
