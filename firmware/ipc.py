@@ -1,5 +1,7 @@
 """Interface processes of vehicleCAPTAIN: programs of their own that bring RawRxMessages and take PDUs over ipc://."""
 
+import fcntl
+import os
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -50,6 +52,7 @@ class Ipc:
         self._host: Host | None = None
         self._is_scheduled = False
         self._retry_timer: Timer | None = None
+        self._locks: list[int] = []
 
     def start(self, host: Host) -> None:
         self._host = host
@@ -112,6 +115,8 @@ class Ipc:
             self._out = None
         if self._retry_timer is not None:
             self._retry_timer.cancel()
+        while self._locks:
+            os.close(self._locks.pop())
 
     def _interest(self, topic: bytes, is_wanted: bool) -> None:
         """A process subscribed, or the last one left."""
@@ -120,7 +125,7 @@ class Ipc:
         self._host.link(is_wanted, ways if is_wanted else f"{ways}: no interface process is subscribed")
 
     def _publisher(self, host: Host) -> Publisher:
-        _make_folder(self._options.ipc_out, "endpoint.ipc_out")
+        self._claim(self._options.ipc_out, "endpoint.ipc_out")
         return Publisher(
             host.loop,
             self._context,
@@ -133,13 +138,20 @@ class Ipc:
         )
 
     def _subscriber(self) -> "zmq.Socket[bytes]":
-        _make_folder(self._options.ipc_in, "endpoint.ipc_in")
+        self._claim(self._options.ipc_in, "endpoint.ipc_in")
         socket = self._context.socket(zmq.SUB)
         socket.set(zmq.RCVHWM, SUB_HWM)
         socket.set(zmq.MAXMSGSIZE, MAX_FRAME)
         socket.set(zmq.SUBSCRIBE, b"")
         bind(socket, self._options.ipc_in, "endpoint.ipc_in")
         return socket
+
+    def _claim(self, address: str, option: str) -> None:
+        """Make the path this station's until stop(). Raises InterfaceError where it is another's or cannot be had."""
+        path = address.removeprefix("ipc://")
+        if not path.startswith("@"):  # an abstract name has no file, and the kernel refuses a second of it
+            _make_folder(path, option)
+            self._locks.append(_lock(path, option))
 
     def _take(self, host: Host, frames: list[bytes]) -> None:
         if len(frames) != 1:
@@ -153,9 +165,32 @@ class Ipc:
         host.indicate(received.pdu, received.received_ns, received.rx)
 
 
-def _make_folder(address: str, option: str) -> None:
-    folder = Path(address.removeprefix("ipc://")).parent
+def _make_folder(path: str, option: str) -> None:
+    folder = Path(path).parent
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InterfaceError(f"{option}: cannot make {folder}: {error.strerror}") from error
+
+
+def _lock(path: str, option: str) -> int:
+    """Lock the file <path>.lock; closing the descriptor that is returned, or dying, gives it up.
+
+    libzmq takes a socket's file from whoever has it: it unlinks, then binds. To connect first and see whether anybody
+    answers says nothing either, because it closes sockets later than it is told to. The file stays: were it removed,
+    two could each lock one of its name.
+    """
+    file = path + ".lock"
+    try:
+        lock = os.open(file, os.O_RDONLY | os.O_CREAT | os.O_NOFOLLOW, 0o644)
+    except OSError as error:
+        raise InterfaceError(f"{option}: cannot lock {file}: {error.strerror}") from error
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        os.close(lock)
+        if isinstance(error, BlockingIOError):
+            hint = "stop that one, or give each station a path of its own"
+            raise InterfaceError(f"{option}: {path} belongs to another station that runs", hint) from error
+        raise InterfaceError(f"{option}: cannot lock {file}: {error.strerror}") from error
+    return lock

@@ -1,5 +1,6 @@
 """Interface processes over ipc://: RawRxMessages come in, PDUs go out."""
 
+import socket
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
@@ -47,8 +48,8 @@ class Bench:
 
     def close(self) -> None:
         self.ipc.stop()
-        for socket in self.sockets:
-            socket.close(0)
+        for each in self.sockets:
+            each.close(0)
         self.context.term()
 
 
@@ -282,6 +283,58 @@ def test_a_path_that_cannot_be_had_names_the_option_and_leaves_nothing_open(
                 bench.ipc.start(bench.interface)
             assert loop._sources == {}
             assert (bench.ipc._in, bench.ipc._out) == (None, None)
+
+
+@pytest.mark.parametrize("taken", ["in", "out"])
+def test_a_path_of_a_station_that_runs_is_refused_until_that_has_stopped(
+    bench: Bench, loop: VirtualLoop, tmp_path: Path, taken: str
+) -> None:
+    theirs = getattr(bench.ipc._options, f"ipc_{taken}")
+    own = f"ipc://{tmp_path}/own"
+    with closing(Bench(loop, *((theirs, own) if taken == "in" else (own, theirs)))) as second:
+        for _ in range(3):  # as the supervisor does
+            with pytest.raises(InterfaceError, match=rf"endpoint\.ipc_{taken}: .*/v2x/{taken}/0 .*another") as caught:
+                second.ipc.start(second.interface)
+            assert "path of its own" in caught.value.hint
+        # The first has lost nothing.
+        sender(bench).send(raw.build(CAM_PDU, 0, RxInfo()))
+        loop.run_until(lambda: bool(bench.above.indications))
+        subscriber(bench)
+        bench.ipc.stop()
+        second.ipc.start(second.interface)
+        subscriber(second)
+
+
+def test_what_a_dead_station_left_is_no_obstacle(loop: VirtualLoop, tmp_path: Path) -> None:
+    ways = (tmp_path / "in", tmp_path / "out")
+    for way in ways:
+        with socket.socket(socket.AF_UNIX) as left:
+            left.bind(str(way))
+        way.with_name(way.name + ".lock").touch()
+    with closing(Bench(loop, *(f"ipc://{way}" for way in ways))) as bench:
+        bench.ipc.start(bench.interface)
+        sender(bench)
+        subscriber(bench)
+
+
+def test_a_name_without_a_file_needs_no_lock(
+    loop: VirtualLoop, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with closing(Bench(loop, "", f"ipc://@{tmp_path}")) as bench:
+        bench.ipc.start(bench.interface)
+        subscriber(bench)
+        assert list(tmp_path.iterdir()) == []
+        # The kernel knows these names.
+        with closing(Bench(loop, "", f"ipc://@{tmp_path}")) as second, pytest.raises(InterfaceError, match="ipc_out"):
+            second.ipc.start(second.interface)
+
+
+def test_a_lock_that_cannot_be_had_names_the_option_and_the_file(loop: VirtualLoop, tmp_path: Path) -> None:
+    (tmp_path / "in.lock").mkdir()
+    refusal = pytest.raises(InterfaceError, match=r"endpoint\.ipc_in: cannot lock .*/in\.lock: Is a directory")
+    with closing(Bench(loop, f"ipc://{tmp_path}/in", "")) as bench, refusal:
+        bench.ipc.start(bench.interface)
 
 
 def test_it_may_be_stopped_twice_and_started_again(bench: Bench) -> None:
