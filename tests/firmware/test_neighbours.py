@@ -1,6 +1,13 @@
 """Who was heard, when last, and how strongly."""
 
-from firmware.neighbours import Neighbours
+from collections.abc import Iterator
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from firmware import neighbours as module
+from firmware.neighbours import CAPACITY, Neighbours
 
 
 def test_a_station_heard_twice_is_one_neighbour() -> None:
@@ -55,3 +62,49 @@ def test_a_hundred_thousand_stations_take_no_more_room_than_the_capacity() -> No
     for who in range(100_000):
         neighbours.heard(who.to_bytes(4, "big"), who * 1e-3, None)
     assert neighbours.count(100.0, 1e6) == 64
+
+
+def test_a_full_table_without_a_signal_that_is_good_enough_is_not_walked(monkeypatch: pytest.MonkeyPatch) -> None:
+    looked_at: list[float] = []
+    newest_first = module.newest_first
+
+    def noting(moments: dict[bytes, float]) -> Iterator[float]:
+        for moment in newest_first(moments):
+            looked_at.append(moment)
+            yield moment
+
+    monkeypatch.setattr(module, "newest_first", noting)
+    neighbours = Neighbours()
+    for who in range(CAPACITY):
+        neighbours.heard(who.to_bytes(4, "big"), 1.0, -95 + who % 20)
+    assert neighbours.count(1.0, rssi_dbm=-75) == 0
+    assert looked_at == []
+    neighbours.heard(b"near", 1.0, -60)
+    assert neighbours.count(1.0, rssi_dbm=-75) == 1
+    assert neighbours.count(1.0, rssi_dbm=-80, enough=3) == 3
+    assert len(looked_at) <= 1 + 3
+
+
+SIGNS = st.lists(
+    st.tuples(st.integers(0, 7).map(lambda who: b"%d" % who), st.floats(0, 3), st.none() | st.integers(-4, 0))
+)
+
+
+@given(SIGNS, st.none() | st.integers(-5, 1), st.integers(1, 6))
+def test_what_is_counted_is_what_a_walk_of_all_would_count(
+    signs: list[tuple[bytes, float, int | None]], rssi_dbm: int | None, enough: int
+) -> None:
+    neighbours, walked, now = Neighbours(capacity=5), dict[bytes, tuple[float, int | None]](), 0.0
+    for who, later, rssi in signs:
+        now += later
+        neighbours.heard(who, now, rssi)
+        walked.pop(who, None)
+        walked[who] = now, rssi
+        if len(walked) > 5:
+            del walked[next(iter(walked))]
+        good = [
+            who
+            for who, (when, rssi) in walked.items()
+            if when >= now - 4.0 and (rssi_dbm is None or (rssi is not None and rssi >= rssi_dbm))
+        ]
+        assert neighbours.count(now, 4.0, rssi_dbm, enough) == min(len(good), enough)
