@@ -14,3 +14,9 @@ def block() -> int:
             first: int = probe.getsockname()[1]
         if first < 65_000 and all(ports.is_free("127.0.0.1", port) for port in range(first, first + 20)):
             return first
+
+
+@pytest.fixture(autouse=True)
+def runtime_folder(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where stations that a command starts have their control sockets: one that is killed leaves its own behind."""
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path_factory.mktemp("r")))
