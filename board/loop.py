@@ -10,7 +10,6 @@ from typing import Protocol
 
 READ = select.EPOLLIN
 WRITE = select.EPOLLOUT
-BROKEN = select.EPOLLHUP | select.EPOLLERR  # reported whether wanted or not
 
 # Descriptors served in one turn. All that are ready beyond these are served in the next: the kernel rotates.
 MAX_EVENTS = 64
@@ -57,7 +56,7 @@ class Loop:
         self._is_running = False
 
     def add(self, source: Source, events: int = READ) -> None:
-        """Serve a source from now on; events is a mask of READ and WRITE."""
+        """Serve a source from now on; events is a mask of READ and WRITE; a broken one is served whatever it wants."""
         descriptor = source.fileno()
         self._epoll.register(descriptor, events)
         self._sources[descriptor] = source
