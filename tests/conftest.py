@@ -1,5 +1,10 @@
-"""What all tests share: the same examples in every run, and no assertion on a clock."""
+"""What all tests share: the same examples in every run, no assertion on a clock, and a word when a process has ended."""
 
+import os
+import select
+from collections.abc import Callable
+
+import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis.configuration import set_hypothesis_home_dir
 
@@ -14,3 +19,19 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
 )
 settings.load_profile("captain")
+
+
+@pytest.fixture(scope="session")
+def wait_for_end() -> Callable[[int], None]:
+    """Waits until a process has ended, of which the test's own need not be the parent."""
+    return _wait_for_end
+
+
+def _wait_for_end(pid: int) -> None:
+    try:
+        pidfd = os.pidfd_open(pid)
+    except ProcessLookupError:
+        return
+    # The time-out only bounds a failure.
+    assert select.select([pidfd], [], [], 20.0)[0], f"process {pid} lives on"
+    os.close(pidfd)

@@ -2,7 +2,6 @@
 
 import os
 import re
-import select
 import signal
 import socket
 import subprocess
@@ -92,16 +91,6 @@ def make() -> Iterator[Callable[..., Bench]]:
 def is_gone(pid: int) -> bool:
     """Ended, and no zombie of ours."""
     return not Path(f"/proc/{pid}").exists()
-
-
-def wait_for_end(pid: int) -> None:
-    """Of a process that is nobody's child here. The time-out only bounds a failure."""
-    try:
-        pidfd = os.pidfd_open(pid)
-    except ProcessLookupError:
-        return
-    assert select.select([pidfd], [], [], 20.0)[0], f"process {pid} lives on"
-    os.close(pidfd)
 
 
 # messages
@@ -430,7 +419,7 @@ def test_signals_for_the_whole_group_do_not_end_a_child(make, number: int):
     assert bench.receive(1) == [b"still here"]
 
 
-def test_a_child_ends_with_its_parent_even_when_that_is_killed(make):
+def test_a_child_ends_with_its_parent_even_when_that_is_killed(make, wait_for_end):
     bench = make("prove-nesting", [])
     nest = bench.up()
     (state,) = bench.receive(1)

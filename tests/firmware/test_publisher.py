@@ -12,6 +12,7 @@ from drivers.reason import Reason
 from firmware import publisher as module
 from firmware.drops import Drops
 from firmware.publisher import Publisher
+from tests.firmware.subscribers import Subscribers, received
 from tests.virtual import VirtualLoop
 
 TOPICS = (b"raw.", b"status.")
@@ -27,21 +28,7 @@ class Bench:
             loop, self.context, address, "to_users", self.drops, TOPICS, lambda *change: self.interest.append(change)
         )
         self.address = self.publisher._socket.get(zmq.LAST_ENDPOINT).rstrip(b"\0").decode()
-        self.sockets: list[zmq.Socket[bytes]] = []
-
-    def socket(self, kind: int = zmq.SUB) -> "zmq.Socket[bytes]":
-        socket = self.context.socket(kind)
-        socket.set(zmq.LINGER, 0)
-        socket.connect(self.address)
-        self.sockets.append(socket)
-        return socket
-
-    def subscriber(self, *prefixes: bytes) -> "zmq.Socket[bytes]":
-        subscriber = self.socket()
-        for prefix in prefixes:
-            subscriber.subscribe(prefix)
-        self.turn()
-        return subscriber
+        self.users = Subscribers(loop, self.context, self.address)
 
     def turn(self) -> None:
         self.loop.run_for(0.05)
@@ -52,8 +39,7 @@ class Bench:
         self.loop.run_until(lambda: self.interest[-len(changes) :] == list(changes))
 
     def close(self) -> None:
-        for connected in self.sockets:
-            connected.close(0)
+        self.users.close()
         self.publisher.close()
         self.context.term()
 
@@ -64,17 +50,8 @@ def bench() -> Iterator[Bench]:
         yield bench
 
 
-def received(subscriber: "zmq.Socket[bytes]") -> list[list[bytes]]:
-    messages = []
-    while True:
-        try:
-            messages.append(subscriber.recv_multipart(zmq.NOBLOCK))
-        except zmq.Again:
-            return messages
-
-
 def test_a_message_of_two_frames_reaches_its_subscriber(bench: Bench) -> None:
-    subscriber = bench.subscriber(b"v2x.")
+    subscriber = bench.users.join(b"v2x.")
     bench.publisher.publish(b"v2x.cam.", b"pdu")
     bench.publisher.publish(b"hb.counter", b"{}")
     assert received(subscriber) == [[b"v2x.cam.", b"pdu"]]
@@ -97,7 +74,7 @@ def test_a_message_of_two_frames_reaches_its_subscriber(bench: Bench) -> None:
     ],
 )
 def test_a_prefix_is_interest_in_what_it_overlaps(bench: Bench, prefix: bytes, topics: set[bytes]) -> None:
-    subscriber = bench.subscriber(prefix)
+    subscriber = bench.users.join(prefix)
     assert set(bench.interest) == {(topic, True) for topic in topics}
     bench.interest.clear()
     subscriber.unsubscribe(prefix)
@@ -106,7 +83,7 @@ def test_a_prefix_is_interest_in_what_it_overlaps(bench: Bench, prefix: bytes, t
 
 
 def test_interest_lasts_until_the_last_prefix_has_gone(bench: Bench) -> None:
-    subscriber = bench.subscriber(b"", b"r", b"raw.", b"raw.x")
+    subscriber = bench.users.join(b"", b"r", b"raw.", b"raw.x")
     assert set(bench.interest) == {(b"raw.", True), (b"status.", True)}
     for prefix in (b"", b"raw.", b"r"):
         subscriber.unsubscribe(prefix)
@@ -118,7 +95,7 @@ def test_interest_lasts_until_the_last_prefix_has_gone(bench: Bench) -> None:
 
 
 def test_interest_lasts_until_the_last_subscriber_has_gone(bench: Bench) -> None:
-    first, second = bench.subscriber(b"raw."), bench.subscriber(b"raw.")
+    first, second = bench.users.join(b"raw."), bench.users.join(b"raw.")
     assert bench.interest == [(b"raw.", True)] * 2  # each is told: a newcomer may want what was said before
     first.unsubscribe(b"raw.")
     bench.turn()
@@ -128,7 +105,7 @@ def test_interest_lasts_until_the_last_subscriber_has_gone(bench: Bench) -> None
 
 
 def test_a_subscription_that_comes_while_messages_flow_is_seen(bench: Bench) -> None:
-    subscriber = bench.socket()
+    subscriber = bench.users.socket()
     for number in range(500):
         bench.publisher.publish(b"v2x.cam.", b"%d" % number)
         if number == 250:
@@ -138,7 +115,7 @@ def test_a_subscription_that_comes_while_messages_flow_is_seen(bench: Bench) -> 
 
 
 def test_a_thousand_prefixes_of_one_subscriber_go_with_it(bench: Bench) -> None:
-    subscriber = bench.socket()
+    subscriber = bench.users.socket()
     for number in range(900):
         subscriber.subscribe(b"raw.%d" % number)
     bench.turn()
@@ -151,20 +128,20 @@ RUBBISH = [b"hello", b"\2raw.", b"\xff", b"x" * 10_000, b"raw.", b"status."]
 
 
 def test_rubbish_from_a_subscriber_is_ignored(bench: Bench) -> None:
-    rude = bench.socket(zmq.XSUB)
+    rude = bench.users.socket(zmq.XSUB)
     for message in RUBBISH:
         rude.send(message)
     rude.send_multipart([b"\2", b"more", b""])
     bench.turn()
     assert bench.interest == []
-    subscriber = bench.subscriber(b"raw.")
+    subscriber = bench.users.join(b"raw.")
     bench.publisher.publish(b"raw.", b"1")
     assert bench.interest == [(b"raw.", True)]
     assert received(subscriber) == [[b"raw.", b"1"]]
 
 
 def test_rubbish_of_one_takes_no_subscription_from_another(bench: Bench) -> None:
-    rude, first, second = bench.socket(zmq.XSUB), bench.socket(), bench.socket()
+    rude, first, second = bench.users.socket(zmq.XSUB), bench.users.socket(), bench.users.socket()
     rude.send(b"hello")
     first.subscribe(b"a")
     rude.send(b"hello")
@@ -178,7 +155,7 @@ def test_rubbish_of_one_takes_no_subscription_from_another(bench: Bench) -> None
 
 
 def test_a_flood_of_rubbish_does_not_hold_up_the_rest(bench: Bench) -> None:
-    rude = bench.socket(zmq.XSUB)
+    rude = bench.users.socket(zmq.XSUB)
     for _ in range(module.BATCH * 3):
         rude.send(b"hello")
     turns: list[int] = []
@@ -186,7 +163,7 @@ def test_a_flood_of_rubbish_does_not_hold_up_the_rest(bench: Bench) -> None:
     bench.loop.turn()
     assert turns == [1]
     bench.turn()
-    assert bench.subscriber(b"raw.")
+    assert bench.users.join(b"raw.")
     assert bench.interest == [(b"raw.", True)]
 
 
@@ -209,8 +186,8 @@ def test_an_unsubscription_of_what_was_never_subscribed_spoils_nothing() -> None
 
 
 def test_a_subscriber_that_never_reads_is_noticed_and_the_others_lose_nothing(bench: Bench) -> None:
-    bench.subscriber(b"")
-    reader = bench.subscriber(b"")
+    bench.users.join(b"")
+    reader = bench.users.join(b"")
     count = 0
     while bench.publisher.slow_since is None:
         bench.publisher.publish(b"v2x.cam.", b"%d" % count)
@@ -227,7 +204,7 @@ def test_a_subscriber_that_never_reads_is_noticed_and_the_others_lose_nothing(be
 
 
 def test_a_loss_to_a_slow_subscriber_is_counted_where_it_was_with_its_sample(bench: Bench) -> None:
-    bench.subscriber(b"raw.")
+    bench.users.join(b"raw.")
     bench.publisher.publish(b"raw.", b"earlier")
     assert bench.drops.total("to_users", Reason.SUBSCRIBER_SLOW) == 0
     while bench.publisher.slow_since is None:
@@ -238,7 +215,7 @@ def test_a_loss_to_a_slow_subscriber_is_counted_where_it_was_with_its_sample(ben
 
 
 def test_what_a_slow_subscriber_did_not_ask_for_is_no_loss(bench: Bench) -> None:
-    bench.subscriber(b"raw.")
+    bench.users.join(b"raw.")
     while bench.publisher.slow_since is None:
         bench.publisher.publish(b"raw.", b"")
     for _ in range(100):
@@ -247,7 +224,7 @@ def test_what_a_slow_subscriber_did_not_ask_for_is_no_loss(bench: Bench) -> None
 
 
 def test_each_time_that_a_subscriber_falls_behind_is_counted(bench: Bench) -> None:
-    slow = bench.subscriber(b"")
+    slow = bench.users.join(b"")
     for count in (1, 2, 3):
         while bench.publisher.slow_count < count:
             bench.publisher.publish(b"v2x.cam.", b"")
@@ -257,7 +234,7 @@ def test_each_time_that_a_subscriber_falls_behind_is_counted(bench: Bench) -> No
 
 
 def test_a_subscriber_that_never_reads_is_slow_until_it_leaves(bench: Bench) -> None:
-    slow = bench.subscriber(b"raw.")
+    slow = bench.users.join(b"raw.")
     while bench.publisher.slow_since is None:
         bench.publisher.publish(b"raw.", b"")
     for _ in range(10):
@@ -270,7 +247,7 @@ def test_a_subscriber_that_never_reads_is_slow_until_it_leaves(bench: Bench) -> 
 
 
 def test_a_subscriber_that_reads_again_loses_nothing_more_and_is_noticed_when_it_stops_again(bench: Bench) -> None:
-    slow = bench.subscriber(b"")
+    slow = bench.users.join(b"")
     for count in (1, 2, 3):
         while bench.publisher.slow_count < count:
             bench.publisher.publish(b"v2x.cam.", b"")
@@ -282,7 +259,7 @@ def test_a_subscriber_that_reads_again_loses_nothing_more_and_is_noticed_when_it
 
 
 def test_a_message_to_a_slow_subscriber_is_whole_or_not_there(bench: Bench) -> None:
-    slow = bench.subscriber(b"")
+    slow = bench.users.join(b"")
     while bench.publisher.slow_since is None:
         bench.publisher.publish(b"v2x.cam.", b"pdu")
     for _ in range(100):

@@ -12,6 +12,7 @@ from firmware.drops import Drops
 from firmware.topics import Topics
 from firmware.users import Users, heartbeat
 from tests.firmware.doubles import CAM_PDU, INGOLSTADT, pdu_of
+from tests.firmware.subscribers import Subscribers, received
 from tests.virtual import VirtualLoop
 
 TOPICS = Topics()
@@ -23,26 +24,17 @@ class Bench:
         self.context = zmq.Context()
         self.position: Position | None = INGOLSTADT
         self.users = Users(loop, self.context, "inproc://users", TOPICS, Drops(), self.ego)
-        self.subscribers: list[zmq.Socket[bytes]] = []
+        self.subscribers = Subscribers(loop, self.context, "inproc://users")
 
     def ego(self) -> Ego:
         return Ego(0, self.position or Position(), self.position is not None)
-
-    def subscriber(self, prefix: bytes = b"") -> "zmq.Socket[bytes]":
-        subscriber = self.context.socket(zmq.SUB)
-        subscriber.connect("inproc://users")
-        subscriber.subscribe(prefix)
-        self.subscribers.append(subscriber)
-        self.loop.run_for(0.05)
-        return subscriber
 
     def publish(self, pdu: bytes = CAM_PDU, rx: RxInfo = NO_RX_INFO) -> None:
         kind = TOPICS.by_number[pdu[1]]
         self.users.publish(Indication(kind, pdu, "g5", 1_795_182_426_461_613_000, self.loop.clock(), rx))
 
     def close(self) -> None:
-        for subscriber in self.subscribers:
-            subscriber.close(0)
+        self.subscribers.close()
         self.users.publisher.close()
         self.context.term()
 
@@ -53,17 +45,8 @@ def bench() -> Iterator[Bench]:
         yield bench
 
 
-def received(subscriber: "zmq.Socket[bytes]") -> list[list[bytes]]:
-    messages = []
-    while True:
-        try:
-            messages.append(subscriber.recv_multipart(zmq.NOBLOCK))
-        except zmq.Again:
-            return messages
-
-
 def test_raw_comes_first_and_then_the_pdu_as_it_was(bench: Bench) -> None:
-    subscriber = bench.subscriber()
+    subscriber = bench.subscribers.join(b"")
     rx = RxInfo(rssi_dbm=-71, source_mac=b"\1\2\3\4\5\6")
     bench.publish(rx=rx)
     (first, octets), second = received(subscriber)
@@ -76,13 +59,13 @@ def test_raw_comes_first_and_then_the_pdu_as_it_was(bench: Bench) -> None:
 
 def test_without_an_own_position_localinfo_is_left_out(bench: Bench) -> None:
     bench.position = None
-    subscriber = bench.subscriber(b"raw.")
+    subscriber = bench.subscribers.join(b"raw.")
     bench.publish()
     assert raw.parse(received(subscriber)[0][1]).local is None
 
 
 def test_raw_is_not_built_for_nobody(bench: Bench) -> None:
-    subscriber = bench.subscriber(b"v2x.")
+    subscriber = bench.subscribers.join(b"v2x.")
     bench.publish()
     assert received(subscriber) == [[b"v2x.cam.", CAM_PDU]]
     assert (bench.users.raw, bench.users.published) == (0, 1)
@@ -91,9 +74,7 @@ def test_raw_is_not_built_for_nobody(bench: Bench) -> None:
 def test_whoever_comes_between_two_messages_receives_both_of_the_next(bench: Bench) -> None:
     for _ in range(20):
         bench.publish()
-        late = bench.context.socket(zmq.SUB)
-        bench.subscribers.append(late)
-        late.connect("inproc://users")
+        late = bench.subscribers.socket()
         late.subscribe(b"")
         bench.loop.now += 0.0005
         bench.publish()
@@ -103,13 +84,13 @@ def test_whoever_comes_between_two_messages_receives_both_of_the_next(bench: Ben
 
 
 def test_an_unknown_type_has_two_dots(bench: Bench) -> None:
-    subscriber = bench.subscriber(b"v2x.")
+    subscriber = bench.subscribers.join(b"v2x.")
     bench.publish(pdu_of(222))
     assert received(subscriber) == [[b"v2x..", pdu_of(222)]]
 
 
 def test_a_heartbeat_comes_at_the_start_and_once_a_second(bench: Bench) -> None:
-    subscriber = bench.subscriber()
+    subscriber = bench.subscribers.join(b"")
     bench.users.start()
     assert received(subscriber) == [[b"hb.counter", b'{"heartbeat_counter": 0}']]
     bench.loop.run_for(3.5)
@@ -124,7 +105,7 @@ def test_the_heartbeat_is_a_16_bit_count_that_wraps(count: int, number: int) -> 
 
 
 def test_the_heartbeat_wraps_on_the_socket(bench: Bench) -> None:
-    subscriber = bench.subscriber()
+    subscriber = bench.subscribers.join(b"")
     bench.users._beats = 65535
     bench.users.start()
     bench.loop.run_for(1.5)

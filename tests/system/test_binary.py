@@ -6,7 +6,7 @@ import re
 import select
 import signal
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -71,16 +71,6 @@ def command_of(pid: int) -> list[str]:
     return Path(f"/proc/{pid}/cmdline").read_text().split("\0")
 
 
-def wait_for_end(pid: int) -> None:
-    """The time-out only bounds a failure."""
-    try:
-        pidfd = os.pidfd_open(pid)
-    except ProcessLookupError:
-        return
-    assert select.select([pidfd], [], [], 20.0)[0], f"process {pid} lives on"
-    os.close(pidfd)
-
-
 def test_a_worker_of_the_program_takes_messages_of_every_allowed_length(nest: Nest):
     nest.echo_pid()
     for octets in (b"\0", bytes(range(256)), b"x" * (MAX_MESSAGE - 5)):
@@ -104,14 +94,14 @@ def test_a_killed_worker_is_started_again(nest: Nest):
     assert nest.next(b"echo ") == b"again"
 
 
-def test_a_worker_ends_with_its_parent_even_when_that_is_killed(nest: Nest):
+def test_a_worker_ends_with_its_parent_even_when_that_is_killed(nest: Nest, wait_for_end: Callable[[int], None]):
     pid = nest.echo_pid()
     os.kill(parent_of(pid), signal.SIGKILL)
     wait_for_end(pid)
     nest.loop.run_until(lambda: not nest.worker.is_up)
 
 
-def test_a_stopped_worker_takes_its_own_worker_along(nest: Nest):
+def test_a_stopped_worker_takes_its_own_worker_along(nest: Nest, wait_for_end: Callable[[int], None]):
     pid = nest.echo_pid()
     nest.worker.stop()
     wait_for_end(pid)
