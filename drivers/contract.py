@@ -118,7 +118,7 @@ class Driver(Protocol):
         """Report to the host what the kernel or the device has counted since the last time."""
 
     def stop(self) -> None:
-        """Close everything; idempotent."""
+        """Close everything, having reported a last time as refresh() does; idempotent."""
 
 
 class DriverClass(Protocol):

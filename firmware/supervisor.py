@@ -1,4 +1,9 @@
-"""Starts interfaces, and starts them again when they fail: soon at first, then less and less often."""
+"""Starts interfaces, and starts them again when they fail: soon at first, then less and less often, but for ever.
+
+A try opens a socket or a device and harms nothing, and what is missing comes back without an operator: a network, a
+cable, a port that another program had. The fault does not hide meanwhile: status shows it, the journal has it once.
+Power is not touched here. That is for slots alone, whose fault stays until an operator or a hot-plug event clears it.
+"""
 
 import logging
 import random
@@ -53,8 +58,6 @@ class Supervised:
     def stop(self) -> None:
         if self._timer is not None:
             self._timer.cancel()
-        if self._state == "running":
-            self.interface.driver.refresh()
         self._state = "stopped"
         self.interface.driver.stop()
         self.interface.link(False, "stopped")

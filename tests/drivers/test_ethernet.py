@@ -156,6 +156,16 @@ def test_what_the_kernel_dropped_is_counted_to_the_last_frame(loop, host, frame)
     assert 0 < host.count < 3000
 
 
+def test_what_was_dropped_before_a_stop_is_counted_by_the_stop(loop, host):
+    veth()
+    driver = started(host, receive_buffer=4096)
+    other = air()
+    for _ in range(3000):
+        other.send(CAM_FRAME)
+    driver.stop()
+    assert 0 < host.drops[Reason.KERNEL_QUEUE] < 3000
+
+
 def by_message(number):
     return CAM_FRAME[:59] + bytes([number]) + CAM_FRAME[60:]
 
