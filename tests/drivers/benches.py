@@ -3,8 +3,10 @@
 import os
 import socket
 import subprocess
+from abc import ABC, abstractmethod
+from collections.abc import Callable
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, Literal, Protocol
 
 from board.address import address
 from board.netlink import device
@@ -57,21 +59,49 @@ class OtherStation:
         return event.pdu
 
 
-class NetworkBench:
+class Bench(Protocol):
+    """An interface and its other end, made on a loop with a folder of its own.
+
+    driver      the interface under test.
+    patience_s  real time for the kernel to tell.
+    """
+
+    driver: Driver
+    patience_s: float
+
+    def plug(self) -> None:
+        """Make what the interface needs, and open the other end."""
+
+    def unplug(self) -> None:
+        """Take it away while the interface uses it; plug() may follow."""
+
+    def close(self) -> None:
+        """Close the other end."""
+
+    def say(self, pdu: bytes) -> None:
+        """Send a PDU to the interface."""
+
+    def heard(self) -> list[bytes]:
+        """The PDUs that came from the interface since the last call."""
+
+
+class NetworkBench(ABC):
     """A veth pair: v2x0 is the station's, air0 the other end."""
 
-    patience_s = 2.0  # real time for the kernel to tell
+    patience_s = 2.0
 
     def __init__(self, loop: VirtualLoop, folder: Path) -> None:
-        self.driver = self.make()
+        self.driver: Driver = self.make()
         self._station = OtherStation()
         self._sockets: list[socket.socket] = []
 
+    @abstractmethod
     def make(self) -> Driver:
-        raise NotImplementedError
+        """The interface."""
 
+    @abstractmethod
     def open(self) -> None:
-        raise NotImplementedError
+        """Open the sockets of the other end: that which hears, that which says."""
 
     def plug(self) -> None:
         ip("link add v2x0 type veth peer name air0")
@@ -115,7 +145,7 @@ class NetworkBench:
 
 
 class UdpBench(NetworkBench):
-    framing: ClassVar = "ethernet"
+    framing: ClassVar[Literal["pdu", "btp", "ethernet"]] = "ethernet"
 
     def make(self) -> Driver:
         return Udp(UdpOptions(framing=self.framing, group=GROUP, device="v2x0", beacon_s=0.0), SHARED)
@@ -142,7 +172,7 @@ class ListeningBench(UdpBench):
 
 
 class BtpBench(UdpBench):
-    framing: ClassVar = "btp"
+    framing = "btp"
 
     def encode(self, pdu: bytes) -> bytes:
         return btp.encode(btp.BtpB(request(pdu).btp_port), pdu)
@@ -152,7 +182,7 @@ class BtpBench(UdpBench):
 
 
 class PduBench(UdpBench):
-    framing: ClassVar = "pdu"
+    framing = "pdu"
 
     def encode(self, pdu: bytes) -> bytes:
         return pdu
@@ -179,7 +209,7 @@ class UartBench:
     def __init__(self, loop: VirtualLoop, folder: Path) -> None:
         self._loop = loop
         self._path = folder / "tty"
-        self.driver = Uart(UartOptions(device=str(self._path)), SHARED)
+        self.driver: Driver = Uart(UartOptions(device=str(self._path)), SHARED)
 
     def plug(self) -> None:
         self._line = SerialLine(self._loop)
@@ -208,7 +238,7 @@ class MorseBench:
     def __init__(self, loop: VirtualLoop, folder: Path) -> None:
         self._speak, self._listen = folder / "speak", folder / "listen"
         self._count = 0
-        self.driver = Morse(MorseOptions(speak=str(self._speak), listen=str(self._listen)), SHARED)
+        self.driver: Driver = Morse(MorseOptions(speak=str(self._speak), listen=str(self._listen)), SHARED)
 
     def plug(self) -> None:
         self._speak.mkdir()
@@ -240,7 +270,7 @@ class MorseBench:
         return found
 
 
-BENCHES = {
+BENCHES: dict[str, Callable[[VirtualLoop, Path], Bench]] = {
     "udp-pdu": PduBench,
     "udp-btp": BtpBench,
     "udp-ethernet": UdpBench,
