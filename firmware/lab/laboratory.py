@@ -18,6 +18,7 @@ from firmware.lab.pcap import Pcap
 from firmware.lab.program import Program
 from firmware.user import client
 from firmware.user.received import Message, Pairing
+from firmware.user.untrusted import text, within
 
 HOST = "127.0.0.1"
 GEONETWORKING = 0x8947
@@ -157,11 +158,11 @@ def _station(name: str, board: str, place: client.Address, folder: Path) -> Prog
 def _wait_for_link(control: Path) -> None:
     deadline = time.monotonic() + UP_S
     while True:
-        air = client.station_status(control)["interfaces"]["air"]  # type: ignore[index]
-        if air["state"] == "up":
+        air = within(within(client.station_status(control), "interfaces"), "air")
+        if text(air, "state") == "up":
             return
         if time.monotonic() > deadline:
-            raise StationError(f"the link did not come up: {air['why']}")
+            raise StationError(f"the link did not come up: {text(air, 'why')}")
         time.sleep(0.02)  # this is a command's own process, no station's loop
 
 
