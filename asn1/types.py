@@ -1,9 +1,9 @@
 """The schema: what the ASN.1 modules of the standards say, resolved but not yet laid out in bits.
 
-A `Schema` holds `Module`s, a module holds `Definition`s in the order of its text, a definition holds a type. Names of types
-are references (`Reference`) until the layout follows them. What is gone: value references (their numbers stand in place),
-parameters (each instance is a definition of its own, named `<template>-<actual parameters>`), COMPONENTS OF (expanded),
-tags (alternatives of a CHOICE stand in canonical order, X.680 8.6), comments (but for units).
+A `Schema` holds `Module`s, a module holds `Definition`s in the order of its text, a definition holds a type. Names of
+types are references (`Reference`) until the layout follows them. What is gone: value references (their numbers stand in
+place), parameters (each instance is a definition of its own, named `<template>-<actual parameters>`), COMPONENTS OF
+(expanded), tags (alternatives of a CHOICE stand in canonical order, X.680 8.6), comments (but for units).
 
 What is kept: every constraint, the PER-visible and the others, in the order and nesting of the text, because a serial
 constraint means another thing than a union (X.680 50.8).
@@ -171,17 +171,13 @@ Default = bool | int | str | bytes | tuple[bytes, int] | None
 
 @dataclass(frozen=True, slots=True)
 class Component:
-    """Of a SEQUENCE, or an alternative of a CHOICE. has_default tells a DEFAULT of None apart from no DEFAULT."""
+    """Of a SEQUENCE, or an alternative of a CHOICE. A default of None is no DEFAULT: nothing that has one is NULL."""
 
     name: str
     type: "Type"
     is_optional: bool = False
     default: Default = None
     unit: str | None = None  # where the component has one that its type has not
-
-    @property
-    def has_default(self) -> bool:
-        return self.default is not None
 
 
 @dataclass(frozen=True, slots=True)
