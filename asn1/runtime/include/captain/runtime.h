@@ -159,6 +159,7 @@ typedef struct captain_field {
 
 typedef struct captain_reader captain_reader;
 typedef struct captain_writer captain_writer;
+#define CAPTAIN_FAILED ((size_t)-1)
 
 /* name, unit, standard: NULL where there is none (an anonymous type inside another has no name). */
 typedef struct captain_type {
@@ -183,9 +184,10 @@ typedef struct captain_type {
     uint16_t root_count;            /* of fields or names: those of the root */
     uint16_t additions_count;       /* extension additions known, a group counts once */
     uint8_t alphabet_count, gaps_count;
-    /* Generated code; NULL for types that only ever occur inline in others. */
-    captain_status (*decode)(captain_reader *reader, void *value);
-    captain_status (*encode)(captain_writer *writer, const void *value);
+    /* Generated code, for captain_decode and its like; NULL for types that only ever occur inline in others. `at` is the
+     * offset in bits; what comes back is the offset behind the value, or CAPTAIN_FAILED. */
+    size_t (*decode)(captain_reader *reader, size_t at, void *value);
+    size_t (*encode)(captain_writer *writer, size_t at, const void *value);
     captain_status (*validate)(const void *value);
 } captain_type;
 
