@@ -43,7 +43,7 @@ typedef enum captain_status {
     CAPTAIN_RANGE,        /* a number outside its range */
     CAPTAIN_SIZE,         /* a string or list longer or shorter than allowed */
     CAPTAIN_ALPHABET,     /* a character outside the alphabet, or octets that are not UTF-8 */
-    CAPTAIN_CHOICE,       /* an alternative or enumeration item that does not exist and cannot be an extension */
+    CAPTAIN_ALTERNATIVE,  /* an alternative or enumeration item that does not exist and cannot be an extension */
     CAPTAIN_PRESENCE,     /* a component is missing that has to be there, or there where it may not be */
     CAPTAIN_LENGTH,       /* a length that is malformed: fragment sizes, an open type longer or shorter than its value */
     CAPTAIN_DEPTH,        /* nested deeper than CAPTAIN_MAX_DEPTH */
