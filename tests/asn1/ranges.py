@@ -1,0 +1,134 @@
+"""What a chain of constraints allows, worked out a second time for the tests: nothing here is shared with asn1/constraints.py.
+
+Numbers, sizes and code points are unions of ranges; an end that is open is an infinity.
+"""
+
+import math
+from collections.abc import Iterable
+from typing import NamedTuple
+
+from asn1 import types as t
+
+Ends = tuple[float, float]  # int or infinity
+Union = tuple[Ends, ...]  # ascending, none touching another
+EVERYTHING: Union = ((-math.inf, math.inf),)
+SIZES: Union = ((0, math.inf),)
+
+
+class Allowed(NamedTuple):
+    """root: what stands before the marker; additions: behind it, empty where nothing is said there."""
+
+    root: Union
+    is_extensible: bool = False
+    additions: Union = ()
+
+    @property
+    def low(self) -> int | None:
+        return None if math.isinf(self.root[0][0]) else int(self.root[0][0])
+
+    @property
+    def high(self) -> int | None:
+        return None if math.isinf(self.root[-1][1]) else int(self.root[-1][1])
+
+    @property
+    def has_gaps(self) -> bool:
+        return len(self.root) > 1
+
+    def holds(self, number: int) -> bool:
+        """In the effective root range: gaps of a union are invisible (X.691 3.7.8)."""
+        return self.root[0][0] <= number <= self.root[-1][1]
+
+
+def unfold(schema: t.Schema, type_: t.Type) -> tuple[t.Type, tuple[t.Constraint, ...]]:
+    """The type behind references and class fields, and all constraints, the innermost first."""
+    constraints = type_.constraints
+    while isinstance(type_, t.Reference | t.ClassField):
+        if isinstance(type_, t.Reference):
+            type_ = schema.resolve(type_).type
+        else:
+            type_ = schema.modules[type_.class_.module].classes[type_.class_.name].id_type
+        constraints = type_.constraints + constraints
+    return type_, constraints
+
+
+def numbers(constraints: Iterable[t.Constraint]) -> Allowed:
+    """Of an INTEGER."""
+    return _serial(constraints, t.Values, EVERYTHING)
+
+
+def sizes(constraints: Iterable[t.Constraint]) -> Allowed:
+    """Of a string or list."""
+    return _serial(constraints, t.Size, SIZES)
+
+
+def alphabet(constraints: Iterable[t.Constraint]) -> Union | None:
+    """Code points, or None where no constraint speaks of them."""
+    root = _serial(constraints, t.Alphabet, EVERYTHING).root
+    return None if root == EVERYTHING else root
+
+
+def _serial(constraints: Iterable[t.Constraint], aspect: type, universe: Union) -> Allowed:
+    """X.680 50.8: each constraint is applied to its parent without the parent's marker and additions."""
+    allowed = Allowed(universe)
+    for constraint in constraints:
+        one = _of(constraint, aspect)
+        root = allowed.root if one is None else _intersection(allowed.root, one.root)
+        allowed = Allowed(root) if one is None else Allowed(root, one.is_extensible, one.additions)
+    return allowed
+
+
+def _of(constraint: t.Constraint, aspect: type) -> Allowed | None:
+    """None: not visible to PER, or not about this aspect."""
+    one = _elements(constraint.root, aspect)
+    if one is None:
+        return None
+    more = _elements(constraint.additions, aspect) if constraint.additions is not None else None
+    additions = _union((*one.additions, *(more.root if more is not None else ())))
+    return Allowed(one.root, one.is_extensible or constraint.is_extensible, additions)
+
+
+def _elements(elements: t.ElementSet, aspect: type) -> Allowed | None:
+    match elements:
+        case t.Values(ranges) if aspect is t.Values:
+            return Allowed(_union((_low(one), _high(one)) for one in ranges))
+        case t.Size(within) | t.Alphabet(within) if isinstance(elements, aspect):
+            return _of(within, t.Values)
+        case t.AllOf(members):
+            seen = [one for one in (_elements(member, aspect) for member in members) if one is not None]
+            return _all_of(seen) if seen else None
+        case t.AnyOf(members):
+            parts = [_elements(member, aspect) for member in members]
+            known = [one for one in parts if one is not None]
+            # X.691 10.3.21: a union with a part that is not visible is not visible.
+            return Allowed(_union(end for one in known for end in one.root)) if len(known) == len(parts) else None
+    return None
+
+
+def _all_of(parts: list[Allowed]) -> Allowed:
+    root = parts[0].root
+    for part in parts[1:]:
+        root = _intersection(root, part.root)
+    return Allowed(root, any(part.is_extensible for part in parts))
+
+
+def _union(ranges: Iterable[Ends]) -> Union:
+    joined: list[Ends] = []
+    for low, high in sorted(ranges):
+        if joined and low <= joined[-1][1] + 1:
+            joined[-1] = (joined[-1][0], max(high, joined[-1][1]))
+        else:
+            joined.append((low, high))
+    return tuple(joined)
+
+
+def _intersection(left: Union, right: Union) -> Union:
+    both = ((max(a[0], b[0]), min(a[1], b[1])) for a in left for b in right)
+    return _union((low, high) for low, high in both if low <= high)
+
+
+def _low(one: t.Range) -> float:
+    return -math.inf if one.low is None else one.low
+
+
+def _high(one: t.Range) -> float:
+    return math.inf if one.high is None else one.high
