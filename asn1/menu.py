@@ -1,0 +1,117 @@
+"""The same as the flags, asked for: numbered questions and plain input, in any terminal."""
+
+import shlex
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+Run = Callable[[list[str]], int]
+"""Runs a command line without the program's name and returns its exit status."""
+
+
+class Left(Exception):  # noqa: N818 no error: the user has had enough of a question
+    """An empty answer where there is no default, or q."""
+
+
+class Option(NamedTuple):
+    """A line of a menu: what is shown, and what it stands for."""
+
+    text: str
+    words: tuple[str, ...]
+
+
+FIRST = (
+    Option("list the messages", ("list",)),
+    Option("generate code, pages or ASN.1 text", ("generate",)),
+    Option("add a message of your own, from its .asn file", ("add",)),
+    Option("import the modules of the standards again", ("import",)),
+    Option("compare the modules of the standards with the schema here", ("import-check",)),
+)
+WHICH = (
+    Option("the standard set", ("--standard",)),
+    Option("all, experimental ones too", ("--all",)),
+    Option("some, by name", ()),
+)
+FORM = (
+    Option("C library with CMake package, pkg-config file, C++ headers and examples", ("--form", "cmake")),
+    Option("plain C sources with C++ headers", ("--form", "sources")),
+    Option("Python module, built", ("--form", "python")),
+    Option("pages, a Markdown file per message", ("--form", "docs")),
+    Option("ASN.1 text, for other compilers", ("--form", "asn")),
+)
+
+
+def run(run_command: Run) -> int:
+    """Ask, run, and ask again until the user leaves. Returns the exit status of the last command."""
+    status = 0
+    print("Messages of the ITS standards as code. An empty answer goes back, q ends.")
+    while True:
+        try:
+            words = list(choose("What do you want to do?", FIRST))
+        except (Left, EOFError):
+            return status
+        try:
+            line = QUESTIONS[words[0]](words)
+        except EOFError:
+            return status
+        except Left:
+            continue
+        print(f"\n$ captain-asn1 {shlex.join(line)}")
+        try:
+            status = run_command(line)
+        except SystemExit as error:  # argparse has said what is wrong
+            status = int(error.code or 0)
+
+
+def choose(question: str, options: Sequence[Option]) -> tuple[str, ...]:
+    """One of the options by its number. Raises Left."""
+    print(f"\n{question}")
+    for number, option in enumerate(options, 1):
+        print(f"  {number}  {option.text}")
+    while True:
+        answer = ask("number")
+        if answer.isdecimal() and 1 <= int(answer) <= len(options):
+            return options[int(answer) - 1].words
+        print(f"  {answer!r} is none of 1 to {len(options)}")
+
+
+def ask(what: str, default: str = "") -> str:
+    """A line of text; an empty one means the default. Raises Left, and EOFError at the end of input."""
+    answer = input(f"{what} [{default}]: " if default else f"{what}: ").strip() or default
+    if answer in ("", "q"):
+        raise Left
+    return answer
+
+
+def _plain(words: list[str]) -> list[str]:
+    return words
+
+
+def _generate(words: list[str]) -> list[str]:
+    which = list(choose("Which messages?", WHICH))
+    if not which:
+        which = shlex.split(ask("names, with blanks between (cam, denm-1.3.1, 'cpm-*')"))
+    form = choose("In which form?", FORM)
+    folder = ask("into which directory", default=f"build/{form[1]}")
+    return [*words, *which, *form, "--to", folder]
+
+
+def _add(words: list[str]) -> list[str]:
+    file = ask("the .asn file")
+    pdu = ask("its top-level type")
+    name = ask("what the message is to be called", default=pdu.lower())
+    number = ask("its messageID, 0..255")
+    port = ask("its BTP port, 0..65535")
+    return [*words, file, "--pdu", pdu, "--name", name, "--id", number, "--port", port]
+
+
+def _folder(words: list[str]) -> list[str]:
+    return [*words, ask("the directory with the modules")]
+
+
+QUESTIONS: dict[str, Callable[[list[str]], list[str]]] = {
+    "list": _plain,
+    "generate": _generate,
+    "add": _add,
+    "import": _folder,
+    "import-check": _folder,
+}

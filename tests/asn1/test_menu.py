@@ -1,0 +1,87 @@
+"""The menu: asked in words, run as the same command line that the flags take."""
+
+from collections.abc import Iterator
+
+import pytest
+
+from asn1 import __main__ as program
+from asn1 import menu
+
+
+class Answers:
+    """A user who types these lines, and then ends the input."""
+
+    def __init__(self, *lines: str) -> None:
+        self._lines: Iterator[str] = iter(lines)
+
+    def __call__(self, prompt: str = "") -> str:
+        try:
+            return next(self._lines)
+        except StopIteration:
+            raise EOFError from None
+
+
+def run(monkeypatch: pytest.MonkeyPatch, *lines: str, status: int = 0) -> tuple[list[list[str]], int]:
+    """The command lines that the menu makes of a user's answers, and its exit status."""
+    started: list[list[str]] = []
+
+    def start(line: list[str]) -> int:
+        program.arguments().parse_args(line)  # the flags take it
+        started.append(line)
+        return status
+
+    monkeypatch.setattr("builtins.input", Answers(*lines))
+    return started, menu.run(start)
+
+
+def test_the_first_choice_lists(monkeypatch: pytest.MonkeyPatch):
+    assert run(monkeypatch, "1") == ([["list"]], 0)
+
+
+def test_the_standard_set_goes_into_a_directory_of_choice(monkeypatch: pytest.MonkeyPatch):
+    started, _ = run(monkeypatch, "2", "1", "1", "/tmp/here")
+    assert started == [["generate", "--standard", "--form", "cmake", "--to", "/tmp/here"]]
+
+
+def test_an_empty_answer_takes_the_default(monkeypatch: pytest.MonkeyPatch):
+    started, _ = run(monkeypatch, "2", "2", "4", "")
+    assert started == [["generate", "--all", "--form", "docs", "--to", "build/docs"]]
+
+
+def test_messages_can_be_named(monkeypatch: pytest.MonkeyPatch):
+    started, _ = run(monkeypatch, "2", "3", "cam 'cpm-*'", "2", "out")
+    assert started == [["generate", "cam", "cpm-*", "--form", "sources", "--to", "out"]]
+
+
+def test_a_message_of_one_s_own_is_asked_for_in_full(monkeypatch: pytest.MonkeyPatch):
+    started, _ = run(monkeypatch, "3", "my.asn", "MyPdu", "my-msg", "240", "2999")
+    assert started == [["add", "my.asn", "--pdu", "MyPdu", "--name", "my-msg", "--id", "240", "--port", "2999"]]
+
+
+def test_a_number_that_is_none_is_asked_for_again(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
+    started, _ = run(monkeypatch, "9", "x", "1")
+    assert started == [["list"]]
+    assert "none of 1 to" in capsys.readouterr().out
+
+
+def test_the_command_line_is_shown_so_that_it_can_be_repeated(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    run(monkeypatch, "2", "3", "'cpm-*'", "2", "my dir")
+    assert "$ captain-asn1 generate 'cpm-*' --form sources --to 'my dir'" in capsys.readouterr().out
+
+
+def test_back_and_quit(monkeypatch: pytest.MonkeyPatch):
+    assert run(monkeypatch, "2", "", "1", "q") == ([["list"]], 0)
+
+
+def test_the_status_of_the_last_command_is_the_menu_s(monkeypatch: pytest.MonkeyPatch):
+    assert run(monkeypatch, "1", status=1)[1] == 1
+
+
+def test_a_wrong_answer_is_explained_and_the_menu_goes_on(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    started, _ = run(monkeypatch, "3", "my.asn", "MyPdu", "my-msg", "many", "2999", "1")
+    assert started == [["list"]]
+    assert "invalid int value: 'many'" in capsys.readouterr().err
