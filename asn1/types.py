@@ -10,7 +10,7 @@ constraint means another thing than a union (X.680 50.8).
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 # ---------------------------------------------------------------- constraints (X.680 clause 49 to 51)
@@ -25,7 +25,10 @@ class Range(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Values:
-    """Numbers, or code points of characters inside an Alphabet: a union of ranges, ascending, none touching another."""
+    """Numbers, or code points of characters inside an Alphabet: a union of ranges, ascending, none touching another.
+
+    Of an ENUMERATED the numbers of its items, of a BOOLEAN 0 and 1.
+    """
 
     ranges: tuple[Range, ...]
 
@@ -242,6 +245,11 @@ Type = (
     Boolean | Null | Integer | Enumerated | BitString | OctetString | CharacterString | ObjectIdentifier
     | Sequence | Choice | SequenceOf | Reference | ClassField | OpenType
 )  # fmt: skip
+
+
+def with_constraints(type_: Type, more: tuple[Constraint, ...]) -> Type:
+    """The same type with these constraints behind its own."""
+    return replace(type_, constraints=(*type_.constraints, *more)) if more else type_
 
 
 # ---------------------------------------------------------------- definitions and modules

@@ -1,0 +1,145 @@
+"""Modules of the standards to the schema, and the schema to asn1/schema: `import` and `import-check`."""
+
+import dataclasses
+import difflib
+import hashlib
+from collections.abc import Mapping
+from pathlib import Path
+
+from asn1 import text, types
+from asn1.importer import syntax
+from asn1.importer.editions import Edition, Editions, read_editions
+from asn1.importer.fault import ImportFault, Place, Problem
+from asn1.importer.module_parser import parse
+from asn1.importer.program import Source
+from asn1.importer.resolver import Resolver
+from asn1.importer.units import read_units
+
+__all__ = ["ImportFault", "check", "import_modules", "write_schema"]
+
+
+def import_modules(directory: Path) -> types.Schema:
+    """The schema of every edition whose files are in the directory, as editions.toml says where.
+
+    Editions without files there are left out, with their messages. Raises ImportFault with every problem, or OSError.
+    """
+    editions = read_editions()
+    found = _present(editions, directory)
+    sources = {key: one.source for key, one in found.items()}
+    _check_imports(editions, sources)
+    messages = {name: one for name, one in editions.messages.items() if one.pdu.module in sources}
+    if not messages:
+        raise ImportFault([Problem(Place(str(directory), 1), "none of the files that editions.toml names is here")])
+    place = Place("editions.toml", 1)
+    roots = [(one.pdu.module, one.pdu.name, place) for one in messages.values()]
+    units = read_units()
+    resolved = Resolver(sources, units).resolve(roots)
+    modules = {
+        key: types.Module(
+            key, found[key].edition.name, sources[key].module.oid, found[key].edition.standard, found[key].file,
+            found[key].sha256, one.definitions, one.classes, one.sets,
+        )
+        for key, one in resolved.items()
+    }  # fmt: skip
+    own = dict(modules)
+    for key, module in own.items():
+        others = [own[other] for other in found[key].edition.units_from if other in own]
+        modules[key] = units.add(module, others)
+    unused = units.unused(modules)
+    if unused:
+        raise ImportFault([Problem(Place("units.toml", 1), f"there is no {one}") for one in unused])
+    return types.Schema(modules, messages)
+
+
+def write_schema(schema: types.Schema, folder: Path = text.SCHEMA) -> list[Path]:
+    """One file per module. Returns those whose text is new; files of other modules stay."""
+    folder.mkdir(parents=True, exist_ok=True)
+    changed: list[Path] = []
+    for key, module in schema.modules.items():
+        path, new = folder / f"{key}.schema", text.dump(module)
+        if not path.is_file() or path.read_text(encoding="utf-8") != new:
+            path.write_text(new, encoding="utf-8")
+            changed.append(path)
+    return changed
+
+
+def check(directory: Path, folder: Path = text.SCHEMA) -> list[str]:
+    """Lines of a unified diff between the schema in `folder` and what the directory gives; none where they agree.
+
+    Only modules whose files are in the directory are compared. Raises what import_modules raises.
+    """
+    lines: list[str] = []
+    for key, module in import_modules(directory).modules.items():
+        path = folder / f"{key}.schema"
+        old = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
+        new = text.dump(module).splitlines()
+        lines += difflib.unified_diff(old, new, str(path), f"{directory}: {module.source}", lineterm="")
+    return lines
+
+
+# ---------------------------------------------------------------- finding and reading files
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class _Found:
+    edition: Edition
+    source: Source
+    file: str
+    sha256: str
+
+
+def _present(editions: Editions, directory: Path) -> dict[str, _Found]:
+    """By key: the editions whose files are there, read."""
+    found: dict[str, _Found] = {}
+    problems: list[Problem] = []
+    parsed: dict[Path, list[syntax.Module]] = {}
+    for key, edition in editions.modules.items():
+        paths = edition.paths(directory)
+        try:
+            modules = [_module_of(edition, path, directory, parsed) for path in paths]
+        except ImportFault as error:
+            problems += error.problems
+            continue
+        if not modules:
+            continue
+        problems += [
+            Problem(other.place, f"{edition.name} is another text than {modules[0].place.file}")
+            for other in modules[1:]
+            if other.body != modules[0].body
+        ]
+        imports = {editions.modules[other].name: other for other in edition.imports}
+        digest = hashlib.sha256(paths[0].read_bytes()).hexdigest()
+        found[key] = _Found(edition, Source(key, modules[0], imports), paths[0].name, digest)
+    if problems:
+        raise ImportFault(problems)
+    return found
+
+
+def _module_of(edition: Edition, path: Path, directory: Path, parsed: dict[Path, list[syntax.Module]]) -> syntax.Module:
+    if path not in parsed:
+        file = str(path.relative_to(directory)) if path.is_relative_to(directory) else path.name
+        parsed[path] = parse(_decoded(path.read_bytes()), file)
+    for module in parsed[path]:
+        if module.name == edition.name:
+            return module
+    raise ImportFault([Problem(parsed[path][0].place, f"no module {edition.name} in this file")])
+
+
+def _decoded(octets: bytes) -> str:
+    """ISO's files have comments in Latin-1."""
+    try:
+        return octets.decode("utf-8")
+    except UnicodeDecodeError:
+        return octets.decode("latin-1")
+
+
+def _check_imports(editions: Editions, sources: Mapping[str, Source]) -> None:
+    """Every edition that is there finds those that it imports from."""
+    problems = [
+        Problem(source.module.place, f"imports from {editions.modules[key].files[0]}, which is not there")
+        for source in sources.values()
+        for key in source.imports.values()
+        if key not in sources
+    ]
+    if problems:
+        raise ImportFault(problems)

@@ -1,0 +1,178 @@
+"""Modules: the grammar of X.680 clauses 13 to 16, classes and object sets of X.681, templates of X.683 clause 8."""
+
+from asn1.importer import syntax
+from asn1.importer.fault import ImportFault, Place, Problem, fault
+from asn1.importer.lexer import Kind, Token, tokens
+from asn1.importer.type_parser import TypeParser, unit_of
+
+
+def parse(text: str, file: str) -> list[syntax.Module]:
+    """The modules of a file, in its order. Raises ImportFault with everything that could not be read."""
+    parser = _ModuleParser(tokens(text, file))
+    modules: list[syntax.Module] = []
+    try:
+        while parser.token.kind is not Kind.END:
+            modules.append(parser.module())
+    except ImportFault as error:
+        parser.problems += error.problems
+    if not parser.problems and not modules:
+        parser.problems.append(Problem(Place(file, 1), "no module in this file", "X.680 13.1"))
+    if parser.problems:
+        raise ImportFault(parser.problems)
+    return modules
+
+
+class _ModuleParser(TypeParser):
+    def __init__(self, all_tokens: list[Token]) -> None:
+        super().__init__(all_tokens)
+        self.problems: list[Problem] = []
+
+    def module(self) -> syntax.Module:
+        place = self.place
+        name = self.reference("X.680 13.1")
+        oid = oid_text(self.braces("X.680 13.1")) if self.sees("{") else ""
+        if self.token.kind is Kind.TEXT:
+            self.next()
+        self.needs("DEFINITIONS", "X.680 13.1")
+        automatic = self._tag_default()
+        if self.sees("EXTENSIBILITY", "IMPLIED"):
+            raise fault(self.place, "EXTENSIBILITY IMPLIED", "X.680 13.4")
+        self.needs("::=", "X.680 13.1")
+        self.needs("BEGIN", "X.680 13.1")
+        if self.takes("EXPORTS"):
+            self._skip_behind(";")
+        imports = self._imports() if self.takes("IMPORTS") else {}
+        first = self.at
+        assignments = self._assignments()
+        body = tuple(token.text for token in self.tokens[first : self.at])
+        self.needs("END", "X.680 13.1")
+        return syntax.Module(place, name, oid, automatic, imports, assignments, body)
+
+    def _tag_default(self) -> bool:
+        for word in ("AUTOMATIC", "EXPLICIT", "IMPLICIT"):
+            if self.takes(word):
+                self.needs("TAGS", "X.680 13.1")
+                return word == "AUTOMATIC"
+        return False
+
+    def _skip_behind(self, text: str) -> None:
+        while not self.takes(text):
+            if self.next().kind is Kind.END:
+                self.refuse(repr(text), "X.680 13.1")
+
+    def _imports(self) -> dict[str, syntax.Import]:
+        found: dict[str, syntax.Import] = {}
+        while not self.takes(";"):
+            names = [self._imported()]
+            while self.takes(","):
+                names.append(self._imported())
+            self.needs("FROM", "X.680 13.1")
+            place, module = self.place, self.reference("X.680 13.1")
+            oid = oid_text(self.braces("X.680 13.1")) if self.sees("{") else ""
+            if not self.takes("WITH", "SUCCESSORS"):
+                self.takes("WITH", "DESCENDANTS")
+            found.update({name: syntax.Import(place, module, oid, tuple(names)) for name in names})
+        return found
+
+    def _imported(self) -> str:
+        if self.token.kind is not Kind.NAME:
+            self.refuse("a name to import", "X.680 13.1")
+        name = self.next().text
+        self.takes("{", "}")
+        return name
+
+    def _assignments(self) -> dict[str, syntax.Assignment]:
+        """Goes on behind what it cannot read, so that all of it is told at once."""
+        found: dict[str, syntax.Assignment] = {}
+        while not self.sees("END") and self.token.kind is not Kind.END:
+            start, self.depth = self.at, 0
+            try:
+                assignment = self._assignment()
+                if assignment.name in found:
+                    raise fault(assignment.place, f"{assignment.name} is defined twice", "X.680 13.3")
+                found[assignment.name] = assignment
+            except ImportFault as error:
+                self.problems += error.problems
+                self.at = max(self.at, start + 1)
+                self._skip_to_assignment()
+        return found
+
+    def _skip_to_assignment(self) -> None:
+        while self.token.kind is not Kind.END and not self.sees("END") and not self._begins_assignment():
+            self.next()
+
+    def _begins_assignment(self) -> bool:
+        if not self.token.starts_line or self.token.kind is not Kind.NAME:
+            return False
+        for ahead in range(1, 12):
+            following = self.peek(ahead)
+            if following.text == "::=":
+                return True
+            if following.starts_line:
+                return False
+        return False
+
+    def _assignment(self) -> syntax.Assignment:
+        place, unit = self.place, unit_of(self.token.comments)
+        if self.token.kind is Kind.NAME and self.token.text[0].islower():
+            name, type_ = self.next().text, self.type()
+            self.needs("::=", "X.680 16.2")
+            return syntax.ValueAssignment(place=place, name=name, type=type_, value=self.value())
+        name = self.reference("X.680 16")
+        formals = self._formals() if self.sees("{") else ()
+        if not self.takes("::="):
+            governor = self.type()
+            self.needs("::=", "X.680 16")
+            inside = self.braces("X.681 12")
+            return syntax.SetAssignment(place=place, name=name, formals=formals, governor=governor, inside=inside)
+        if self.takes("CLASS"):
+            fields, words = self._class()
+            return syntax.ClassAssignment(place=place, name=name, formals=formals, fields=fields, syntax=words)
+        return syntax.TypeAssignment(place=place, name=name, formals=formals, type=self.type(), unit=unit)
+
+    def _formals(self) -> tuple[syntax.Formal, ...]:
+        """{Governor : Name, Name, ...}"""
+        self.needs("{", "X.683 8")
+        found: list[syntax.Formal] = []
+        while True:
+            governor = ""
+            if self.peek().text == ":":
+                governor = self.reference("X.683 8")
+                self.needs(":", "X.683 8")
+            if self.token.kind is not Kind.NAME:
+                self.refuse("a parameter", "X.683 8")
+            found.append(syntax.Formal(self.next().text, governor))
+            if not self.takes(","):
+                break
+        self.needs("}", "X.683 8")
+        return tuple(found)
+
+    def _class(self) -> tuple[tuple[syntax.ClassField, ...], tuple[str, ...]]:
+        self.needs("{", "X.681 9")
+        fields = [self._class_field()]
+        while self.takes(","):
+            fields.append(self._class_field())
+        self.needs("}", "X.681 9")
+        words: tuple[str, ...] = ()
+        if self.takes("WITH", "SYNTAX"):
+            words = tuple(token.text for token in self.braces("X.681 10"))
+        return tuple(fields), words
+
+    def _class_field(self) -> syntax.ClassField:
+        place = self.place
+        if self.token.kind is not Kind.FIELD:
+            self.refuse("a field", "X.681 9")
+        name = self.next().text
+        type_ = self.type() if self.sees_reference() and self.token.text not in {"OPTIONAL", "DEFAULT"} else None
+        self.takes("UNIQUE")
+        if self.sees("OPTIONAL") or self.sees("DEFAULT"):
+            raise fault(place, f"the field {name} of a class may be absent", "X.681 9")
+        return syntax.ClassField(place=place, name=name, type=type_)
+
+
+def oid_text(inside: tuple[Token, ...]) -> str:
+    """An object identifier in normal spacing: { itu-t(0) identified-organization(4) etsi(0) }."""
+    text = ""
+    for token in inside:
+        text += token.text if token.text in {"(", ")"} or text.endswith("(") else f" {token.text}"
+    return f"{{{text} }}"

@@ -1,0 +1,163 @@
+"""All modules of an import together: what a name means where it stands."""
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from asn1.importer import syntax
+from asn1.importer.fault import Place, fault
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A module with its key, and the keys of the modules it imports from, by their names."""
+
+    key: str
+    module: syntax.Module
+    imports: Mapping[str, str]
+
+
+class Bound(NamedTuple):
+    """An actual parameter, and where its text stands."""
+
+    actual: syntax.Actual
+    scope: "Scope"
+
+
+@dataclass(frozen=True, slots=True)
+class Scope:
+    """Where a text stands: in which module, and with which actual parameters for the formal ones."""
+
+    key: str
+    bound: Mapping[str, Bound] = field(default_factory=dict)
+
+
+class Typed(NamedTuple):
+    """A type as written, and where."""
+
+    type: syntax.Type
+    scope: Scope
+
+
+class Member(NamedTuple):
+    """A component or alternative, COMPONENTS OF expanded, and where it stands."""
+
+    component: syntax.Component
+    scope: Scope
+
+
+class Program:
+    """Looks names up. Every method raises ImportFault with the place where the name stands."""
+
+    def __init__(self, sources: Mapping[str, Source]) -> None:
+        self.sources = sources
+
+    def find(self, scope: Scope, name: str, place: Place, module: str | None = None) -> tuple[str, syntax.Assignment]:
+        """The assignment that a name means, and the key of its module. module: of Module.Name."""
+        key, passed = scope.key, set[str]()
+        while key not in passed:
+            passed.add(key)
+            source = self.sources[key]
+            if module is None and name in source.module.assignments:
+                return key, source.module.assignments[name]
+            imported = source.module.imports.get(name)
+            if module is None and imported is None:
+                break
+            wanted = module or (imported.module if imported else "")
+            module = None
+            if wanted == source.module.name:
+                continue
+            if wanted not in source.imports:
+                raise fault(imported.place if imported else place, f"no module {wanted} to import {name} from")
+            key = source.imports[wanted]
+        raise fault(place, f"{name} is neither defined nor imported")
+
+    def actual(self, actual: syntax.Actual, scope: Scope) -> Bound:
+        """What an actual parameter stands for: where it is a formal one of the template around it, that one's."""
+        name = actual.set_
+        match actual.type, actual.value:
+            case syntax.Reference(module=None, actuals=None, constraints=()) as reference, _:
+                name = reference.name
+            case _, syntax.Word(module=None) as word:
+                name = word.name
+        return scope.bound.get(name or "", Bound(actual, scope))
+
+    def instance(self, reference: syntax.Reference, scope: Scope, assignment: syntax.Assignment, key: str) -> Scope:
+        """The scope inside the template that a reference with actual parameters names."""
+        actuals = reference.actuals or ()
+        if len(actuals) != len(assignment.formals):
+            text = f"{assignment.name} takes {len(assignment.formals)} parameters, {len(actuals)} are given"
+            raise fault(reference.place, text, "X.683 9.6")
+        bound = (self.actual(actual, scope) for actual in actuals)
+        return Scope(key, {formal.name: one for formal, one in zip(assignment.formals, bound, strict=True)})
+
+    def target(self, reference: syntax.Reference, scope: Scope) -> Typed:
+        """What a reference names: one step."""
+        if reference.module is None and reference.name in scope.bound:
+            bound = scope.bound[reference.name]
+            if bound.actual.type is None:
+                raise fault(reference.place, f"the parameter {reference.name} is no type", "X.683 9.5")
+            return Typed(bound.actual.type, bound.scope)
+        key, assignment = self.find(scope, reference.name, reference.place, reference.module)
+        if not isinstance(assignment, syntax.TypeAssignment):
+            raise fault(reference.place, f"{reference.name} is no type")
+        return Typed(assignment.type, self.instance(reference, scope, assignment, key))
+
+    def base(self, typed: Typed) -> Typed:
+        """The builtin type behind any number of references; a fixed-type field of a class is its type."""
+        for _ in range(100):
+            match typed.type:
+                case syntax.Reference() as reference:
+                    typed = self.target(reference, typed.scope)
+                case syntax.FieldOf() as field_of:
+                    key, class_ = self.class_(field_of, typed.scope)
+                    type_ = self.field(field_of, class_).type
+                    if type_ is None:
+                        return typed
+                    typed = Typed(type_, Scope(key))
+                case _:
+                    return typed
+        raise fault(typed.type.place, "a type that is only itself", "X.680 3.8.41")
+
+    def class_(self, field_of: syntax.FieldOf, scope: Scope) -> tuple[str, syntax.ClassAssignment]:
+        key, assignment = self.find(scope, field_of.class_, field_of.place)
+        if not isinstance(assignment, syntax.ClassAssignment):
+            raise fault(field_of.place, f"{field_of.class_} is no class", "X.681 9")
+        return key, assignment
+
+    @staticmethod
+    def field(field_of: syntax.FieldOf, class_: syntax.ClassAssignment) -> syntax.ClassField:
+        for one in class_.fields:
+            if one.name == field_of.field:
+                return one
+        raise fault(field_of.place, f"{class_.name} has no field {field_of.field}", "X.681 14")
+
+    def members(self, components: tuple[syntax.Member, ...], scope: Scope) -> Iterator[Member]:
+        """Components in the order of the text, those of groups among them, COMPONENTS OF expanded (X.680 25.5)."""
+        for one in components:
+            match one:
+                case syntax.Component():
+                    yield Member(one, scope)
+                case syntax.Group():
+                    yield from self.members(one.components, scope)
+                case syntax.ComponentsOf():
+                    yield from self._components_of(one, scope)
+
+    def _components_of(self, one: syntax.ComponentsOf, scope: Scope) -> Iterator[Member]:
+        base, inside = self.base(Typed(one.type, scope))
+        if not isinstance(base, syntax.Structure) or base.name == "CHOICE":
+            raise fault(one.place, "COMPONENTS OF what is no SEQUENCE", "X.680 25.5")
+        yield from self.members((*base.members.root, *base.members.tail), inside)
+
+    def all_members(self, typed: Typed) -> Iterator[Member]:
+        """Of a SEQUENCE, SET or CHOICE: root, additions and tail."""
+        assert isinstance(typed.type, syntax.Structure)
+        members = typed.type.members
+        yield from self.members((*members.root, *members.additions, *members.tail), typed.scope)
+
+
+def instance_name(template: str, scope: Scope) -> str:
+    """<template>-<actual parameters>, as a name of ASN.1."""
+    words = [re.sub(r"[^A-Za-z0-9]+", "-", bound.actual.text).strip("-") for bound in scope.bound.values()]
+    return "-".join([template, *words])

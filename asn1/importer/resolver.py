@@ -1,0 +1,257 @@
+"""From syntax to schema: every definition that the messages reach, with all names followed.
+
+Nothing is resolved that no message reaches, so that a construct that we do not know stops only whoever needs it.
+"""
+
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple
+
+from asn1 import types
+from asn1.importer import syntax, values
+from asn1.importer.fault import ImportFault, Place, Problem, fault
+from asn1.importer.objects import Objects
+from asn1.importer.program import Program, Scope, Source, Typed, instance_name
+from asn1.importer.sets import Constraints
+from asn1.importer.tags import canonical
+from asn1.importer.units import Units
+
+_STRINGS = {
+    "IA5String": "IA5String",
+    "UTF8String": "UTF8String",
+    "NumericString": "NumericString",
+    "PrintableString": "PrintableString",
+    "VisibleString": "VisibleString",
+    "ISO646String": "VisibleString",  # two names of one type (X.680 41.1)
+}
+_UNSUPPORTED_CLAUSES = {
+    "REAL": "X.680 21", "EXTERNAL": "X.680 37", "EMBEDDED PDV": "X.680 36", "CHARACTER STRING": "X.680 44",
+    "OID-IRI": "X.680 34", "RELATIVE-OID-IRI": "X.680 35", "DATE": "X.680 38", "TIME": "X.680 38",
+    "TIME-OF-DAY": "X.680 38", "DATE-TIME": "X.680 38", "DURATION": "X.680 38", "GeneralizedTime": "X.680 46",
+    "UTCTime": "X.680 47", "ObjectDescriptor": "X.680 48",
+}  # fmt: skip
+
+
+class Resolved(NamedTuple):
+    """What one module defines, in the order of its text."""
+
+    definitions: dict[str, types.Definition]
+    classes: dict[str, types.ObjectClass]
+    sets: dict[str, types.ObjectSet]
+
+
+class _Wanted(NamedTuple):
+    """A definition to resolve: of a template, the instance with this scope."""
+
+    assignment: syntax.Assignment
+    scope: Scope
+    actuals: tuple[object, ...] = ()
+
+
+class Resolver:
+    """Resolves the definitions that are asked for, and those that they ask for."""
+
+    def __init__(self, sources: Mapping[str, Source], units: Units) -> None:
+        self._program = Program(sources)
+        self._constraints = Constraints(self._program, self._type)
+        self._objects = Objects(self._program, self._type)
+        self._units = units
+        self._wanted: dict[tuple[str, str], _Wanted] = {}
+        self._open: list[tuple[str, str]] = []
+        self._problems: list[Problem] = []
+        self._done: dict[tuple[str, str], types.Definition | types.ObjectClass | types.ObjectSet] = {}
+
+    def resolve(self, roots: Iterable[tuple[str, str, Place]]) -> dict[str, Resolved]:
+        """What the roots (key, name, who asks) reach, by key. Raises ImportFault with every problem on the way."""
+        for key, name, place in roots:
+            self._catch(lambda key=key, name=name, place=place: self._reach(Scope(key), name, place))  # type: ignore[misc]
+        while self._open:
+            key, name = self._open.pop()
+            self._catch(lambda key=key, name=name: self._define(key, name))  # type: ignore[misc]
+        if self._problems:
+            raise ImportFault(self._problems)
+        return self._in_order()
+
+    def _catch(self, call: "object") -> None:
+        try:
+            call()  # type: ignore[operator]
+        except ImportFault as error:
+            self._problems += error.problems
+
+    def _reach(self, scope: Scope, name: str, place: Place, module: str | None = None) -> types.Reference:
+        key, assignment = self._program.find(scope, name, place, module)
+        if assignment.formals:
+            raise fault(place, f"{name} needs parameters", "X.683 9")
+        return self._want(key, name, _Wanted(assignment, Scope(key)))
+
+    def _want(self, key: str, name: str, wanted: _Wanted) -> types.Reference:
+        known = self._wanted.get((key, name))
+        if known is None:
+            self._wanted[key, name] = wanted
+            self._open.append((key, name))
+        elif known.assignment is not wanted.assignment or known.actuals != wanted.actuals:
+            raise fault(wanted.assignment.place, f"two definitions would be called {name}")
+        return types.Reference(module=key, name=name)
+
+    def _define(self, key: str, name: str) -> None:
+        assignment, scope, _ = self._wanted[key, name]
+        match assignment:
+            case syntax.TypeAssignment():
+                unit = self._units.normal(assignment.unit)
+                self._done[key, name] = types.Definition(name, self._type(assignment.type, scope), unit)
+            case syntax.ClassAssignment():
+                self._done[key, name] = self._objects.class_(key, assignment)
+            case syntax.SetAssignment():
+                self._done[key, name] = self._objects.set_(key, assignment)
+            case _:
+                raise fault(assignment.place, f"{name} is no type")
+
+    def _in_order(self) -> dict[str, Resolved]:
+        """By key; definitions as in the text, instances of a template by name where the template stands."""
+        found: dict[str, Resolved] = {}
+        for key, source in self._program.sources.items():
+            resolved = Resolved({}, {}, {})
+            place = {id(one): at for at, one in enumerate(source.module.assignments.values())}
+            names = [name for of, name in self._done if of == key]
+            for name in sorted(names, key=lambda name: (place[id(self._wanted[key, name].assignment)], name)):
+                match self._done[key, name]:
+                    case types.Definition() as definition:
+                        resolved.definitions[name] = definition
+                    case types.ObjectClass() as class_:
+                        resolved.classes[name] = class_
+                    case types.ObjectSet() as set_:
+                        resolved.sets[name] = set_
+            if names:
+                found[key] = resolved
+        return found
+
+    # ------------------------------------------------------------ types
+
+    def _type(self, text: syntax.Type, scope: Scope) -> types.Type:
+        governor = Typed(text, scope)
+        constraints = tuple(self._constraints.constraint(one, scope, governor) for one in text.constraints)
+        match text:
+            case syntax.Plain():
+                return _plain(text, constraints)
+            case syntax.WithItems(name="INTEGER"):
+                return types.Integer(constraints=constraints, names=values.names(self._program, governor))
+            case syntax.WithItems():
+                return types.BitString(constraints=constraints, names=values.names(self._program, governor))
+            case syntax.Enumerated():
+                root = values.root_items(self._program, governor)
+                additions = values.addition_items(self._program, governor)
+                return types.Enumerated(root, text.is_extensible, additions, constraints=constraints)
+            case syntax.Structure(name="SET"):
+                raise fault(text.place, "SET", "X.680 27")
+            case syntax.Structure():
+                return self._structure(text, scope, constraints)
+            case syntax.ListOf():
+                return types.SequenceOf(self._type(text.element, scope), text.is_set, constraints=constraints)
+            case syntax.Reference():
+                return self._reference(text, scope, constraints)
+            case syntax.FieldOf():
+                return self._field(text, scope, constraints)
+        raise fault(text.place, "a type that nobody knows")  # pragma: no cover
+
+    def _structure(
+        self, text: syntax.Structure, scope: Scope, constraints: tuple[types.Constraint, ...]
+    ) -> types.Sequence | types.Choice:
+        members = text.members
+        root = self._components(members.root, scope)
+        tail = self._components(members.tail, scope)
+        additions = tuple(self._addition(one, scope) for one in members.additions)
+        _distinct(text.place, [*root, *additions, *tail])
+        flag = members.is_extensible
+        if text.name == "SEQUENCE":
+            return types.Sequence(root, flag, additions, tail, constraints=constraints)
+        if tail:
+            raise fault(text.place, "alternatives behind a second ellipsis", "X.680 29.1")
+        order = canonical(self._program, Typed(text, scope))
+        by_name = {one.name: one for one in root}
+        return types.Choice(tuple(by_name[name] for name in order), flag, additions, constraints=constraints)
+
+    def _components(self, members: tuple[syntax.Member, ...], scope: Scope) -> tuple[types.Component, ...]:
+        return tuple(self._component(one.component, one.scope) for one in self._program.members(members, scope))
+
+    def _addition(self, member: syntax.Member, scope: Scope) -> types.Component | types.Group:
+        match member:
+            case syntax.Component():
+                return self._component(member, scope)
+            case syntax.Group():
+                return types.Group(self._components(member.components, scope), member.version)
+        raise fault(member.place, "COMPONENTS OF among extension additions", "X.680 25.5")
+
+    def _component(self, text: syntax.Component, scope: Scope) -> types.Component:
+        type_ = self._type(text.type, scope)
+        default: types.Default = None
+        if text.default is not None:
+            default = values.default(self._program, text.default, scope, Typed(text.type, scope))
+        return types.Component(text.name, type_, text.is_optional, default, self._units.normal(text.unit))
+
+    def _reference(self, text: syntax.Reference, scope: Scope, constraints: tuple[types.Constraint, ...]) -> types.Type:
+        if text.module is None and text.name in scope.bound:
+            return self._parameter(text, scope, constraints)
+        key, assignment = self._program.find(scope, text.name, text.place, text.module)
+        if not isinstance(assignment, syntax.TypeAssignment):
+            raise fault(text.place, f"{text.name} is no type")
+        inside = self._program.instance(text, scope, assignment, key)
+        if not inside.bound:
+            found = self._want(key, text.name, _Wanted(assignment, inside))
+        else:
+            actuals = tuple((one.scope.key, one.actual.text) for one in inside.bound.values())
+            found = self._want(key, instance_name(text.name, inside), _Wanted(assignment, inside, actuals))
+        return types.Reference(module=found.module, name=found.name, constraints=constraints)
+
+    def _parameter(self, text: syntax.Reference, scope: Scope, constraints: tuple[types.Constraint, ...]) -> types.Type:
+        """A formal parameter: the actual one, its own constraints first."""
+        target = self._program.target(text, scope)
+        found = self._type(target.type, target.scope)
+        return types.with_constraints(found, constraints)
+
+    def _field(self, text: syntax.FieldOf, scope: Scope, constraints: tuple[types.Constraint, ...]) -> types.Type:
+        key, class_ = self._program.class_(text, scope)
+        field = self._program.field(text, class_)
+        if text.set_ is None:
+            if field.type is None:
+                raise fault(text.place, "an open type without a table constraint", "X.682 10")
+            return types.with_constraints(self._type(field.type, Scope(key)), constraints)
+        class_reference = self._want(key, class_.name, _Wanted(class_, Scope(key)))
+        set_reference = self._set(text, scope)
+        if field.type is not None:
+            return types.ClassField(class_reference, set_reference, constraints=constraints)
+        if text.selector is None:
+            raise fault(text.place, "an open type without a component that tells its type", "X.682 10.7")
+        return types.OpenType(class_reference, set_reference, text.selector, constraints=constraints)
+
+    def _set(self, text: syntax.FieldOf, scope: Scope) -> types.Reference:
+        name = text.set_
+        assert name is not None
+        if name in scope.bound:
+            bound = scope.bound[name]
+            return self._reach(bound.scope, bound.actual.text, bound.actual.place)
+        return self._reach(scope, name, text.place)
+
+
+def _plain(text: syntax.Plain, constraints: tuple[types.Constraint, ...]) -> types.Type:
+    match text.name:
+        case "BOOLEAN":
+            return types.Boolean(constraints=constraints)
+        case "NULL":
+            return types.Null(constraints=constraints)
+        case "OCTET STRING":
+            return types.OctetString(constraints=constraints)
+        case "OBJECT IDENTIFIER" | "RELATIVE-OID":
+            return types.ObjectIdentifier(text.name == "RELATIVE-OID", constraints=constraints)
+        case name if name in _STRINGS:
+            return types.CharacterString(_STRINGS[name], constraints=constraints)
+    raise fault(text.place, text.name, _UNSUPPORTED_CLAUSES.get(text.name, "X.680 41"))
+
+
+def _distinct(place: Place, members: list[types.Component | types.Group]) -> None:
+    names = [one.name for member in members for one in _of(member)]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise fault(place, f"two components are called {twice[0]}", "X.680 25.11")
+
+
+def _of(member: types.Component | types.Group) -> tuple[types.Component, ...]:
+    return member.components if isinstance(member, types.Group) else (member,)

@@ -1,0 +1,163 @@
+"""Values: named numbers, value references and defaults become what they stand for."""
+
+from asn1.importer import syntax
+from asn1.importer.fault import Place, fault
+from asn1.importer.program import Program, Scope, Typed
+from asn1.types import Default, Named
+
+_INTEGER = syntax.WithItems(place=Place("", 0), name="INTEGER")
+# What a size or a named number is a value of.
+PLAIN_NUMBER = Typed(_INTEGER, Scope(""))
+
+
+def number(program: Program, value: syntax.Value, scope: Scope, governor: Typed) -> int:
+    """The number of a value; of an enumeration item its own, of TRUE 1, of FALSE 0."""
+    match value:
+        case syntax.Number():
+            return value.value
+        case syntax.Word():
+            return _number_of_word(program, value, scope, governor)
+    raise fault(value.place, "this is no number", "X.680 19")
+
+
+def _number_of_word(program: Program, word: syntax.Word, scope: Scope, governor: Typed) -> int:
+    if word.name in {"TRUE", "FALSE"}:
+        return int(word.name == "TRUE")
+    base = program.base(governor)
+    # The names of the governing type come before any value reference (X.680 19.10).
+    if word.module is None:
+        for name, found in names(program, base):
+            if name == word.name:
+                return found
+        if word.name in scope.bound:
+            bound = scope.bound[word.name]
+            if bound.actual.value is None:
+                raise fault(word.place, f"the parameter {word.name} is no value", "X.683 9.5")
+            return number(program, bound.actual.value, bound.scope, governor)
+    assigned, inside = _assigned(program, word, scope)
+    return number(program, assigned.value, inside, Typed(assigned.type, inside))
+
+
+def _assigned(program: Program, word: syntax.Word, scope: Scope) -> tuple[syntax.ValueAssignment, Scope]:
+    key, assignment = program.find(scope, word.name, word.place, word.module)
+    if not isinstance(assignment, syntax.ValueAssignment):
+        raise fault(word.place, f"{word.name} is no value", "X.680 16.2")
+    if isinstance(assignment.value, syntax.Word) and assignment.value.name == assignment.name:
+        raise fault(word.place, f"{word.name} is only itself")
+    return assignment, Scope(key)
+
+
+def names(program: Program, base: Typed) -> tuple[Named, ...]:
+    """Named numbers, bits or enumeration items of a builtin type."""
+    match base.type:
+        case syntax.WithItems(items=items):
+            return tuple(Named(item.name, _item_number(program, item, base.scope)) for item in items)
+        case syntax.Enumerated():
+            return (*root_items(program, base), *addition_items(program, base))
+    return ()
+
+
+def _item_number(program: Program, item: syntax.Item, scope: Scope) -> int:
+    assert item.value is not None
+    return number(program, item.value, scope, PLAIN_NUMBER)
+
+
+def root_items(program: Program, base: Typed) -> tuple[Named, ...]:
+    """Of an ENUMERATED, ascending; those without a number get the smallest that is free (X.680 20.3)."""
+    assert isinstance(base.type, syntax.Enumerated)
+    given = {_item_number(program, item, base.scope) for item in base.type.root if item.value is not None}
+    found: list[Named] = []
+    following = 0
+    for item in base.type.root:
+        if item.value is not None:
+            found.append(Named(item.name, _item_number(program, item, base.scope)))
+            continue
+        while following in given:
+            following += 1
+        found.append(Named(item.name, following))
+        following += 1
+    _unique(found, base.type.place)
+    return tuple(sorted(found, key=lambda named: named.value))
+
+
+def addition_items(program: Program, base: Typed) -> tuple[Named, ...]:
+    """Behind the ellipsis; one without a number gets the smallest that is free and larger than the one before
+    (X.680 20.5)."""
+    assert isinstance(base.type, syntax.Enumerated)
+    root = root_items(program, base)
+    taken = {named.value for named in root}
+    found: list[Named] = []
+    following = 0
+    for item in base.type.additions:
+        if item.value is not None:
+            value = _item_number(program, item, base.scope)
+        else:
+            while following in taken:
+                following += 1
+            value = following
+        if value < following:
+            raise fault(item.place, f"{item.name}: additions have to ascend", "X.680 20.5")
+        found.append(Named(item.name, value))
+        following = value + 1
+    _unique([*root, *found], base.type.place)
+    return tuple(found)
+
+
+def _unique(items: list[Named], place: Place) -> None:
+    if len({item.name for item in items}) < len(items) or len({item.value for item in items}) < len(items):
+        raise fault(place, "two items of an ENUMERATED are the same", "X.680 20.4")
+
+
+def default(program: Program, value: syntax.Value, scope: Scope, governor: Typed) -> Default:
+    """A DEFAULT: what the layout can lay down without looking anything up."""
+    base = program.base(governor)
+    if isinstance(value, syntax.Word) and value.module is None and value.name in scope.bound:
+        bound = scope.bound[value.name]
+        if bound.actual.value is not None:
+            return default(program, bound.actual.value, bound.scope, governor)
+    match base.type, value:
+        case syntax.Plain(name="BOOLEAN"), syntax.Word(name="TRUE" | "FALSE"):
+            return value.name == "TRUE"
+        case syntax.Plain(name="BOOLEAN"), syntax.Word():
+            return bool(number(program, value, scope, base))
+        case syntax.WithItems(name="INTEGER"), _:
+            return number(program, value, scope, base)
+        case syntax.Enumerated(), syntax.Word():
+            return _item_name(program, value, scope, base)
+        case syntax.Plain(name="OCTET STRING"), syntax.Octets() if len(value.digits) % 2 == 0:
+            return bytes.fromhex(value.digits)
+        case syntax.WithItems(name="BIT STRING"), syntax.Octets():
+            return _packed("".join(f"{int(digit, 16):04b}" for digit in value.digits))
+        case syntax.WithItems(name="BIT STRING"), syntax.Bits():
+            return _packed(value.digits)
+        case syntax.WithItems(name="BIT STRING"), syntax.Braces():
+            return _named_bits(program, value, base)
+        case syntax.Plain(name=name), syntax.Text() if name.endswith("String"):
+            return value.value
+    if isinstance(value, syntax.Word):
+        assigned, inside = _assigned(program, value, scope)
+        return default(program, assigned.value, inside, Typed(assigned.type, inside))
+    raise fault(value.place, "a DEFAULT of this type", "X.680 25.9")
+
+
+def _item_name(program: Program, word: syntax.Word, scope: Scope, base: Typed) -> str:
+    items = names(program, base)
+    if word.module is None and any(item.name == word.name for item in items):
+        return word.name
+    value = number(program, word, scope, base)
+    return next(item.name for item in items if item.value == value)
+
+
+def _packed(digits: str) -> tuple[bytes, int]:
+    size = (len(digits) + 7) // 8
+    return int(digits.ljust(size * 8, "0") or "0", 2).to_bytes(size, "big"), len(digits)
+
+
+def _named_bits(program: Program, value: syntax.Braces, base: Typed) -> tuple[bytes, int]:
+    bits = dict(names(program, base))
+    wanted = [token.text for token in value.inside if token.text != ","]
+    unknown = [name for name in wanted if name not in bits]
+    if unknown:
+        raise fault(value.place, f"no bit is named {unknown[0]}", "X.680 22.11")
+    at = {bits[name] for name in wanted}
+    return _packed("".join("01"[bit in at] for bit in range(max(at, default=-1) + 1)))
