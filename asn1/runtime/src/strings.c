@@ -1,0 +1,355 @@
+/* Strings of variable size, and of characters, by their tables: sizes 16, 17, 30, alphabets 30.5, OBJECT IDENTIFIER 24, 25. */
+#include "bits.h"
+
+typedef struct characters {
+    const captain_range *ranges;
+    unsigned count;
+    unsigned bits;  /* of each character */
+    bool by_index;  /* 30.5.4: the code points need more bits than the indexes */
+} characters;
+
+static const captain_range ia5[] = {{0, 127}};
+static const captain_range visible[] = {{32, 126}};
+static const captain_range printable[] = {{32, 32}, {39, 41}, {43, 58}, {61, 61}, {63, 63}, {65, 90}, {97, 122}};
+static const captain_range numeric[] = {{32, 32}, {48, 57}};
+
+/* Of the whole type: outside of the root of an extensible size (30.4) the alphabet is that. */
+static characters whole_alphabet(const captain_type *type)
+{
+    switch (type->kind) {
+    case CAPTAIN_VISIBLE:
+        return (characters){visible, 1, 7, false};
+    case CAPTAIN_PRINTABLE:
+        return (characters){printable, sizeof printable / sizeof *printable, 7, false};
+    case CAPTAIN_NUMERIC:
+        return (characters){numeric, 2, 4, true};
+    default:
+        return (characters){ia5, 1, 7, false};
+    }
+}
+
+static characters alphabet(const captain_type *type)
+{
+    characters found = whole_alphabet(type);
+    if (type->alphabet != NULL) {
+        found.ranges = type->alphabet;
+        found.count = type->alphabet_count;
+        found.bits = type->character_bits;
+        found.by_index = found.ranges[found.count - 1].high >> found.bits != 0;
+    }
+    return found;
+}
+
+/* The character of a code in the encoding, or the code of a character; -1 where there is none. */
+static int character(const characters *set, unsigned code)
+{
+    unsigned first = 0;
+    for (unsigned i = 0; i < set->count; i++) {
+        const captain_range *range = &set->ranges[i];
+        unsigned size = (unsigned)(range->high - range->low) + 1;
+        if (set->by_index ? code < first + size : (int64_t)code >= range->low && (int64_t)code <= range->high)
+            return set->by_index ? (int)range->low + (int)(code - first) : (int)code;
+        first += size;
+    }
+    return -1;
+}
+
+static int code_of(const characters *set, unsigned char point)
+{
+    int first = 0;
+    for (unsigned i = 0; i < set->count; i++) {
+        const captain_range *range = &set->ranges[i];
+        if (point >= range->low && point <= range->high)
+            return set->by_index ? first + (int)(point - range->low) : (int)point;
+        first += (int)(range->high - range->low) + 1;
+    }
+    return -1;
+}
+
+/* UTF-8 without surrogates, overlong forms and what lies above 10FFFF: its characters, or SIZE_MAX. */
+static size_t utf8_count(const unsigned char *text, size_t octets)
+{
+    size_t count = 0;
+    for (size_t i = 0; i < octets; count++) {
+        unsigned first = text[i++], more = first < 0x80 ? 0 : first < 0xe0 ? 1 : first < 0xf0 ? 2 : 3;
+        uint32_t point = more == 0 ? first : first & (0x3fu >> more);
+        if ((first >= 0x80 && first < 0xc2) || first > 0xf4 || more > octets - i)
+            return SIZE_MAX;
+        for (unsigned left = more; left != 0; left--, i++) {
+            if ((text[i] & 0xc0) != 0x80)
+                return SIZE_MAX;
+            point = point << 6 | (text[i] & 0x3fu);
+        }
+        if ((more == 2 && point < 0x800) || (more == 3 && (point < 0x10000 || point > 0x10ffff)) || (point >= 0xd800 && point <= 0xdfff))
+            return SIZE_MAX;
+    }
+    return count;
+}
+
+/* X.690 8.19.2: arcs of seven bits an octet, the last one without its top bit, none beginning with 0x80. */
+static bool is_oid(const uint8_t *octets, size_t count)
+{
+    bool begins = true;
+    for (size_t i = 0; i < count; i++) {
+        if (begins && octets[i] == 0x80)
+            return false;
+        begins = octets[i] < 0x80;
+    }
+    return count != 0 && begins;
+}
+
+static bool is_text(const captain_type *type)
+{
+    return type->kind >= CAPTAIN_IA5 && type->kind <= CAPTAIN_UTF8;
+}
+
+/* Strings whose size the encoding does not see have a general length (30.6, 24.2). */
+static bool is_sized(const captain_type *type)
+{
+    return type->kind != CAPTAIN_UTF8 && type->kind != CAPTAIN_OID && type->kind != CAPTAIN_RELATIVE_OID;
+}
+
+/* 11.9.4.1: a constrained length has an upper bound below 64K. */
+static bool is_counted(const captain_type *type)
+{
+    return is_sized(type) && !(type->flags & CAPTAIN_UNBOUNDED_HIGH) && type->high < 65536;
+}
+
+static unsigned bits_of(uint64_t range)
+{
+    unsigned bits = 0;
+    for (; range != 0; range >>= 1)
+        bits++;
+    return bits;
+}
+
+static bool in_root(const captain_type *type, size_t count)
+{
+    return !is_sized(type) || ((int64_t)count >= type->low && (type->flags & CAPTAIN_UNBOUNDED_HIGH || (int64_t)count <= type->high));
+}
+
+/* ---------------------------------------------------------------- decode */
+
+static size_t get_characters(captain_reader *reader, size_t at, const characters *set, size_t count, captain_text *text)
+{
+    char *to = captain_arena_take(reader->arena, count + 1);
+    if (to == NULL)
+        return captain_fail(reader, at, CAPTAIN_NO_MEMORY);
+    for (size_t i = 0; i < count; i++, at += set->bits) {
+        int point = character(set, set->bits == 0 ? 0 : (unsigned)(captain_load(reader, at) >> (64 - set->bits)));
+        if (point < 0)
+            return captain_fail(reader, at, CAPTAIN_ALPHABET);
+        to[i] = (char)point;
+    }
+    to[count] = 0;
+    *text = (captain_text){(uint32_t)count, to};
+    return at;
+}
+
+/* A constrained length, after the extension bit. */
+static size_t get_count(captain_reader *reader, size_t at, const captain_type *type, unsigned unit, size_t *count)
+{
+    unsigned width = bits_of((uint64_t)(type->high - type->low));
+    uint64_t raw = 0;
+    size_t start = at;
+    if (width != 0)
+        at = captain_get_long(reader, at, width, &raw);
+    if (at == CAPTAIN_FAILED)
+        return at;
+    *count = (size_t)type->low + (size_t)raw;
+    if (!in_root(type, *count))
+        return captain_fail(reader, start, CAPTAIN_SIZE);
+    return reader->end - at < *count * unit ? captain_fail(reader, at, CAPTAIN_TRUNCATED) : at;
+}
+
+static size_t decode_text(captain_reader *reader, size_t at, const captain_type *type, bool is_counted_, bool is_root, captain_text *text)
+{
+    characters set = is_root ? alphabet(type) : whole_alphabet(type);
+    captain_reader inside = *reader;
+    const uint8_t *packed;
+    size_t count = 0, start = at, behind;
+    if (is_counted_) {
+        at = get_count(reader, at, type, set.bits, &count);
+        return at == CAPTAIN_FAILED ? at : get_characters(reader, at, &set, count, text);
+    }
+    behind = captain_get_string(reader, at, set.bits, &count, &packed);
+    if (behind == CAPTAIN_FAILED)
+        return behind;
+    if (is_root && !in_root(type, count))
+        return captain_fail(reader, start, CAPTAIN_SIZE);
+    inside.octets = packed;
+    inside.size = (count * set.bits + 7) / 8;
+    if (get_characters(&inside, 0, &set, count, text) == CAPTAIN_FAILED)
+        return captain_fail(reader, start, inside.status);
+    return behind;
+}
+
+static size_t decode_utf8(captain_reader *reader, size_t at, captain_text *text)
+{
+    captain_octets octets = {0, NULL};
+    char *to;
+    size_t start = at;
+    at = captain_get_unknown(reader, at, &octets);
+    if (at == CAPTAIN_FAILED)
+        return at;
+    if (utf8_count(octets.octets, octets.count) == SIZE_MAX)
+        return captain_fail(reader, start, CAPTAIN_ALPHABET);
+    to = captain_arena_take(reader->arena, (size_t)octets.count + 1);
+    if (to == NULL)
+        return captain_fail(reader, start, CAPTAIN_NO_MEMORY);
+    if (octets.count != 0)
+        memcpy(to, octets.octets, octets.count);
+    to[octets.count] = 0;
+    *text = (captain_text){octets.count, to};
+    return at;
+}
+
+static void set_string(const captain_type *type, void *value, size_t count, const uint8_t *octets)
+{
+    if (type->kind == CAPTAIN_BIT_STRING)
+        *(captain_bits *)value = (captain_bits){(uint32_t)count, octets};
+    else
+        *(captain_octets *)value = (captain_octets){(uint32_t)count, octets};
+}
+
+size_t captain_decode_string(captain_reader *reader, size_t at, const captain_type *type, void *value)
+{
+    unsigned unit = type->kind == CAPTAIN_BIT_STRING ? 1 : 8;
+    const uint8_t *octets = NULL;
+    size_t count = 0, start = at;
+    bool is_root = true, counted;
+    if (type->kind == CAPTAIN_UTF8)
+        return decode_utf8(reader, at, value);
+    if (type->flags & CAPTAIN_EXTENSIBLE) {
+        if (reader->end == at)
+            return captain_fail(reader, at, CAPTAIN_TRUNCATED);
+        is_root = captain_load(reader, at++) >> 63 == 0;
+    }
+    counted = is_root && is_counted(type);
+    if (is_text(type))
+        return decode_text(reader, at, type, counted, is_root, value);
+    if (counted) {
+        at = get_count(reader, at, type, unit, &count);
+        if (at != CAPTAIN_FAILED)
+            at = captain_get_sized(reader, at, count * unit, &octets);
+    } else {
+        at = captain_get_string(reader, at, unit, &count, &octets);
+    }
+    if (at == CAPTAIN_FAILED)
+        return at;
+    if (is_root && !in_root(type, count))
+        return captain_fail(reader, start, CAPTAIN_SIZE);
+    if (type->kind >= CAPTAIN_OID && !is_oid(octets, count))
+        return captain_fail(reader, start, CAPTAIN_RANGE);
+    set_string(type, value, count, octets);
+    return at;
+}
+
+/* ---------------------------------------------------------------- encode */
+
+/* 16.2: trailing zeros of named bits go, as far as the size allows. */
+static size_t trimmed(const captain_type *type, const captain_bits *bits)
+{
+    size_t count = bits->count;
+    while ((int64_t)count > type->low && (bits->octets[(count - 1) / 8] >> (7 - (count - 1) % 8) & 1) == 0)
+        count--;
+    return count;
+}
+
+static size_t put_characters(captain_writer *writer, size_t at, const characters *set, const captain_text *text, size_t from, size_t count)
+{
+    for (size_t i = from; i < from + count && at != CAPTAIN_FAILED; i++) {
+        int code = code_of(set, (unsigned char)text->text[i]);
+        if (code < 0)
+            return captain_refuse(writer, CAPTAIN_ALPHABET);
+        if (set->bits != 0)
+            at = captain_put(writer, at, (uint64_t)code, set->bits);
+    }
+    return at;
+}
+
+static size_t put_units(captain_writer *writer, size_t at, const captain_type *type, const characters *set, const void *value, size_t from, size_t count)
+{
+    if (is_text(type) && type->kind != CAPTAIN_UTF8)
+        return put_characters(writer, at, set, value, from, count);
+    if (type->kind == CAPTAIN_BIT_STRING)
+        return captain_put_sized(writer, at, ((const captain_bits *)value)->octets + from / 8, count);
+    if (type->kind == CAPTAIN_UTF8)
+        return captain_put_sized(writer, at, (const uint8_t *)((const captain_text *)value)->text + from, count * 8);
+    return captain_put_sized(writer, at, ((const captain_octets *)value)->octets + from, count * 8);
+}
+
+static size_t put_general(captain_writer *writer, size_t at, const captain_type *type, const characters *set, const void *value, size_t count)
+{
+    size_t done = 0, length;
+    bool more;
+    do {
+        at = captain_put_fragment(writer, at, count - done, &length, &more);
+        if (at != CAPTAIN_FAILED)
+            at = put_units(writer, at, type, set, value, done, length);
+        done += length;
+    } while (more && at != CAPTAIN_FAILED);
+    return at;
+}
+
+static size_t string_count(const captain_type *type, const void *value)
+{
+    if (type->kind == CAPTAIN_BIT_STRING)
+        return type->flags & CAPTAIN_NAMED_BITS ? trimmed(type, value) : ((const captain_bits *)value)->count;
+    return is_text(type) ? ((const captain_text *)value)->count : ((const captain_octets *)value)->count;
+}
+
+size_t captain_encode_string(captain_writer *writer, size_t at, const captain_type *type, const void *value)
+{
+    size_t count = string_count(type, value);
+    bool is_root = in_root(type, count);
+    characters set = is_root ? alphabet(type) : whole_alphabet(type);
+    if (!is_root && !(type->flags & CAPTAIN_EXTENSIBLE))
+        return captain_refuse(writer, CAPTAIN_SIZE);
+    if (type->kind == CAPTAIN_UTF8 && utf8_count((const unsigned char *)((const captain_text *)value)->text, count) == SIZE_MAX)
+        return captain_refuse(writer, CAPTAIN_ALPHABET);
+    if (type->kind >= CAPTAIN_OID && !is_oid(((const captain_octets *)value)->octets, count))
+        return captain_refuse(writer, CAPTAIN_RANGE);
+    if (type->flags & CAPTAIN_EXTENSIBLE)
+        at = captain_put(writer, at, !is_root, 1);
+    if (at == CAPTAIN_FAILED)
+        return at;
+    if (!is_root || !is_counted(type))
+        return put_general(writer, at, type, &set, value, count);
+    if (type->high != type->low)
+        at = captain_put(writer, at, (uint64_t)count - (uint64_t)type->low, bits_of((uint64_t)(type->high - type->low)));
+    return at == CAPTAIN_FAILED ? at : put_units(writer, at, type, &set, value, 0, count);
+}
+
+/* ---------------------------------------------------------------- validate */
+
+static bool in_gap(const captain_type *type, size_t count)
+{
+    for (unsigned i = 0; i < type->gaps_count; i++)
+        if ((int64_t)count >= type->gaps[i].low && (int64_t)count <= type->gaps[i].high)
+            return true;
+    return false;
+}
+
+captain_status captain_validate_string(const captain_type *type, const void *value)
+{
+    size_t count = string_count(type, value);
+    if (type->kind == CAPTAIN_UTF8) {
+        count = utf8_count((const unsigned char *)((const captain_text *)value)->text, count);
+        if (count == SIZE_MAX)
+            return CAPTAIN_ALPHABET;
+    } else if (is_text(type)) {
+        characters set = alphabet(type);
+        const captain_text *text = value;
+        for (size_t i = 0; i < count; i++)
+            if (code_of(&set, (unsigned char)text->text[i]) < 0)
+                return CAPTAIN_ALPHABET;
+    } else if (type->kind >= CAPTAIN_OID) {
+        return is_oid(((const captain_octets *)value)->octets, count) ? CAPTAIN_OK : CAPTAIN_RANGE;
+    }
+    if (type->flags & CAPTAIN_EXTENSIBLE)
+        return CAPTAIN_OK;
+    if ((int64_t)count < type->low || (!(type->flags & CAPTAIN_UNBOUNDED_HIGH) && (int64_t)count > type->high))
+        return CAPTAIN_SIZE;
+    return in_gap(type, count) ? CAPTAIN_INNER : CAPTAIN_OK;
+}
