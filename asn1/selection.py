@@ -48,7 +48,7 @@ def named(schema: Schema, words: Iterable[str]) -> tuple[str, ...]:
 def part(schema: Schema, messages: Iterable[str]) -> Schema:
     """The modules, whole, that these messages reach, and the messages."""
     chosen = {name: schema.messages[name] for name in messages}
-    needed = _modules(schema, {message.pdu.module for message in chosen.values()})
+    needed = reached(schema, {message.pdu.module for message in chosen.values()})
     return Schema({key: module for key, module in schema.modules.items() if key in needed}, chosen)
 
 
@@ -75,21 +75,27 @@ def _rank(message: Message) -> int:
 # ---------------------------------------------------------------- what refers to what
 
 
-def _modules(schema: Schema, start: set[str]) -> set[str]:
+def reached(schema: Schema, start: set[str]) -> set[str]:
+    """Keys of some modules, and of all that these refer to."""
     found: set[str] = set()
     waiting = set(start)
     while waiting:
         key = waiting.pop()
         found.add(key)
-        module = schema.modules[key]
-        references = [
-            *(one for definition in module.definitions.values() for one in references_of(definition.type)),
-            *(one for class_ in module.classes.values() for one in references_of(class_.id_type)),
-            *(one for set_ in module.sets.values() for row in set_.rows for one in references_of(row.type)),
-            *(set_.class_ for set_ in module.sets.values()),
-        ]
-        waiting |= {reference.module for reference in references} - found
+        waiting |= neighbours(schema, key) - found
     return found
+
+
+def neighbours(schema: Schema, key: str) -> set[str]:
+    """Keys of the other modules that a module refers to."""
+    module = schema.modules[key]
+    references = [
+        *(one for definition in module.definitions.values() for one in references_of(definition.type)),
+        *(one for class_ in module.classes.values() for one in references_of(class_.id_type)),
+        *(one for set_ in module.sets.values() for row in set_.rows for one in references_of(row.type)),
+        *(set_.class_ for set_ in module.sets.values()),
+    ]
+    return {reference.module for reference in references} - {key}
 
 
 def references_of(type_: Type) -> Iterator[Reference]:

@@ -1,0 +1,173 @@
+"""A message of somebody's own: one .asn file becomes a schema and a message beside those of the standards.
+
+What the file imports comes from the schemas that are here: the standards' files are not needed.
+"""
+
+import difflib
+import hashlib
+import json
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from asn1 import asn, selection, text
+from asn1.importer import syntax
+from asn1.importer.fault import Place, fault
+from asn1.importer.module_parser import parse
+from asn1.importer.program import Source
+from asn1.importer.resolver import Resolver
+from asn1.importer.units import read_units
+from asn1.types import Message, Module, Reference, Schema
+
+NAME = re.compile(r"[a-z][a-z0-9]*([.-][a-z0-9]+)*")
+RELEASE = 2  # whose common data an experiment of today uses
+RANK = 99  # behind every edition of a standard
+
+
+class Wish(NamedTuple):
+    """What is asked for. versions: protocolVersion values that announce it."""
+
+    file: Path
+    pdu: str
+    name: str
+    id: int
+    port: int
+    versions: tuple[int, ...] = (1, 2)
+
+
+class WishError(ValueError):
+    """A wish that cannot be granted as it stands."""
+
+
+class Added(NamedTuple):
+    """imported: standards that the file takes something from; same_id: other messages with its messageID."""
+
+    message: Message
+    paths: tuple[Path, ...]
+    imported: tuple[str, ...]
+    same_id: tuple[str, ...]
+
+
+def add(wish: Wish, schema: Schema, folder: Path) -> Added:
+    """Write <key>.schema per module and <name>.toml into a folder that `text.load_schema` reads.
+
+    The same name again replaces the message. Raises WishError, ImportFault with every problem of the file, OSError.
+    """
+    _check(wish, schema)
+    octets = wish.file.read_bytes()
+    parsed = parse(octets.decode("utf-8", "replace"), wish.file.name)
+    own = _keys(wish, parsed)
+    sources = _sources(parsed, own, schema)
+    key = own[_module_with(wish, parsed).name]
+    resolved = Resolver(sources, read_units()).resolve([(key, wish.pdu, Place(wish.file.name, 1))])
+    digest = hashlib.sha256(octets).hexdigest()
+    modules = [
+        Module(one, sources[one].module.name, sources[one].module.oid, f"experimental: {wish.name}", wish.file.name,
+               digest, resolved[one].definitions, resolved[one].classes, resolved[one].sets)
+        for one in own.values() if one in resolved
+    ]  # fmt: skip
+    message = Message(
+        wish.name, wish.name, RELEASE, f"experimental: {wish.name}", Reference(module=key, name=wish.pdu),
+        (wish.id,), wish.versions, wish.port, RANK, is_experimental=True,
+    )  # fmt: skip
+    imported = tuple(
+        schema.modules[one].standard for one in resolved if one in schema.modules and one not in own.values()
+    )
+    same_id = tuple(one.name for one in schema.messages.values() if wish.id in one.ids and one.name != wish.name)
+    return Added(message, tuple(_write(folder, modules, message)), imported, same_id)
+
+
+def _check(wish: Wish, schema: Schema) -> None:
+    if not NAME.fullmatch(wish.name):
+        raise WishError(f"--name {wish.name}: small letters and digits, with hyphens between: my-msg")
+    if not 0 <= wish.id <= 255:
+        raise WishError(f"--id {wish.id}: a messageID is one octet, 0 to 255")
+    if not 0 <= wish.port <= 65535:
+        raise WishError(f"--port {wish.port}: a BTP port is 0 to 65535")
+    for message in schema.messages.values():
+        if wish.name in (message.name, message.type) and not message.is_experimental:
+            raise WishError(f"--name {wish.name}: {message.standard} is called so; choose another name")
+
+
+def _keys(wish: Wish, parsed: list[syntax.Module]) -> dict[str, str]:
+    """Keys of the file's own modules: x_<name of the message>, with a number where there are several."""
+    stem = "x_" + re.sub(r"[.-]", "_", wish.name)
+    return {module.name: stem + (f"_{number}" if number else "") for number, module in enumerate(parsed)}
+
+
+def _module_with(wish: Wish, parsed: list[syntax.Module]) -> syntax.Module:
+    """The module that defines the PDU."""
+    for module in parsed:
+        if wish.pdu in module.assignments:
+            return module
+    known = [name for module in parsed for name in module.assignments]
+    alike = difflib.get_close_matches(wish.pdu, known, n=3)
+    hint = f"did you mean {' or '.join(alike)}?" if alike else f"it defines {', '.join(known)}"
+    raise WishError(f"--pdu {wish.pdu}: {wish.file.name} defines no such type; {hint}")
+
+
+# ---------------------------------------------------------------- what the file imports
+
+
+def _sources(parsed: list[syntax.Module], own: Mapping[str, str], schema: Schema) -> dict[str, Source]:
+    """The file's modules, and of the schema those that they reach, by key."""
+    sources: dict[str, Source] = {}
+    start: set[str] = set()
+    for module in parsed:
+        imports = dict(own)
+        for one in module.imports.values():
+            imports.setdefault(one.module, "")
+            if one.module not in own:
+                imports[one.module] = _edition(one, schema)
+        sources[own[module.name]] = Source(own[module.name], module, imports)
+        start |= set(imports.values()) - set(own.values())
+    for key in selection.reached(schema, start):
+        (again,) = parse(asn.text(schema, schema.modules[key]), f"{key}.schema")
+        others = selection.neighbours(schema, key)
+        sources[key] = Source(key, again, {schema.modules[other].name: other for other in others})
+    return sources
+
+
+def _edition(wanted: syntax.Import, schema: Schema) -> str:
+    """The key of the module that an import means: that with the same object identifier, else the newest."""
+    found = [module for module in schema.modules.values() if module.name == wanted.module]
+    if not found:
+        names = sorted({module.name for module in schema.modules.values()})
+        alike = difflib.get_close_matches(wanted.module, names, n=3)
+        hint = f"; did you mean {' or '.join(alike)}?" if alike else "; the schema has " + ", ".join(names)
+        raise fault(wanted.place, f"there is no module {wanted.module}{hint}")
+    exact = [module for module in found if _numbers(module.oid) == _numbers(wanted.oid)]
+    return max(exact or found, key=lambda module: (module.key, _numbers(module.standard))).key
+
+
+def _numbers(words: str) -> tuple[int, ...]:
+    return tuple(map(int, re.findall(r"\d+", words)))
+
+
+# ---------------------------------------------------------------- writing
+
+
+def _write(folder: Path, modules: list[Module], message: Message) -> list[Path]:
+    folder.mkdir(parents=True, exist_ok=True)
+    texts = {f"{module.key}.schema": text.dump(module) for module in modules}
+    texts[f"{message.name}.toml"] = _toml(message)
+    for name, content in texts.items():
+        (folder / name).write_text(content, encoding="utf-8")
+    return [folder / name for name in texts]
+
+
+def _toml(message: Message) -> str:
+    lines = [
+        f"name = {json.dumps(message.name)}",
+        f"type = {json.dumps(message.type)}",
+        f"release = {message.release}",
+        f"standard = {json.dumps(message.standard)}",
+        f'pdu = "{message.pdu.module}.{message.pdu.name}"',
+        f"ids = {list(message.ids)}",
+        f"versions = {list(message.versions)}",
+        f"btp_port = {message.btp_port}",
+        f"rank = {message.rank}",
+        "experimental = true",
+    ]
+    return "\n".join(["[[message]]", *lines, ""])

@@ -1,0 +1,105 @@
+"""A message of somebody's own: one command, and it stands beside those of the standards."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from asn1 import add, text
+from asn1.importer.fault import ImportFault
+from asn1.types import Reference, Schema
+
+PLAIN = """
+My-Module DEFINITIONS AUTOMATIC TAGS ::= BEGIN
+Alarm ::= SEQUENCE { level INTEGER (0..7), text UTF8String OPTIONAL, ... }
+END
+"""
+WITH_IMPORT = """
+My-Module { iso(1) mine(99) } DEFINITIONS AUTOMATIC TAGS ::= BEGIN
+IMPORTS ItsPduHeader, ReferencePosition FROM ITS-Container {
+  itu-t (0) identified-organization (4) etsi (0) itsDomain (5) wg1 (1) ts (102894) cdd (2) version (2) };
+Alarm ::= SEQUENCE { header ItsPduHeader, place ReferencePosition, loud Loudness }
+Loudness ::= INTEGER { silent(0) } (0..100)
+END
+"""
+
+
+@pytest.fixture(scope="module")
+def schema() -> Schema:
+    return text.load_schema()
+
+
+def wish(folder: Path, content: str, **changes: object) -> add.Wish:
+    file = folder / "alarm.asn"
+    file.write_text(content)
+    return add.Wish(file, "Alarm", "my-alarm", 240, 2999)._replace(**changes)  # type: ignore[arg-type]
+
+
+def loaded(folder: Path) -> Schema:
+    return text.load_schema(folder, editions=Path(os.devnull))
+
+
+def test_a_file_of_its_own_becomes_a_schema_and_a_message(tmp_path: Path, schema: Schema):
+    added = add.add(wish(tmp_path, PLAIN), schema, tmp_path / "out")
+    found = loaded(tmp_path / "out")
+    assert found.messages == {"my-alarm": added.message}
+    assert added.message.is_experimental
+    assert (added.message.ids, added.message.btp_port) == ((240,), 2999)
+    assert found.resolve(added.message.pdu).name == "Alarm"
+    assert added.imported == ()
+
+
+def test_what_it_imports_is_taken_from_the_schema_that_is_here(tmp_path: Path, schema: Schema):
+    added = add.add(wish(tmp_path, WITH_IMPORT), schema, tmp_path / "out")
+    (module,) = loaded(tmp_path / "out").modules.values()
+    assert added.imported == ("ETSI TS 102 894-2 v1.3.1",)
+    assert set(module.definitions) == {"Alarm", "Loudness"}
+    place = module.definitions["Alarm"].type.root[1].type  # type: ignore[union-attr]
+    assert place == Reference(module="r1_cdd", name="ReferencePosition")
+
+
+def test_a_message_that_is_added_again_is_replaced(tmp_path: Path, schema: Schema):
+    add.add(wish(tmp_path, PLAIN), schema, tmp_path / "out")
+    known = Schema({**schema.modules, **loaded(tmp_path / "out").modules}, loaded(tmp_path / "out").messages)
+    add.add(wish(tmp_path, PLAIN.replace("0..7", "0..15"), port=3000), known, tmp_path / "out")
+    found = loaded(tmp_path / "out")
+    assert found.messages["my-alarm"].btp_port == 3000
+    assert len(found.modules) == 1
+
+
+def test_messages_with_the_same_id_are_named(tmp_path: Path, schema: Schema):
+    assert "cam-1.4.1" in add.add(wish(tmp_path, PLAIN, id=2), schema, tmp_path / "out").same_id
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"name": "My Alarm"}, "small letters"),
+        ({"name": "cam-1.4.1"}, "choose another name"),
+        ({"name": "cam"}, "choose another name"),
+        ({"id": 256}, "one octet"),
+        ({"port": -1}, "0 to 65535"),
+        ({"pdu": "Alram"}, "did you mean Alarm"),
+    ],
+)
+def test_a_wish_that_cannot_be_granted_is_explained_and_writes_nothing(
+    tmp_path: Path, schema: Schema, changes: dict[str, object], says: str
+):
+    with pytest.raises(add.WishError, match=says):
+        add.add(wish(tmp_path, PLAIN, **changes), schema, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (PLAIN.replace("INTEGER (0..7)", "REAL"), r"alarm.asn:3: .*REAL"),
+        (PLAIN.replace("INTEGER (0..7)", "Levl"), r"alarm.asn:3: Levl is neither defined nor imported"),
+        (WITH_IMPORT.replace("ITS-Container", "ITS-Contaner"), r"alarm.asn:3: .*did you mean ITS-Container"),
+        ("nothing like it", r"alarm.asn:1: "),
+    ],
+)
+def test_a_file_that_cannot_be_read_is_explained_by_line(tmp_path: Path, schema: Schema, content: str, says: str):
+    with pytest.raises(ImportFault, match=says):
+        add.add(wish(tmp_path, content), schema, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
