@@ -28,7 +28,7 @@ class Mood:
 
     left      values that may still be made; mandatory ones are made even so
     presence  how likely something optional is there
-    is_newer  the sender knows more than the schema
+    is_newer  the sender knows more than the schema; has_newer: and something of that is in the value
     """
 
     def __init__(self, seed: int) -> None:
@@ -36,13 +36,14 @@ class Mood:
         self.chance = self.random.random
         self.left = 0
         self.presence = 0.5
-        self.is_newer = self.may_be_long = False
+        self.is_newer = self.has_newer = self.may_be_long = False
 
     def change(self, knows_more: bool, is_long: bool) -> None:
         chance = self.chance
         self.presence = PRESENCE[int(chance() * len(PRESENCE))]
         self.left = BUDGETS[int(chance() * len(BUDGETS))]
         self.is_newer = knows_more and chance() < UNKNOWN
+        self.has_newer = False
         self.may_be_long = is_long and chance() < LONG
 
     def one_of(self, things: Sequence[Any]) -> Callable[[], Any]:
@@ -67,6 +68,7 @@ class Mood:
 
     def octets(self) -> bytes:
         """Of an open type that nobody knows."""
+        self.has_newer = True
         return self.random.randbytes(self.random.choice((1, 1, 2, 5, 130)))
 
 
@@ -96,6 +98,7 @@ def enumerated(mood: Mood, type_: t.Enumerated) -> Make:
     def make(_: Holder) -> str | int:
         mood.left -= 1
         if type_.is_extensible and mood.is_newer and mood.chance() < 0.2:
+            mood.has_newer = True
             return len(type_.additions) + mood.above()
         return str(pick())
 

@@ -11,6 +11,7 @@ from asn1 import types as t
 
 Ends = tuple[float, float]  # int or infinity
 Union = tuple[Ends, ...]  # ascending, none touching another
+TABLE = t.Constraint(t.AllOf(()))  # ({Set}): a constraint that PER does not see, without marker (X.682 10)
 EVERYTHING: Union = ((-math.inf, math.inf),)
 SIZES: Union = ((0, math.inf),)
 
@@ -46,7 +47,10 @@ def unfold(schema: t.Schema, type_: t.Type) -> tuple[t.Type, tuple[t.Constraint,
         if isinstance(type_, t.Reference):
             type_ = schema.resolve(type_).type
         else:
-            type_ = schema.modules[type_.class_.module].classes[type_.class_.name].id_type
+            type_, constraints = (
+                schema.modules[type_.class_.module].classes[type_.class_.name].id_type,
+                (TABLE, *constraints),
+            )
         constraints = type_.constraints + constraints
     return type_, constraints
 
@@ -80,7 +84,7 @@ def _serial(constraints: Iterable[t.Constraint], aspect: type, universe: Union) 
 def _of(constraint: t.Constraint, aspect: type) -> Allowed | None:
     """None: not visible to PER, or not about this aspect."""
     one = _elements(constraint.root, aspect)
-    if one is None:
+    if one is None or (aspect is t.Alphabet and constraint.is_extensible):  # X.691 30.4, note 2
         return None
     more = _elements(constraint.additions, aspect) if constraint.additions is not None else None
     additions = _union((*one.additions, *(more.root if more is not None else ())))
@@ -91,7 +95,9 @@ def _elements(elements: t.ElementSet, aspect: type) -> Allowed | None:
     match elements:
         case t.Values(ranges) if aspect is t.Values:
             return Allowed(_union((_low(one), _high(one)) for one in ranges))
-        case t.Size(within) | t.Alphabet(within) if isinstance(elements, aspect):
+        case t.Size(within) if aspect is t.Size:
+            return _of(within, t.Values)
+        case t.Alphabet(within) if aspect is t.Alphabet and not within.is_extensible:
             return _of(within, t.Values)
         case t.AllOf(members):
             seen = [one for one in (_elements(member, aspect) for member in members) if one is not None]

@@ -49,6 +49,11 @@ class Values:
         self._omitted.clear()
         return self._make({})
 
+    @property
+    def has_newer(self) -> bool:
+        """Whether the last one holds what only a codec that keeps unknown additions can say."""
+        return self._mood.has_newer
+
     def complete(self) -> None:
         """Puts the defaults into what `value` gave last: then it is what decoding its octets must give."""
         for holder, name, default in self._omitted:
@@ -234,6 +239,7 @@ class Values:
         is_extended = bool(unknown) or any(one.name in value for members in additions for one in members)
         if count != known and is_extended:
             value["[]"] = count
+            mood.has_newer = True
 
     def _newer(self, known: int) -> tuple[int, Sequence[int]]:
         """Additions that the sender knows, and which of those it sends that we do not know."""

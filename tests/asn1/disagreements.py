@@ -1,0 +1,181 @@
+"""Where other codecs are wrong, and by which clause: the table, and how to see such a place in a value.
+
+Clauses of X.680 and X.691 are those of 02/2021. A difference counts as explained where the value holds a construct of a row
+for that codec; where the row is `healed`, only if the codec agrees once the constraint is written in its effective form
+(effective.py), so that nothing else hides behind it.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from asn1 import types as t
+from tests.asn1.bits import K16, Bits
+from tests.asn1.ranges import numbers, sizes, unfold
+from tests.asn1.reach import components
+from tests.asn1.reference import Encoder, is_sent
+
+
+class Disagreement(NamedTuple):
+    construct: str
+    codecs: tuple[str, ...]
+    clause: str
+    who_is_wrong: str
+    is_healed: bool = False
+
+
+TABLE = (
+    Disagreement(
+        "union of ranges", ("asn1tools",), "X.691 3.7.8, 10.3.21, 13.2",
+        "the effective range of (0..2 | 5) is 0..5; asn1tools takes the first range alone", True,
+    ),
+    Disagreement(
+        "SIZE on a reference", ("asn1tools", "pycrate"), "X.680 49.1, X.691 20.5",
+        "Path (SIZE (3..16)) bounds the list; asn1tools keeps the bounds of Path", True,
+    ),
+    Disagreement(
+        "serial constraint without marker", ("asn1tools", "pycrate"), "X.680 50.11, X.691 10.3.20",
+        "the last constraint has no marker, so the type has none; asn1tools and pycrate keep the parent's", True,
+    ),
+    Disagreement(
+        "default", ("asn1tools",), "X.680 25.9, X.691 19.5",
+        "a DEFAULT on a reference to BOOLEAN: asn1tools keeps its text, and sends what equals it", True,
+    ),
+    Disagreement(
+        "absent mandatory addition", ("asn1tools",), "X.691 19.8, 19.9",
+        "an older edition lacks an addition and a later one is there; asn1tools drops the later ones",
+    ),
+    Disagreement(
+        "empty open type", ("asn1tools",), "X.691 11.1.3, 11.2.1",
+        "an open type holds at least one octet; asn1tools writes a length of 0 for NULL and for what has no bits",
+    ),
+    Disagreement(
+        "size outside of the root", ("asn1tools", "pycrate"), "X.691 16.6, 17.3, 30.5.7",
+        "SIZE (1..8, ...) of a string: asn1tools has no extension bit",
+    ),
+    Disagreement(
+        "extensible size of a string", ("asn1tools",), "X.691 16.6, 17.3, 30.5.7",
+        "SIZE (1..8, ...) of a string: asn1tools has no extension bit",
+    ),
+    Disagreement(
+        "semi-constrained INTEGER", ("asn1tools",), "X.691 11.7, 13.2.3",
+        "(0..MAX) is sent as what exceeds 0, without sign; asn1tools sends two's complement",
+    ),
+    Disagreement(
+        "open type of 16384 octets and more", ("asn1tools",), "X.691 11.9.3.8",
+        "it is sent in fragments; asn1tools refuses",
+    ),
+    Disagreement(
+        "group with all members", ("pycrate",), "X.691 19.9",
+        "an addition group all of whose members are present; pycrate fails",
+    ),
+    Disagreement(
+        "named bits with trailing zeros", ("pycrate",), "X.691 16.2, 16.3",
+        "trailing zeros of named bits are not sent beyond the least size; pycrate sends them",
+    ),
+)  # fmt: skip
+
+
+def explained(codec: str, constructs: set[str], is_healed: bool) -> list[str]:
+    """The rows that explain a difference of a codec on a value with these constructs."""
+    rows = (one for one in TABLE if codec in one.codecs and one.construct in constructs)
+    return [one.construct for one in rows if one.is_healed == is_healed]
+
+
+class Constructs:
+    """Finds constructs of TABLE in values."""
+
+    def __init__(self, schema: t.Schema) -> None:
+        self._schema = schema
+        self._encoder = Encoder(schema)
+
+    def of(self, type_: t.Type, value: Any) -> set[str]:
+        found: set[str] = set()
+        self._walk(type_, value, found.add)
+        return found
+
+    def _walk(self, type_: t.Type, value: Any, add: Callable[[str], None]) -> None:
+        base, constraints = unfold(self._schema, type_)
+        if _is_serial(constraints, isinstance(base, t.SequenceOf)):
+            add("serial constraint without marker")
+        match base:
+            case t.Integer():
+                allowed = numbers(constraints)
+                if allowed.has_gaps:
+                    add("union of ranges")
+                if allowed.low is not None and allowed.high is None:
+                    add("semi-constrained INTEGER")
+            case t.BitString() | t.OctetString() | t.CharacterString():
+                self._string(base, sizes(constraints).is_extensible, add)
+                if isinstance(base, t.BitString) and base.names:
+                    add("named bits with trailing zeros")
+            case t.SequenceOf():
+                if isinstance(type_, t.Reference) and type_.constraints:
+                    add("SIZE on a reference")
+                for one in value:
+                    self._walk(base.element, one, add)
+            case t.Choice():
+                self._choice(base, value, add)
+            case t.Sequence():
+                self._sequence(base, value, add)
+
+    @staticmethod
+    def _string(type_: t.Type, is_extensible: bool, add: Callable[[str], None]) -> None:
+        if is_extensible:
+            add("extensible size of a string")
+
+    def _choice(self, type_: t.Choice, value: tuple[str, Any], add: Callable[[str], None]) -> None:
+        component = next((one for one in components(type_) if one.name == value[0]), None)
+        if component is None:
+            return
+        if component not in type_.root:
+            self._open(component.type, value[1], add)
+        self._walk(component.type, value[1], add)
+
+    def _sequence(self, type_: t.Sequence, value: dict[str, Any], add: Callable[[str], None]) -> None:
+        self._additions(type_, value, add)
+        for one in components(type_):
+            if one.default is not None:
+                add("default")
+            if one.name not in value:
+                continue
+            inner: t.Type | None = one.type
+            if isinstance(one.type, t.OpenType):
+                rows = self._schema.modules[one.type.set_.module].sets[one.type.set_.name].rows
+                inner = next((row.type for row in rows if row.value == value[one.type.selector]), None)
+                if inner is not None:
+                    self._open(inner, value[one.name], add)
+            if inner is not None:
+                self._walk(inner, value[one.name], add)
+
+    def _additions(self, type_: t.Sequence, value: dict[str, Any], add: Callable[[str], None]) -> None:
+        is_missing = False
+        for addition in type_.additions:
+            members = addition.components if isinstance(addition, t.Group) else (addition,)
+            sent = [one for one in members if is_sent(one, value)]
+            if not sent:
+                is_missing = is_missing or any(not one.is_optional and one.default is None for one in members)
+                continue
+            if is_missing:
+                add("absent mandatory addition")
+            if isinstance(addition, t.Group):
+                if len(sent) == len(members):
+                    add("group with all members")
+            elif not isinstance(addition.type, t.OpenType):
+                self._open(addition.type, value[addition.name], add)
+
+    def _open(self, type_: t.Type, value: Any, add: Callable[[str], None]) -> None:
+        if isinstance(value, bytes) and not isinstance(unfold(self._schema, type_)[0], t.OctetString):
+            return
+        bits = Bits()
+        self._encoder.encoder(type_)(bits, value)
+        if not bits.count:
+            add("empty open type")
+        if bits.count > 8 * (K16 - 1):
+            add("open type of 16384 octets and more")
+
+
+def _is_serial(constraints: tuple[t.Constraint, ...], is_list: bool) -> bool:
+    """A marker that a later constraint takes away."""
+    before = numbers(constraints[:-1]) if not is_list else sizes(constraints[:-1])
+    after = numbers(constraints) if not is_list else sizes(constraints)
+    return before.is_extensible and not after.is_extensible

@@ -1,0 +1,79 @@
+"""A schema whose constraints say outright what PER sees of them: one range, one size, no serial constraint.
+
+A codec that reads `SIZE` on a reference, a union or an earlier extension marker wrongly reads this rightly. So a difference
+is explained by a constraint exactly where the same codec agrees as soon as the constraint is written this way.
+"""
+
+from dataclasses import replace
+
+from asn1 import types as t
+from tests.asn1.ranges import Allowed, numbers, sizes, unfold
+
+
+def effective(schema: t.Schema) -> t.Schema:
+    form = _Effective(schema)
+    return replace(schema, modules={key: form.module(one) for key, one in schema.modules.items()})
+
+
+class _Effective:
+    def __init__(self, schema: t.Schema) -> None:
+        self._schema = schema
+
+    def module(self, module: t.Module) -> t.Module:
+        return replace(
+            module,
+            definitions={name: replace(one, type=self.type(one.type)) for name, one in module.definitions.items()},
+            classes={name: replace(one, id_type=self._identifier(one)) for name, one in module.classes.items()},
+            sets={
+                name: replace(one, rows=tuple(row._replace(type=self.type(row.type)) for row in one.rows))
+                for name, one in module.sets.items()
+            },
+        )
+
+    def _identifier(self, class_: t.ObjectClass) -> t.Type:
+        """In messages a table constraint always follows it: no extension marker is left (X.680 50.11)."""
+        base, constraints = unfold(self._schema, class_.id_type)
+        return replace(base, constraints=_values(numbers(constraints)._replace(is_extensible=False)))
+
+    def type(self, type_: t.Type) -> t.Type:
+        if isinstance(type_, t.Reference) and not type_.constraints:
+            return type_
+        base, constraints = unfold(self._schema, type_)
+        match base:
+            case _ if isinstance(type_, t.ClassField):
+                return type_
+            case t.Sequence() | t.Choice():
+                return replace(type_, constraints=()) if isinstance(type_, t.Reference) else self._inside(base)
+            case t.Integer():
+                return replace(base, constraints=_values(numbers(constraints)))
+            case t.SequenceOf():
+                return replace(base, element=self.type(base.element), constraints=_size(sizes(constraints)))
+            case t.BitString() | t.OctetString():
+                return replace(base, constraints=_size(sizes(constraints)))
+        return type_
+
+    def _inside(self, type_: t.Sequence | t.Choice) -> t.Type:
+        parts = {"root": type_.root, "additions": type_.additions}
+        if isinstance(type_, t.Sequence):
+            parts["tail"] = type_.tail
+        return replace(type_, constraints=(), **{name: tuple(map(self._member, part)) for name, part in parts.items()})
+
+    def _member(self, member: t.Component | t.Group) -> t.Component | t.Group:
+        if isinstance(member, t.Group):
+            return replace(member, components=tuple(map(self._member, member.components)))
+        type_ = member.type if member.default is None else unfold(self._schema, member.type)[0]
+        with_all = type_ if type_ is member.type else replace(type_, constraints=unfold(self._schema, member.type)[1])
+        return replace(member, type=self.type(with_all))
+
+
+def _values(allowed: Allowed) -> tuple[t.Constraint, ...]:
+    if allowed.low is None and allowed.high is None:
+        return ()
+    return (t.Constraint(t.Values((t.Range(allowed.low, allowed.high),)), allowed.is_extensible),)
+
+
+def _size(allowed: Allowed) -> tuple[t.Constraint, ...]:
+    if not allowed.low and allowed.high is None:
+        return ()
+    within = t.Constraint(t.Values((t.Range(allowed.low, allowed.high),)), allowed.is_extensible)
+    return (t.Constraint(t.Size(within)),)

@@ -1,0 +1,184 @@
+"""One message under trial: generated values, our octets against those of the others, and what explains a difference.
+
+Every value: our octets equal those of reference.py, and decoding them gives the value back. Some values, as many as time
+allows: asn1tools and pycrate give the same octets, and read ours as the same value; tshark reads the same leaves.
+"""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
+
+from asn1 import types as t
+from tests.asn1 import tshark
+from tests.asn1.disagreements import Constructs, explained
+from tests.asn1.effective import effective
+from tests.asn1.oracles import Asn1tools, Oracle, Pycrate
+from tests.asn1.reach import pruned
+from tests.asn1.reference import Encoder
+from tests.asn1.values import Values
+
+ORACLES = {"asn1tools": Asn1tools, "pycrate": Pycrate}
+EXAMPLES = 3  # of what nothing explains, a message
+BATCH = 500  # messages a run of tshark
+
+
+class Codec(Protocol):
+    """What is under trial: captain_messages.Message."""
+
+    def encode(self, value: Any) -> bytes: ...
+    def decode(self, octets: bytes) -> Any: ...
+
+
+@dataclass
+class Tally:
+    """compared, agreed: by codec; reasons: by codec and construct, a difference may have several.
+
+    newer: values that only we can say; explained, unexplained: differences.
+    """
+
+    values: int = 0
+    newer: int = 0
+    compared: Counter[str] = field(default_factory=Counter)
+    agreed: Counter[str] = field(default_factory=Counter)
+    reasons: Counter[tuple[str, str]] = field(default_factory=Counter)
+    explained: int = 0
+    unexplained: int = 0
+    examples: list[str] = field(default_factory=list)
+
+    def add(self, other: "Tally") -> None:
+        self.values += other.values
+        self.newer += other.newer
+        self.compared += other.compared
+        self.agreed += other.agreed
+        self.reasons += other.reasons
+        self.explained += other.explained
+        self.unexplained += other.unexplained
+        self.examples = [*self.examples, *other.examples][:EXAMPLES]
+
+    def differ(self, codec: str, constructs: list[str], what: str) -> None:
+        """Constructs: what explains it; nothing: nothing does."""
+        self.explained += bool(constructs)
+        self.reasons.update((codec, one) for one in constructs)
+        if not constructs:
+            self.fail(what)
+
+    def fail(self, what: str) -> None:
+        self.unexplained += 1
+        self.examples = [*self.examples, what][:EXAMPLES]
+
+
+class _Verdict(NamedTuple):
+    is_equal: bool
+    what: str
+
+
+class Trial:
+    """every: of how many values one goes to each of asn1tools, pycrate and tshark; absent: none."""
+
+    def __init__(self, schema: t.Schema, message: t.Message, codec: Codec, every: Mapping[str, int]) -> None:
+        self._message, self._codec, self._every = message, codec, every
+        self._schema = pruned(schema, message.pdu)
+        self._reference = Encoder(self._schema)
+        self._constructs = Constructs(self._schema)
+        self._oracles = {name: make(self._schema, message.pdu) for name, make in ORACLES.items() if name in every}
+        self._healed: dict[str, Oracle] = {}
+
+    def run(self, seed: int, count: int) -> Tally:
+        tally = Tally()
+        values = Values(self._schema, self._message.pdu, seed)
+        waiting: list[Any] = []
+        for number in range(count):
+            value = values.value()
+            tally.values += 1
+            octets = self._own(value, values, tally)
+            if values.has_newer:
+                tally.newer += 1
+            elif octets is not None:
+                for name, oracle in self._oracles.items():
+                    if number % self._every[name] == 0:
+                        self._compare(oracle, value, octets, tally)
+                if "tshark" in self._every and number % self._every["tshark"] == 0:
+                    waiting.append(value)
+        for start in range(0, len(waiting), BATCH):
+            self._dissect(waiting[start : start + BATCH], tally)
+        return tally
+
+    def _own(self, value: Any, values: Values, tally: Tally) -> bytes | None:
+        """Our octets, where all is well with them."""
+        expected = self._reference.encode(self._message.pdu, value)
+        try:
+            octets = self._codec.encode(value)
+            values.complete()
+            decoded = self._codec.decode(octets)
+        except ValueError as error:
+            tally.fail(f"{self._message.name}: {error!r}\n  value    {value}\n  expected {expected.hex()}")
+            return None
+        if octets != expected:
+            tally.fail(
+                f"{self._message.name}:\n  value    {value}\n  expected {expected.hex()}\n  ours     {octets.hex()}"
+            )
+            return None
+        if decoded != value:
+            tally.fail(f"{self._message.name}: {octets.hex()}\n  is       {value}\n  decoded  {decoded}")
+            return None
+        return octets
+
+    def _compare(self, oracle: Oracle, value: Any, octets: bytes, tally: Tally) -> None:
+        tally.compared[oracle.name] += 1
+        verdict = _agrees(oracle, value, octets)
+        if verdict.is_equal:
+            tally.agreed[oracle.name] += 1
+            return
+        constructs = self._constructs.of(self._message.pdu, value)
+        reasons = explained(oracle.name, constructs, is_healed=True)
+        if not reasons or not _agrees(self._heal(oracle.name), value, octets).is_equal:
+            reasons = explained(oracle.name, constructs, is_healed=False)
+        what = f"{self._message.name}: {oracle.name} {verdict.what}\n  value    {value}\n  ours     {octets.hex()}"
+        tally.differ(oracle.name, reasons, what)
+
+    def _heal(self, name: str) -> Oracle:
+        """The same codec over the effective form of every constraint."""
+        if name not in self._healed:
+            self._healed[name] = ORACLES[name](effective(self._schema), self._message.pdu)
+        return self._healed[name]
+
+    def _dissect(self, values: list[Any], tally: Tally) -> None:
+        announced = [self._announced(value) for value in values]
+        path = Path(f"build/tests/tshark/{self._message.name}.pcap")
+        read = tshark.leaves_read(path, [self._codec.encode(value) for value in announced], self._message.btp_port)
+        for value, leaves in zip(announced, read, strict=True):
+            tally.compared["tshark"] += 1
+            written = tshark.leaves_written(self._schema, self._message.pdu, value)
+            if leaves == written:
+                tally.agreed["tshark"] += 1
+                continue
+            reasons = explained("tshark", self._constructs.of(self._message.pdu, value), is_healed=False)
+            octets = self._codec.encode(value).hex()
+            what = f"{self._message.name}: tshark reads {leaves}\n  written  {written}\n  ours     {octets}"
+            tally.differ("tshark", reasons, what)
+
+    def _announced(self, value: Any) -> Any:
+        """With the header by which tshark knows the message."""
+        header = {**value["header"], "messageID": self._message.ids[0], "protocolVersion": self._message.versions[0]}
+        return {**value, "header": header}
+
+
+def _agrees(oracle: Oracle, value: Any, octets: bytes) -> _Verdict:
+    """Their octets are ours, and what they read in ours is the value. Their faults have many classes."""
+    try:
+        shaped = oracle.shape(value)
+        theirs = oracle.encode(shaped)
+        if theirs != octets:
+            return _Verdict(False, f"encodes {theirs.hex()}")
+        decoded = oracle.decode(octets)
+    except Exception as error:  # noqa: BLE001
+        return _Verdict(False, f"raises {error!r}")
+    return _Verdict(decoded == shaped, f"decodes {decoded}")
+
+
+def chunks(count: int, size: int) -> Iterator[tuple[int, int]]:
+    """(seed, how many) of each part of a run: the same values, however many processes share it."""
+    for seed, start in enumerate(range(0, count, size)):
+        yield seed, min(size, count - start)

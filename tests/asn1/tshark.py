@@ -1,0 +1,112 @@
+"""tshark as an oracle: it takes our octets apart, and what it reads has to be what was written.
+
+It dissects Release 1 only (Wireshark 4.0). A message goes to it in a GeoNetworking single hop broadcast with BTP-B; of its
+answer the leaves are compared, in the order of the encoding: numbers, items, strings, and the count of empty lists.
+"""
+
+import json
+import shutil
+import subprocess
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, Final
+from xml.etree import ElementTree
+
+from asn1 import types as t
+from drivers.wire import btp
+from firmware.lab.pcap import Pcap
+from tests.asn1.ranges import unfold
+
+FRAMES = Path(__file__).parent.parent / "captures" / "frames.json"
+HEADERS: Final = 54  # octets: Ethernet 14, GeoNetworking basic header 4, common header 8, single hop broadcast 28
+PAYLOAD_LENGTH = slice(22, 24)  # of the common header: what follows the extended header
+IS_HERE = shutil.which("tshark") is not None
+# What Wireshark 4.0 knows: epan/dissectors/asn1/its. Other editions it takes for these, or leaves alone.
+MESSAGES = frozenset({"cam-1.4.1", "denm-1.3.1"})
+
+
+def leaves_read(path: Path, messages: Sequence[bytes], port: int) -> list[list[str] | None]:
+    """What tshark reads in each message; None where it finds it malformed or knows no such message. path: for the capture."""
+    capture = Pcap(path)
+    for message in messages:
+        capture.write(_frame(port, message), 0)
+    capture.close()
+    command = ["tshark", "-n", "-r", str(path), "-T", "pdml"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as tshark:
+        assert tshark.stdout is not None
+        return [_leaves(packet) for _, packet in ElementTree.iterparse(tshark.stdout) if packet.tag == "packet"]
+
+
+def leaves_written(schema: t.Schema, type_: t.Type, value: Any) -> list[str]:
+    """The same of a value of ours, defaults that are not sent left out."""
+    return list(_written(schema, type_, value))
+
+
+def _frame(port: int, message: bytes) -> bytes:
+    headers = bytearray.fromhex(json.loads(FRAMES.read_text())["frames"][0]["hex"])[:HEADERS]
+    packet = btp.encode(btp.BtpB(port, 0), message)
+    headers[PAYLOAD_LENGTH] = len(packet).to_bytes(2, "big")
+    return bytes(headers) + packet
+
+
+def _leaves(packet: ElementTree.Element) -> list[str] | None:
+    its = [one for one in packet if one.get("name") == "its"]
+    if len(its) != 1 or packet.find(".//*[@name='_ws.malformed']") is not None:
+        return None
+    return list(_shown(its[0]))
+
+
+def _shown(field: ElementTree.Element) -> Iterator[str]:
+    for one in field:
+        name = one.get("name", "")
+        if name.startswith(("per.", "_ws.")) or (name.endswith("_element") and not len(one)):
+            continue
+        if len(one) and not _is_named_bit(one[0]):
+            yield from _shown(one)
+        else:
+            yield one.get("show", "").replace(":", "")
+
+
+def _is_named_bit(field: ElementTree.Element) -> bool:
+    """its.AccelerationControl.brakePedalEngaged: the bits of a string stand below it, with its type in their names."""
+    return field.get("name", "").count(".") == 2
+
+
+def _written(schema: t.Schema, type_: t.Type, value: Any) -> Iterator[str]:
+    base, _ = unfold(schema, type_)
+    match base:
+        case t.Sequence():
+            yield from _members(schema, base, value)
+        case t.Choice():
+            alternatives = (one for one in (*base.root, *base.additions) if isinstance(one, t.Component))
+            yield from _written(schema, next(one.type for one in alternatives if one.name == value[0]), value[1])
+        case t.SequenceOf():
+            for one in value:
+                yield from _written(schema, base.element, one)
+            if not value:
+                yield "0"
+        case t.Enumerated():
+            yield str(next(one.value for one in (*base.root, *base.additions) if one.name == value))
+        case t.BitString():
+            yield value[0].hex()
+        case t.OctetString():
+            yield value.hex()
+        case t.Null():
+            pass
+        case t.Boolean():
+            yield str(int(value))
+        case _:
+            yield str(value).replace(":", "")
+
+
+def _members(schema: t.Schema, type_: t.Sequence, value: dict[str, Any]) -> Iterator[str]:
+    for addition in (*type_.root, *type_.tail, *type_.additions):
+        for one in addition.components if isinstance(addition, t.Group) else (addition,):
+            if one.name not in value or (one.default is not None and value[one.name] == one.default):
+                continue
+            if isinstance(one.type, t.OpenType):
+                rows = schema.modules[one.type.set_.module].sets[one.type.set_.name].rows
+                row = next((row.type for row in rows if row.value == value[one.type.selector]), None)
+                yield from _written(schema, row or t.OctetString(), value[one.name])
+            else:
+                yield from _written(schema, one.type, value[one.name])
