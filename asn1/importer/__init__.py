@@ -41,10 +41,8 @@ def import_modules(directory: Path) -> types.Schema:
         )
         for key, one in resolved.items()
     }  # fmt: skip
-    own = dict(modules)
-    for key, module in own.items():
-        others = [own[other] for other in found[key].edition.units_from if other in own]
-        modules[key] = units.add(module, others)
+    donors = _donors(found, modules, Resolver(sources, units))
+    modules = {key: units.add(module, donors[key]) for key, module in modules.items()}
     unused = units.unused(modules)
     if unused:
         raise ImportFault([Problem(Place("units.toml", 1), f"there is no {one}") for one in unused])
@@ -131,6 +129,35 @@ def _decoded(octets: bytes) -> str:
         return octets.decode("utf-8")
     except UnicodeDecodeError:
         return octets.decode("latin-1")
+
+
+def _donors(
+    found: Mapping[str, _Found], modules: Mapping[str, types.Module], resolver: Resolver
+) -> dict[str, list[Mapping[str, types.Definition]]]:
+    """By module: the elements of the same names elsewhere whose units may be its own, reached by messages or not."""
+    wanted = {
+        key: [(other, name) for other in found[key].edition.units_from for name in module.definitions]
+        for key, module in modules.items()
+    }
+    roots = [
+        (other, name, found[other].source.module.place)
+        for pairs in wanted.values()
+        for other, name in pairs
+        if other in found and _has_unit(found[other].source.module.assignments.get(name))
+    ]
+    resolved = resolver.resolve(roots)
+    return {
+        key: [resolved[other].definitions for other in found[key].edition.units_from if other in resolved]
+        for key in modules
+    }
+
+
+def _has_unit(assignment: syntax.Assignment | None) -> bool:
+    return (
+        isinstance(assignment, syntax.TypeAssignment)
+        and assignment.unit is not None
+        and isinstance(assignment.type, syntax.WithItems)
+    )
 
 
 def _check_imports(editions: Editions, sources: Mapping[str, Source]) -> None:

@@ -16,7 +16,7 @@ _ONE_WORD = {
     "GraphicString", "IA5String", "ISO646String", "NumericString", "PrintableString", "TeletexString", "T61String",
     "UniversalString", "UTF8String", "VideotexString", "VisibleString",
 }  # fmt: skip
-_UNIT = re.compile(r"@units?\b:?[ \t]*([^\n]*)")
+_UNIT = re.compile(r"(?:@units?\b:?|^[ \t*]*Unit:)[ \t]*([^\n]*)", re.MULTILINE)
 
 
 def unit_of(comments: tuple[str, ...]) -> str | None:

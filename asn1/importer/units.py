@@ -14,7 +14,7 @@ UNITS = text.FOLDER / "units.toml"
 class Units:
     """spelling: what a comment says -> what the schema says, "" for no unit.
 
-    table: key of a module -> path ("SpeedLimit", "TimeVal.sec") -> unit.
+    table: key of a module -> path ("SpeedLimit", "TimeVal.sec") -> unit, "" for none.
     """
 
     def __init__(self, spelling: Mapping[str, str], table: Mapping[str, Mapping[str, str]]) -> None:
@@ -28,12 +28,12 @@ class Units:
         words = re.sub(r"(?<=\d),(?=\d)", ".", " ".join(comment.split()).strip("*").strip().rstrip("."))
         return self._spelling.get(words, words) or None
 
-    def add(self, module: types.Module, others: list[types.Module]) -> types.Module:
-        """The module with the units that its own text does not have: the table's, then those of the same elements."""
+    def add(self, module: types.Module, others: list[Mapping[str, types.Definition]]) -> types.Module:
+        """The module with the units of the table, its own, or those of the same elements elsewhere, in this order."""
         table = self._table.get(module.key, {})
         definitions: dict[str, types.Definition] = {}
         for name, definition in module.definitions.items():
-            unit = table.get(name) or definition.unit or _same(definition, others)
+            unit = table[name] or None if name in table else definition.unit or _same(definition, others)
             type_ = _with_units(definition.type, name, table)
             definitions[name] = types.Definition(name, type_, unit)
         return dataclasses.replace(module, definitions=definitions)
@@ -53,10 +53,10 @@ def read_units(path: Path = UNITS) -> Units:
     return Units(document.pop("spelling", {}), document)
 
 
-def _same(definition: types.Definition, others: list[types.Module]) -> str | None:
+def _same(definition: types.Definition, others: list[Mapping[str, types.Definition]]) -> str | None:
     """The unit of the first other element of this name that is an INTEGER of the same range."""
     for other in others:
-        found = other.definitions.get(definition.name)
+        found = other.get(definition.name)
         if found is None or found.unit is None:
             continue
         if isinstance(found.type, types.Integer) and isinstance(definition.type, types.Integer):
