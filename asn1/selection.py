@@ -62,8 +62,8 @@ def _matching(schema: Schema, word: str) -> list[str]:
     matching = fnmatch.filter(schema.messages, word)
     if matching:
         return matching
-    known = [*schema.messages, *(message.type for message in schema.messages.values())]
-    alike = sorted(set(difflib.get_close_matches(word, known, n=3)))
+    known = dict.fromkeys([*(message.type for message in schema.messages.values()), *schema.messages])
+    alike = difflib.get_close_matches(word, known, n=3)
     hint = f"did you mean {' or '.join(alike)}?" if alike else "`captain-asn1 list` shows all"
     raise UnknownMessageError(f"no message is called {word!r}; {hint}")
 

@@ -33,7 +33,7 @@ def test_a_word_is_a_name_a_type_or_a_pattern(words: list[str], names: list[str]
     assert selection.named(SCHEMA, words) == tuple(names)
 
 
-@pytest.mark.parametrize(("word", "hint"), [("cma", "did you mean cam"), ("cam-2.3", "cam-2.3.1"), ("zzzz", "list")])
+@pytest.mark.parametrize(("word", "hint"), [("cma", "did you mean .*cam"), ("cam-2.3", "cam-2.3.1"), ("zzzz", "list")])
 def test_a_word_that_names_nothing_gets_what_is_alike(word: str, hint: str):
     with pytest.raises(selection.UnknownMessageError, match=hint):
         selection.named(SCHEMA, [word])
