@@ -34,8 +34,13 @@ TABLE = {
     "drivers/wire": Rule(("board.errors", "board.time", *WORDS), DO_IO),
     "drivers/sim": Rule(("board", "drivers.wire", *WORDS)),
     "pps": Rule(("board",)),
-    # The station itself knows nothing of its commands, and draws nothing.
-    "firmware": Rule(("board", "drivers", "pps", "zmq"), frozenset({"firmware.lab", "firmware.user"})),
+    # The station itself knows nothing of its commands, and draws and decodes nothing.
+    "firmware": Rule(
+        ("board", "drivers", "pps", "zmq"), frozenset({"firmware.codec", "firmware.lab", "firmware.user"})
+    ),
+    "firmware/codec": Rule(
+        ("board", "drivers.wire", *WORDS, "firmware", "captain_messages"), frozenset({"firmware.lab"})
+    ),
     "firmware/commands": Rule(("board", "drivers", "pps", "firmware", "zmq", "rich")),
     "firmware/user": Rule(("board", "drivers.wire", *WORDS, "firmware", "zmq", "rich"), frozenset({"firmware.lab"})),
     "firmware/lab": Rule(("board", "drivers", "firmware", "zmq", "rich")),
@@ -115,6 +120,9 @@ def test_a_file_imports_only_what_its_folder_may(path: Path):
         ("drivers/sim/x.py", "from drivers import DRIVERS"),
         ("firmware/x.py", "import rclpy"),
         ("firmware/x.py", "import asn1"),
+        ("firmware/x.py", "from firmware.codec import library"),
+        ("firmware/codec/x.py", "import asn1"),
+        ("firmware/commands/x.py", "import captain_messages"),
         ("firmware/commands/x.py", "import numpy"),
         ("pps/x.py", "from drivers.contract import Can"),
         ("image/x.py", "import board"),

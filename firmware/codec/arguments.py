@@ -1,0 +1,60 @@
+"""Arguments that decode, encode, convert and explain have in common, and how failures of single messages are told."""
+
+import argparse
+import json
+import sys
+from collections import Counter
+
+from board.errors import StationError
+from firmware.codec.reading import FORMS, Reader
+from firmware.user.table import clean
+
+FORMS_HELP = """\
+WHAT is a file, a folder of files, or the message itself; - or nothing is
+standard input. Read are
+  hexadecimal   a message a line; blanks and colons as they please, # a remark
+  base64        a message a line
+  binary        the octets of one message
+  JSON          objects with `hex` or `base64`, as `captain listen --json` has
+  captures      pcap and pcapng: Ethernet, 802.11, radiotap, Linux cooked;
+                GeoNetworking packets, signed ones without looking at it
+each known by its looks unless --from says. An Ethernet frame with GeoNetworking
+may stand in place of a message.
+"""
+
+
+def add_input(parser: argparse.ArgumentParser) -> None:
+    """WHAT and how it is to be read; reader() uses them."""
+    parser.add_argument("what", metavar="WHAT", nargs="*", help="a file, a folder, the message itself, or -")
+    parser.add_argument("--from", dest="form", choices=FORMS, help="how to read WHAT, whatever it looks like")
+
+
+def add_edition(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--edition",
+        metavar="E",
+        help="take it for this edition (cam-1.4.1), or for one of this type (cam); `captain decode --list` has all",
+    )
+
+
+def reader(arguments: argparse.Namespace) -> Reader:
+    """Whoever asks for nothing means standard input."""
+    arguments.what = arguments.what or ["-"]
+    return Reader(arguments.form, sys.stdin.buffer)
+
+
+def tell(error: StationError) -> None:
+    """A message that failed, on standard error; the next one goes on."""
+    sys.stdout.flush()
+    print("captain: " + "\n".join(clean(line) for line in str(error).splitlines()), file=sys.stderr, flush=True)
+
+
+def tell_skipped(skipped: Counter[str]) -> None:
+    """What captures held beside messages."""
+    if skipped:
+        each = ", ".join(f"{count} {what}" for what, count in sorted(skipped.items()))
+        print(f"captain: frames without a message: {clean(each)}", file=sys.stderr)
+
+
+def print_json(value: dict[str, object]) -> None:
+    print(json.dumps(value), flush=True)

@@ -1,0 +1,206 @@
+"""Frames of capture files, pcap and pcapng, read while they come.
+
+Our own: of the libraries that read both, none is kept (dpkt: last release 2022) or small (scapy).
+Sources: draft-ietf-opsawg-pcap, draft-ietf-opsawg-pcapng.
+"""
+
+import struct
+from collections.abc import Iterator
+from typing import BinaryIO, NamedTuple
+
+from board.errors import ProtocolError
+
+# The first four octets: byte order, and the unit of the time stamps in ns.
+PCAP = {
+    b"\xd4\xc3\xb2\xa1": ("<", 1000),
+    b"\xa1\xb2\xc3\xd4": (">", 1000),
+    b"\x4d\x3c\xb2\xa1": ("<", 1),
+    b"\xa1\xb2\x3c\x4d": (">", 1),
+}
+PCAPNG = b"\x0a\x0d\x0d\x0a"  # block type of a section header
+
+# tcpdump's own bound is 262,144 octets a frame; a block of pcapng adds options.
+MAX_BLOCK = 1 << 20
+
+_INTERFACE, _SIMPLE_PACKET, _ENHANCED_PACKET = 1, 3, 6
+_END_OF_OPTIONS, _RESOLUTION, _OFFSET = 0, 9, 14
+
+
+class Frame(NamedTuple):
+    """One frame. number counts from 1; link is the LINKTYPE_ value; when_ns is Unix time, None where it has none.
+
+    missing  octets that were not captured.
+    """
+
+    number: int
+    link: int
+    when_ns: int | None
+    octets: bytes
+    missing: int
+
+
+def is_capture(head: bytes) -> bool:
+    """Whether a file that begins with these four octets is one."""
+    return head in PCAP or head == PCAPNG
+
+
+def frames(head: bytes, stream: BinaryIO) -> Iterator[Frame]:
+    """The frames of a capture; head is its first four octets, which were read already.
+
+    Raises ProtocolError where it is cut off or contradicts itself.
+    """
+    if head in PCAP:
+        return _pcap(*PCAP[head], stream)
+    if head == PCAPNG:
+        return _pcapng(stream)
+    raise ProtocolError(f"{head.hex()} begins no capture, neither pcap nor pcapng")
+
+
+def _pcap(order: str, unit_ns: int, stream: BinaryIO) -> Iterator[Frame]:
+    header = struct.unpack(order + "HHiIII", _exactly(stream, 20, "its header"))
+    link = header[-1] & 0xFFFF  # above: whether frames end in a checksum
+    record = struct.Struct(order + "IIII")
+    number = 0
+    while head := _next(stream, record.size, number):
+        seconds, fraction, captured, original = record.unpack(head)
+        number += 1
+        if captured > MAX_BLOCK:
+            raise ProtocolError(f"frame {number} claims {captured} octets")
+        octets = _exactly(stream, captured, f"frame {number}")
+        yield Frame(number, link, seconds * 10**9 + fraction * unit_ns, octets, max(0, original - captured))
+
+
+class _Interface(NamedTuple):
+    """Of pcapng. Time stamps count units of 1/resolution s from offset_s on."""
+
+    link: int
+    snap_length: int
+    resolution: int
+    offset_s: int
+
+
+def _pcapng(stream: BinaryIO) -> Iterator[Frame]:
+    order, interfaces, number = _section(stream), list[_Interface](), 0
+    while head := _next(stream, 4, number):
+        if head == PCAPNG:
+            order, interfaces = _section(stream), []
+            continue
+        (kind,) = struct.unpack(order + "I", head)
+        block = _block(stream, order, number)
+        try:
+            if kind == _INTERFACE:
+                interfaces.append(_interface(block, order))
+            elif kind == _ENHANCED_PACKET:
+                number += 1
+                yield _enhanced(block, order, interfaces, number)
+            elif kind == _SIMPLE_PACKET:
+                number += 1
+                yield _simple(block, order, interfaces, number)
+        except (struct.error, IndexError) as error:
+            raise ProtocolError(
+                f"the block after frame {number} ends too early, or its interface is missing"
+            ) from error
+
+
+def _section(stream: BinaryIO) -> str:
+    """Byte order of a section, whose block type was read; its options are not looked at."""
+    length, magic = _exactly(stream, 4, "a section header"), _exactly(stream, 4, "a section header")
+    order = {b"\x1a\x2b\x3c\x4d": ">", b"\x4d\x3c\x2b\x1a": "<"}.get(magic)
+    if order is None:
+        raise ProtocolError(f"a section has the byte-order magic {magic.hex()}, which is none")
+    (octets,) = struct.unpack(order + "I", length)
+    _exactly(stream, _checked(octets, 0) - 12, "a section header")
+    return order
+
+
+def _block(stream: BinaryIO, order: str, number: int) -> bytes:
+    """The body of a block, whose type was read."""
+    where = f"the block after frame {number}"
+    (octets,) = struct.unpack(order + "I", _exactly(stream, 4, where))
+    return _exactly(stream, _checked(octets, number) - 8, where)[:-4]
+
+
+def _checked(octets: int, number: int) -> int:
+    """The total length of a block, if it can be one."""
+    if not 12 <= octets <= MAX_BLOCK or octets % 4:
+        raise ProtocolError(f"the block after frame {number} claims {octets} octets")
+    return octets
+
+
+def _interface(block: bytes, order: str) -> _Interface:
+    link, _, snap_length = struct.unpack_from(order + "HHI", block)
+    resolution, offset_s = 10**6, 0
+    for code, value in _options(block[8:], order):
+        if code == _RESOLUTION and value:
+            resolution = 2 ** (value[0] & 0x7F) if value[0] & 0x80 else 10 ** value[0]
+        elif code == _OFFSET:
+            (offset_s,) = struct.unpack(order + "q", value)
+    return _Interface(link, snap_length, resolution, offset_s)
+
+
+def _options(octets: bytes, order: str) -> Iterator[tuple[int, bytes]]:
+    at = 0
+    while at + 4 <= len(octets):
+        code, length = struct.unpack_from(order + "HH", octets, at)
+        if code == _END_OF_OPTIONS:
+            return
+        yield code, octets[at + 4 : at + 4 + length]
+        at += 4 + (length + 3) // 4 * 4
+
+
+def _enhanced(block: bytes, order: str, interfaces: list[_Interface], number: int) -> Frame:
+    index, high, low, captured, original = struct.unpack_from(order + "IIIII", block)
+    one = interfaces[index]
+    octets = block[20 : 20 + captured]
+    if len(octets) < captured:
+        raise ProtocolError(f"frame {number} claims {captured} octets and has {len(octets)}")
+    when_ns = one.offset_s * 10**9 + (high << 32 | low) * 10**9 // one.resolution
+    return Frame(number, one.link, when_ns, octets, max(0, original - captured))
+
+
+def _simple(block: bytes, order: str, interfaces: list[_Interface], number: int) -> Frame:
+    (original,) = struct.unpack_from(order + "I", block)
+    one = interfaces[0]
+    captured = min(original, one.snap_length or original)
+    return Frame(number, one.link, None, block[4 : 4 + captured], original - captured)
+
+
+def _next(stream: BinaryIO, size: int, number: int) -> bytes:
+    """The octets of a record's head; none at the end of the file."""
+    octets = _read(stream, size)
+    if octets and len(octets) < size:
+        raise ProtocolError(f"it is cut off after frame {number}")
+    return octets
+
+
+def _exactly(stream: BinaryIO, size: int, where: str) -> bytes:
+    octets = _read(stream, size)
+    if len(octets) < size:
+        raise ProtocolError(f"it is cut off in {where}: {len(octets)} of {size} octets")
+    return octets
+
+
+def _read(stream: BinaryIO, size: int) -> bytes:
+    """So many octets, fewer at the end; a pipe may give them in pieces."""
+    octets = b""
+    while len(octets) < size and (more := stream.read(size - len(octets))):
+        octets += more
+    return octets
+
+
+# -- writing: classic pcap, nanoseconds, link type Ethernet
+
+MAGIC_NS = 0xA1B23C4D
+SNAP_LENGTH = 65535
+ETHERNET = 1
+
+
+def header() -> bytes:
+    """What a file of Ethernet frames begins with."""
+    return struct.pack("<IHHiIII", MAGIC_NS, 2, 4, 0, 0, SNAP_LENGTH, ETHERNET)
+
+
+def record(frame: bytes, when_ns: int) -> bytes:
+    """One frame, destination address first; when_ns is Unix time."""
+    seconds, nanoseconds = divmod(when_ns, 10**9)
+    return struct.pack("<IIII", seconds, nanoseconds, len(frame), len(frame)) + frame

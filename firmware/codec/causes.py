@@ -1,0 +1,148 @@
+"""Why octets do not decode: the likeliest cause, found by trying what usually went wrong."""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+from drivers.message import ITS_HEADER
+from firmware import topics
+from firmware.codec.identify import Refusal, attempt
+from firmware.codec.library import Message
+
+SPARE = 4096  # octets of zeros behind a message that was cut off: enough for what it lacks
+BTP_HEADER = 4  # octets, EN 302 636-5-1 clause 7.3
+GEONETWORKING = (0x10, 0x11, 0x12, 0x00, 0x01, 0x02)  # version 0 or 1, next header any, common or secured
+
+_TYPES = topics.Topics()
+
+
+class Case(NamedTuple):
+    """Octets that do not decode.
+
+    known    every message of the library, whatever was asked for.
+    nearest  the message that came farthest; None where none was tried.
+    port     BTP port that they came by; None where it is not known.
+    """
+
+    octets: bytes
+    known: Sequence[Message]
+    nearest: Refusal | None
+    port: int | None
+
+
+def likeliest(case: Case) -> str:
+    """One sentence: what most probably happened, and what to do about it."""
+    for cause in _CAUSES:
+        found = cause(case)
+        if found:
+            return found
+    return "it was damaged on its way, or follows an edition that the library does not have (`captain decode --list`)"
+
+
+def _short(case: Case) -> str:
+    if len(case.octets) > ITS_HEADER:
+        return ""
+    return f"it is truncated: {len(case.octets)} octets, and the ITS PDU header alone has {ITS_HEADER}"
+
+
+def _packet(case: Case) -> str:
+    """Layers below that were not taken off."""
+    if _is_announced(case, BTP_HEADER) and int.from_bytes(case.octets[:2]) in _TYPES.ports:
+        port = int.from_bytes(case.octets[:2])
+        return f"it begins with a BTP header of port {port}: leave out the first {BTP_HEADER} octets"
+    if not _is_announced(case, 0) and case.octets[0] in GEONETWORKING and len(case.octets) > 40:
+        return "it begins like a GeoNetworking packet, but has no whole BTP packet inside"
+    return ""
+
+
+def _legacy_vam(case: Case) -> str:
+    if case.octets[1] != topics.LEGACY_VAM:
+        return ""
+    return f"messageID {topics.LEGACY_VAM} is what older boxes gave VAM, before the standard had one: other editions"
+
+
+def _cut_off(case: Case) -> str:
+    """Zeros in place of what is missing let it decode farther."""
+    if case.nearest is None or not _is_good(case.nearest.message, case.octets + bytes(SPARE), up_to=len(case.octets)):
+        return ""
+    where = f" inside {case.nearest.path}" if case.nearest.path else ""
+    return f"it is truncated: its {len(case.octets)} octets end{where}"
+
+
+def _is_good(message: Message, octets: bytes, up_to: int) -> bool:
+    """Whether the first bad bit, if there is one, lies behind so many octets."""
+    refused = attempt(message, octets).refusal
+    return refused is None or refused.bit >= 8 * up_to
+
+
+def _trailing(case: Case) -> str:
+    """Without what follows it decodes."""
+    if case.nearest is None:
+        return ""
+    whole = (case.nearest.bit + 7) // 8
+    for octets in (case.octets[:whole], case.octets[: whole - 1]):
+        if octets and len(octets) < len(case.octets) and attempt(case.nearest.message, octets).refusal is None:
+            more = len(case.octets) - len(octets)
+            return f"{more} octets follow the {len(octets)} of the message: padding, a signature, or an addition"
+    return ""
+
+
+def _other_edition(case: Case) -> str:
+    """An edition that was not asked for decodes it."""
+    number = case.octets[1]
+    fits = [one.name for one in case.known if number in one.ids and attempt(one, case.octets).is_exact]
+    return f"it is of another edition: {' and '.join(fits)} gives its octets back" if fits else ""
+
+
+def _wrong_port(case: Case) -> str:
+    if case.port is None:
+        return ""
+    carried = {one.type for one in case.known if one.btp_port == case.port}
+    announced = {one.type for one in case.known if case.octets[1] in one.ids}
+    if not carried or not announced or carried & announced:
+        return ""
+    return (
+        f"it came by the wrong port: BTP port {case.port} is that of {_list(carried)}, "
+        f"messageID {case.octets[1]} that of {_list(announced)}"
+    )
+
+
+def _unknown_number(case: Case) -> str:
+    if any(case.octets[1] in one.ids for one in case.known):
+        return ""
+    name = _TYPES.by_number[case.octets[1]].name
+    named = f", which is {name}" if name else ""
+    return f"the library has no message of messageID {case.octets[1]}{named}: `captain decode --list` shows what it has"
+
+
+def _other_release(case: Case) -> str:
+    versions = sorted({version for one in case.known if case.octets[1] in one.ids for version in one.versions})
+    if not versions or case.octets[0] in versions:
+        return ""
+    return (
+        f"it is of another release: protocolVersion is {case.octets[0]}, and the library has this message with "
+        f"{' and '.join(map(str, versions))}"
+    )
+
+
+# The first that holds is told: those that prove themselves by a trial before those that only look at numbers.
+_CAUSES: tuple[Callable[[Case], str], ...] = (
+    _short,
+    _other_edition,
+    _packet,
+    _trailing,
+    _wrong_port,
+    _legacy_vam,
+    _unknown_number,
+    _other_release,
+    _cut_off,
+)
+
+
+def _is_announced(case: Case, at: int) -> bool:
+    """Whether an ITS PDU header that the library knows stands at an octet."""
+    head = case.octets[at : at + 2]
+    return len(head) == 2 and any(head[1] in one.ids and head[0] in one.versions for one in case.known)
+
+
+def _list(names: set[str]) -> str:
+    return " or ".join(sorted(names))

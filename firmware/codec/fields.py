@@ -1,0 +1,114 @@
+"""A decoded message in few words: what a row of a live table has room for, or the fields that a user names."""
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Final
+
+from firmware.codec.library import Message, Step
+
+_INDEX = re.compile(r"\[\d+\]")
+
+# Values that mean "not known", and units: ETSI TS 102 894-2 v1.3.1 and v2.4.1, DEs of the same names.
+LATITUDE_UNAVAILABLE: Final = 900000001  # 1e-7 degree
+LONGITUDE_UNAVAILABLE: Final = 1800000001
+SPEED_UNAVAILABLE: Final = 16383  # 0.01 m/s
+HEADING_UNAVAILABLE: Final = 3601  # 0.1 degree
+
+
+def glance(message: Message, octets: bytes) -> str:
+    """What a glance at a message of its type should see. Raises ValueError where it does not decode."""
+    value = message.decode(octets)
+    parts = (look(value, message, octets) for look in LOOKS.get(message.type, (_position,)))
+    return "  ".join(part for part in parts if part)
+
+
+def chosen(steps: Iterable[Step], names: Sequence[str]) -> dict[str, str]:
+    """The values below any of the names, by path; value as text with its unit.
+
+    names  "speedValue", "referencePosition.latitude", "header": one or more last parts of a path, without indices.
+    """
+    wanted = [f".{name.strip('.')}." for name in names]
+    found: dict[str, str] = {}
+    for step in steps:
+        path = f".{_INDEX.sub('', step.path)}."
+        if step.what == "value" and any(name in path for name in wanted):
+            found[step.path] = f"{step.text} {step.unit}" if step.unit else step.text
+    return found
+
+
+# -- what is looked at, by type
+
+
+def _position(value: object, message: Message, octets: bytes) -> str:
+    for place in _members(value):
+        latitude, longitude = place.get("latitude", place.get("lat")), place.get("longitude", place.get("long"))
+        if isinstance(latitude, int) and isinstance(longitude, int):
+            if latitude == LATITUDE_UNAVAILABLE or longitude == LONGITUDE_UNAVAILABLE:
+                return "no position"
+            return f"{latitude / 1e7:.5f} {longitude / 1e7:.5f}"
+    return ""
+
+
+def _speed(value: object, message: Message, octets: bytes) -> str:
+    speed = _first(value, "speedValue")
+    if not isinstance(speed, int):
+        return ""
+    return "speed?" if speed == SPEED_UNAVAILABLE else f"{speed / 100:.1f} m/s"
+
+
+def _heading(value: object, message: Message, octets: bytes) -> str:
+    heading = _first(value, "headingValue")
+    if not isinstance(heading, int) or heading == HEADING_UNAVAILABLE:
+        return ""
+    return f"{heading / 10:.0f} deg"
+
+
+def _cause(value: object, message: Message, octets: bytes) -> str:
+    if _first(value, "termination") is not None:
+        return "terminated"
+    coded = _first(value, "ccAndScc")
+    if isinstance(coded, tuple):  # Release 2: the alternative is named as cause and number
+        return f"{coded[0]}/{coded[1]}"
+    event = _first(value, "eventType")
+    if not isinstance(event, dict):
+        return ""
+    named = chosen(message.explain(octets), ("eventType.causeCode",))
+    return f"cause {next(iter(named.values()), event.get('causeCode'))}/{event.get('subCauseCode')}"
+
+
+def _count(key: str, of_what: str) -> Callable[[object, Message, bytes], str]:
+    """How many there are in a list."""
+
+    def look(value: object, message: Message, octets: bytes) -> str:
+        found = _first(value, key)
+        return f"{len(found)} {of_what}" if isinstance(found, list) else ""
+
+    return look
+
+
+LOOKS: dict[str, tuple[Callable[[object, Message, bytes], str], ...]] = {
+    "cam": (_position, _speed, _heading),
+    "vam": (_position, _speed, _heading),
+    "mcm": (_position, _speed, _heading),
+    "denm": (_cause, _position),
+    "cpm": (_position, _count("perceivedObjects", "objects"), _count("perceivedObjectContainer", "objects")),
+    "spatem": (_count("intersections", "intersections"),),
+    "mapem": (_count("intersections", "intersections"), _position),
+}
+
+
+def _members(value: object) -> Iterator[Mapping[str, object]]:
+    """Every SEQUENCE in a decoded value, the outer ones first; an alternative of a CHOICE is a pair."""
+    if isinstance(value, dict):
+        yield value
+        for member in value.values():
+            yield from _members(member)
+    elif isinstance(value, list):
+        for item in value:
+            yield from _members(item)
+    elif isinstance(value, tuple) and len(value) == 2 and isinstance(value[0], str):
+        yield from _members(value[1])
+
+
+def _first(value: object, key: str) -> object:
+    return next((members[key] for members in _members(value) if key in members), None)

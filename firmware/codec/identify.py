@@ -1,0 +1,190 @@
+"""Which message of which edition some octets are: by the ITS PDU header, by the BTP port, by trial decoding."""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+from drivers.message import ITS_HEADER
+from firmware.codec.library import Message
+from firmware.topics import LEGACY_VAM
+
+VAM = 16  # messageID (TS 102 894-2, DE MessageId)
+
+
+class Refusal(NamedTuple):
+    """A message that octets are not. bit is the offset of the first bad value, path where that stands."""
+
+    message: Message
+    path: str
+    bit: int
+    reason: str
+
+    def __str__(self) -> str:
+        return f"{self.path or 'the message'}: bit {self.bit}: {self.reason}"
+
+
+class Identity(NamedTuple):
+    """What octets are.
+
+    message   the edition that is preferred.
+    why       in words.
+    is_exact  encoding it again gives the same octets.
+    exact     all editions of which that is true, the preferred one first.
+    """
+
+    message: Message
+    why: str
+    is_exact: bool
+    exact: tuple[Message, ...]
+
+
+class Unknown(NamedTuple):
+    """No message decodes. nearest is the one that came farthest; None where none was worth a trial."""
+
+    nearest: Refusal | None
+    why: str
+
+
+class Group(NamedTuple):
+    """Messages that the octets may be, and what speaks for them."""
+
+    why: str
+    messages: list[Message]
+    is_announced: bool = False  # by messageID: then protocolVersion has a say
+    is_guess: bool = False
+
+
+class Try(NamedTuple):
+    """What came of one trial."""
+
+    message: Message
+    refusal: Refusal | None
+    is_exact: bool
+
+
+def attempt(message: Message, octets: bytes) -> Try:
+    """Decode, and encode again."""
+    try:
+        view = message.view(octets)
+    except (ValueError, MemoryError) as error:
+        return Try(message, _refusal(message, error), False)
+    try:
+        return Try(message, None, message.encode(view) == octets)
+    except (ValueError, MemoryError):
+        return Try(message, None, False)
+
+
+def _refusal(message: Message, error: ValueError | MemoryError) -> Refusal:
+    """What a DecodeError of the library says; a MemoryError says that octets ask for more than it gives."""
+    if isinstance(error, MemoryError):
+        return Refusal(message, "", 0, "it asks for more memory than a message may have")
+    path, bit = getattr(error, "path", ""), getattr(error, "bit", 0)
+    return Refusal(message, str(path), int(bit), str(getattr(error, "reason", error)))
+
+
+class Identifier:
+    """Finds the message that octets are.
+
+    known     the messages that they may be.
+    is_asked  a user has chosen these: then no header has to announce them.
+
+    Editions are preferred in this order: those that give the same octets back, those that the header's
+    protocolVersion announces, those of smaller rank. What no header or port announces is a guess: it has to give
+    the same octets back and to keep every constraint of its standard.
+    """
+
+    def __init__(self, known: Sequence[Message], is_asked: bool = False) -> None:
+        self._known = known
+        self._is_asked = is_asked
+
+    def identify(self, octets: bytes, port: int | None = None, is_quick: bool = False) -> Identity | Unknown:
+        """What octets are.
+
+        port      BTP port that they came by, where that is known.
+        is_quick  take the first edition that gives the same octets back: then `exact` has no other.
+        """
+        refused: list[Refusal] = []
+        why = f"no message has messageID {octets[1]}" if len(octets) > 1 else "it has no ITS PDU header"
+        for group in self._groups(octets, port):
+            tries = list(_tries(group, octets, is_quick))
+            decoded = [one for one in tries if one.refusal is None and (not group.is_guess or _is_sound(one, octets))]
+            if decoded:
+                return _identity(group, tries, decoded, octets)
+            if not (group.is_guess or refused):
+                why = group.why
+                refused = [one.refusal for one in tries if one.refusal is not None]
+        return Unknown(max(refused, key=lambda one: one.bit, default=None), why)
+
+    def _groups(self, octets: bytes, port: int | None) -> Iterator[Group]:
+        """What the octets may be: the likeliest first, none twice."""
+        if self._is_asked:
+            yield Group("it was asked for", _ranked(self._known, octets))
+            return
+        number = octets[1] if len(octets) > 1 else -1
+        announced = [message for message in self._known if number in message.ids]
+        if number == LEGACY_VAM and not announced:
+            announced = [message for message in self._known if VAM in message.ids]
+            yield Group(f"messageID {number} is that of VAM in the profile legacy", _ranked(announced, octets))
+        elif announced:
+            yield Group(f"messageID {number}", _ranked(announced, octets), is_announced=True)
+        by_port = [one for one in self._known if one.btp_port == port and one not in announced]
+        if by_port:
+            yield Group(f"BTP port {port} carries it, though messageID is {number}", _ranked(by_port, octets))
+        if any(octets[0] in message.versions for message in announced):
+            return  # it has an ITS PDU header, and that does not lie
+        nameless = [message for message in self._known if not message.ids]
+        yield Group("a guess: its octets are no ITS PDU header", _ranked(nameless, octets), is_guess=True)
+        if not announced and not by_port and len(octets) >= ITS_HEADER:
+            others = [message for message in self._known if message.ids]
+            yield Group(f"a guess: no message has messageID {number}", _ranked(others, octets), is_guess=True)
+
+
+def _ranked(messages: Sequence[Message], octets: bytes) -> list[Message]:
+    version = octets[0] if octets else -1
+    return sorted(messages, key=lambda message: (version not in message.versions, message.rank, message.name))
+
+
+def _tries(group: Group, octets: bytes, is_quick: bool) -> Iterator[Try]:
+    for message in group.messages:
+        one = attempt(message, octets)
+        yield one
+        if one.is_exact and is_quick:
+            return
+
+
+def _is_sound(one: Try, octets: bytes) -> bool:
+    if not one.is_exact:
+        return False
+    try:
+        one.message.validate(octets)
+    except ValueError:
+        return False
+    return True
+
+
+def _identity(group: Group, tries: Sequence[Try], decoded: Sequence[Try], octets: bytes) -> Identity:
+    exact = tuple(one.message for one in decoded if one.is_exact)
+    message = exact[0] if exact else decoded[0].message
+    reasons = [_announcement(message, group.why, octets[0]) if group.is_announced else group.why]
+    for one in tries:
+        if one.message is message:
+            break
+        reasons.append(_passed_over(one))
+    if not exact:
+        reasons.append("it is encoded to other octets than these")
+    else:
+        others = ", ".join(other.name for other in exact[1:])
+        reasons.append("it gives the same octets back" + (f", as do {others}" if others else ""))
+    return Identity(message, "; ".join(reasons), bool(exact), exact)
+
+
+def _announcement(message: Message, number: str, version: int) -> str:
+    if version in message.versions:
+        return f"{number} and protocolVersion {version} announce it"
+    return f"{number} announces it, though protocolVersion {version} is not of this edition"
+
+
+def _passed_over(one: Try) -> str:
+    """Why an edition that would have come first is not the one."""
+    if one.refusal is not None:
+        return f"{one.message.name} does not decode ({one.refusal})"
+    return f"{one.message.name} gives other octets back"

@@ -1,0 +1,125 @@
+"""From a captured frame to the PDU inside: link layer, GeoNetworking secured or not, BTP. Nothing is verified.
+
+A station's receiver discards what is old, repeated or for others; here everything is opened that can be.
+"""
+
+from collections.abc import Callable
+from struct import Struct
+from typing import NamedTuple
+
+from drivers.wire import btp, geonet_packet, security
+from drivers.wire.geonet_header import BasicNext, CommonNext, HeaderType
+
+GEONETWORKING = 0x8947  # EtherType, IEEE registry
+VLAN = 0x8100
+BASIC = 4  # octets of the basic header
+
+_NUMBER = Struct(">H")
+_SNAP = b"\xaa\xaa\x03\x00\x00\x00"  # LLC and SNAP in front of an EtherType: IEEE 802.2, RFC 1042
+_NO_MESSAGE = {
+    HeaderType.BEACON: "beacons",
+    HeaderType.LS_REQUEST: "location service",
+    HeaderType.LS_REPLY: "location service",
+}
+
+
+class Carried(NamedTuple):
+    """A PDU, and what carried it.
+
+    transport  shb, gbc_circle, tsb, ...: header type of GeoNetworking.
+    is_signed  it stood in a secured packet, whose signature nobody looked at.
+    """
+
+    pdu: bytes
+    btp_port: int
+    transport: str
+    is_signed: bool
+
+    def __str__(self) -> str:
+        return f"{'signed ' if self.is_signed else ''}{self.transport}, BTP port {self.btp_port}"
+
+
+class NoMessage(NamedTuple):
+    """A frame that carries none, and is right to: what it is."""
+
+    what: str
+
+
+def open_frame(link: int, frame: bytes) -> Carried | NoMessage:
+    """What a frame of a LINKTYPE_ carries. Raises ProtocolError where GeoNetworking or BTP is broken."""
+    way = _LINKS.get(link)
+    if way is None:
+        return NoMessage(f"of link type {link}, which is not known here")
+    packet = way(frame)
+    return NoMessage("not GeoNetworking") if packet is None else open_packet(packet)
+
+
+def open_packet(packet: bytes) -> Carried | NoMessage:
+    """What a GeoNetworking packet carries, from its basic header on. Raises ProtocolError."""
+    is_signed = bool(packet) and packet[0] & 15 == BasicNext.SECURED
+    if is_signed:
+        # The common header and all that follows are the signed payload: with it the packet reads as an open one.
+        inside = security.unwrap(packet[BASIC:]).payload
+        packet = bytes([packet[0] & 0xF0 | BasicNext.COMMON]) + packet[1:BASIC] + inside
+    parsed = geonet_packet.parse(packet)
+    kind = HeaderType(parsed.common.header_type)
+    if kind in _NO_MESSAGE:
+        return NoMessage(_NO_MESSAGE[kind])
+    if parsed.common.next_header not in (CommonNext.BTP_A, CommonNext.BTP_B):
+        return NoMessage(f"GeoNetworking with next header {parsed.common.next_header}, not BTP")
+    # The destination port stands first in BTP-A as well.
+    transport, pdu = btp.decode_b(parsed.payload)
+    return Carried(pdu, transport.destination_port, kind.name.lower(), is_signed)
+
+
+def looks_like_a_frame(octets: bytes) -> bool:
+    """Whether octets are an Ethernet frame of GeoNetworking: destination, source, EtherType."""
+    return _ethernet(octets) is not None
+
+
+# -- link layers (tcpdump.org/linktypes.html): each gives the GeoNetworking packet of a frame, or None
+
+
+def _ethernet(frame: bytes) -> bytes | None:
+    return _after_ethertype(frame, 12)
+
+
+def _after_ethertype(frame: bytes, at: int) -> bytes | None:
+    """What follows an EtherType, one VLAN tag (IEEE 802.1Q) in front of it left out."""
+    if _number(frame, at) == VLAN:
+        at += 4
+    return frame[at + 2 :] if _number(frame, at) == GEONETWORKING else None
+
+
+def _number(frame: bytes, at: int) -> int:
+    return _NUMBER.unpack_from(frame, at)[0] if len(frame) >= at + 2 else -1
+
+
+def _cooked(frame: bytes) -> bytes | None:
+    return _after_ethertype(frame, 14)
+
+
+def _cooked_2(frame: bytes) -> bytes | None:
+    return frame[20:] if _number(frame, 0) == GEONETWORKING else None
+
+
+def _radiotap(frame: bytes) -> bytes | None:
+    """Its length stands little-endian in its third and fourth octet."""
+    return _wlan(frame[int.from_bytes(frame[2:4], "little") :]) if len(frame) >= 4 else None
+
+
+def _wlan(frame: bytes) -> bytes | None:
+    """IEEE 802.11-2020 clause 9.2.3: data frames, four addresses where both DS bits are set, two octets of QoS."""
+    if len(frame) < 2 or frame[0] & 0x0C != 0x08 or frame[1] & 0x40:  # other types; encrypted
+        return None
+    at = 24 + 6 * (frame[1] & 3 == 3) + 2 * bool(frame[0] & 0x80)
+    return _after_ethertype(frame, at + len(_SNAP)) if frame[at : at + len(_SNAP)] == _SNAP else None
+
+
+_LINKS: dict[int, Callable[[bytes], bytes | None]] = {
+    1: _ethernet,
+    105: _wlan,
+    113: _cooked,
+    127: _radiotap,
+    276: _cooked_2,
+}

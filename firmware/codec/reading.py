@@ -1,0 +1,247 @@
+"""PDUs and JSON objects from a user's arguments, files, folders and standard input, whatever form they are in.
+
+What is wrong is one item of the stream like the rest, so that the next one is still read.
+"""
+
+import os
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import BinaryIO, NamedTuple, TypeAlias
+
+from board.errors import ProtocolError, RequestError
+from firmware.codec import capture, json_texts, layers
+from firmware.user.payload import base64_octets, hex_octets
+
+FORMS = ("hex", "base64", "binary", "json", "pcap")
+STANDARD_INPUT = "standard input"
+
+MAX_PDU = 0xFFFF  # octets; a station sends at most 1500, a file may hold what was never sent
+MAX_LINE = 16 << 20  # octets
+
+# What a name without its file would have: it shall not be complained about as hexadecimal.
+_SUFFIX = re.compile(r"\.[a-z][a-z0-9]{2,6}$", re.IGNORECASE)
+_HEX = re.compile(r"(0x)?[0-9a-fA-F: \t]*")
+# protocolVersion is small, so that the base64 of an ITS PDU begins with A; a slip in hexadecimal digits does not.
+_BASE64 = re.compile(r"A(?:[A-Za-z0-9+/]{4})*[A-Za-z0-9+/](?:[A-Za-z0-9+/]{2}|[A-Za-z0-9+/]=|==)")
+_OCTET = re.compile(r"[0-9a-fA-F]{2}")
+_TEXT = frozenset(b"\t\r\n") | frozenset(range(0x20, 0x7F))
+
+
+class Pdu(NamedTuple):
+    """A message in its octets.
+
+    origin   where it stood: "cam.pcap: frame 3".
+    port     BTP port that it came by; None where it is not known.
+    when_ns  Unix time; None where it is not known.
+    carried  by which layers; empty for a bare PDU.
+    frame    the whole Ethernet frame; empty where it came in none.
+    """
+
+    octets: bytes
+    origin: str
+    port: int | None = None
+    when_ns: int | None = None
+    carried: str = ""
+    frame: bytes = b""
+
+
+class Object(NamedTuple):
+    """A JSON object."""
+
+    value: dict[str, object]
+    origin: str
+
+
+Item: TypeAlias = Pdu | Object | RequestError
+
+
+class Reader:
+    """Reads sources one after the other.
+
+    form     one of FORMS for all of them; None: each as it looks.
+    skipped  what captures held beside messages: frames by what they are.
+    """
+
+    def __init__(self, form: str | None, standard_input: BinaryIO) -> None:
+        self.skipped: Counter[str] = Counter()
+        self._form = form
+        self._standard_input = standard_input
+
+    def read(self, sources: Sequence[str]) -> Iterator[Item]:
+        """The items of files, folders, `-` for standard input, or text that is none of these."""
+        if len(sources) > 1 and all(_OCTET.fullmatch(source) for source in sources):
+            sources = ["".join(sources)]  # one message, its octets parted by blanks
+        for source in sources:
+            if source == "-":
+                yield from self._stream(self._standard_input, STANDARD_INPUT)
+            elif os.path.isdir(source):
+                for entry in sorted(Path(source).iterdir()):
+                    if entry.is_file():
+                        yield from self._file(entry)
+            elif _is_file(source, self._form):
+                yield from self._file(Path(source))
+            else:
+                yield from self._argument(source)
+
+    def _argument(self, text: str) -> Iterator[Item]:
+        if self._form in ("binary", "pcap"):
+            yield RequestError(f"an argument cannot be {self._form}", "write it to a file, or to standard input")
+        else:
+            yield from self._lines([text.encode(errors="surrogateescape")], "the argument", is_one=True)
+
+    def _file(self, path: Path) -> Iterator[Item]:
+        try:
+            with path.open("rb") as stream:
+                yield from self._stream(stream, str(path))
+        except OSError as error:
+            yield RequestError(f"{path}: {error.strerror}")
+
+    def _stream(self, stream: BinaryIO, where: str) -> Iterator[Item]:
+        """Octets that are no text are a capture or one PDU."""
+        form, head = self._form, stream.read(4)
+        if form is None and capture.is_capture(head):
+            form = "pcap"
+        elif form is None and not _TEXT.issuperset(head):
+            form = "binary"
+        if form == "pcap":
+            yield from self._capture(head, stream, where)
+        elif form == "binary":
+            yield _bounded(head + stream.read(MAX_PDU + 1 - len(head)), where)
+        else:
+            yield from self._lines(_lines(head, stream), where)
+
+    def _capture(self, head: bytes, stream: BinaryIO, where: str) -> Iterator[Item]:
+        try:
+            for frame in capture.frames(head, stream):
+                yield from self._frame(frame, f"{where}: frame {frame.number}")
+        except ProtocolError as error:
+            yield RequestError(f"{where}: {error.message}")
+
+    def _frame(self, frame: capture.Frame, origin: str) -> Iterator[Item]:
+        try:
+            found = layers.open_frame(frame.link, frame.octets)
+        except ProtocolError as error:
+            cut = f" ({frame.missing} octets of it were not captured)" if frame.missing else ""
+            yield RequestError(f"{origin}: {error.message}{cut}")
+            return
+        if isinstance(found, layers.NoMessage):
+            self.skipped[found.what] += 1
+            return
+        whole = frame.octets if frame.link == capture.ETHERNET else b""
+        yield Pdu(found.pdu, origin, found.btp_port, frame.when_ns, str(found), whole)
+
+    def _lines(self, lines: Iterable[bytes], where: str, is_one: bool = False) -> Iterator[Item]:
+        """Lines of text; those of an object in JSON belong together."""
+        count = 0
+        for begin, text in json_texts.split(_decoded(lines)):
+            origin = where if is_one else f"{where}: line {begin}"
+            for item in self._text(text, origin):
+                count += 1
+                yield item
+        if not count:
+            yield RequestError(f"{where}: it holds no message")
+
+    def _text(self, text: str, origin: str) -> Iterator[Item]:
+        try:
+            if self._form == "json" or (self._form is None and text.lstrip().startswith(("{", "["))):
+                yield from _objects(text, origin)
+                return
+            for line in text.splitlines():
+                if bare := line.partition("#")[0].strip():
+                    yield self._octets(bare, origin)
+        except RequestError as error:
+            yield error
+
+    def _octets(self, text: str, origin: str) -> Pdu:
+        is_base64 = not _HEX.fullmatch(text) and _BASE64.fullmatch(text) is not None
+        if self._form == "base64" or (self._form is None and is_base64):
+            return opened(base64_octets(text, origin), origin)
+        return opened(hex_octets(text, origin), origin)
+
+
+def opened(octets: bytes, origin: str) -> Pdu:
+    """A PDU; of a whole Ethernet frame with GeoNetworking, what it carries. Raises RequestError."""
+    if not layers.looks_like_a_frame(octets):
+        return Pdu(octets, origin)
+    try:
+        found = layers.open_frame(capture.ETHERNET, octets)
+    except ProtocolError as error:
+        raise RequestError(f"{origin}: {error.message}") from error
+    if isinstance(found, layers.NoMessage):
+        raise RequestError(f"{origin}: it is a frame without a message: {found.what}")
+    return Pdu(found.pdu, origin, found.btp_port, None, str(found), octets)
+
+
+def pdu_of(one: Object) -> Pdu:
+    """The octets that an object has as `hex` or `base64`: `captain listen --json` prints such. Raises RequestError."""
+    for key, decode in (("hex", hex_octets), ("base64", base64_octets)):
+        text = one.value.get(key)
+        if isinstance(text, str):
+            pdu = opened(decode(text, f"{one.origin}: {key}"), one.origin)
+            return pdu._replace(port=port_of(one) if pdu.port is None else pdu.port, when_ns=when_ns(one))
+    raise RequestError(f"{one.origin}: it has neither `hex` nor `base64`")
+
+
+def when_ns(one: Object) -> int | None:
+    """Unix time from the key `received`, in seconds there."""
+    received = one.value.get("received")
+    if isinstance(received, bool) or not isinstance(received, int | float) or not 0 <= received < 2**32:
+        return None
+    return round(received * 1e6) * 1000
+
+
+def port_of(one: Object) -> int | None:
+    """BTP port from the key `btp_port`."""
+    port = one.value.get("btp_port")
+    return port if isinstance(port, int) and not isinstance(port, bool) and 0 <= port <= 0xFFFF else None
+
+
+def _objects(text: str, origin: str) -> Iterator[Item]:
+    value = json_texts.parse(text, origin)
+    items = value if isinstance(value, list) else [value]
+    for at, item in enumerate(items):
+        where = f"{origin}: item {at}" if isinstance(value, list) else origin
+        if isinstance(item, dict):
+            yield Object(item, where)
+        else:
+            yield RequestError(f"{where}: {str(item)[:40]!r} is no object")
+
+
+def _is_file(source: str, form: str | None) -> bool:
+    if source.startswith(("{", "[")):
+        return False
+    try:
+        if os.path.exists(source):
+            return True
+    except ValueError:  # a 0 in it
+        return False
+    could_be_base64 = form == "base64" or (form is None and _BASE64.fullmatch(source) is not None)
+    return not could_be_base64 and ("/" in source or _SUFFIX.search(source) is not None)
+
+
+def _bounded(octets: bytes, where: str) -> Item:
+    if not octets:
+        return RequestError(f"{where}: it holds no message")
+    if len(octets) > MAX_PDU:
+        return RequestError(f"{where}: more than {MAX_PDU} octets are no PDU")
+    try:
+        return opened(octets, where)
+    except RequestError as error:
+        return error
+
+
+def _lines(head: bytes, stream: BinaryIO) -> Iterator[bytes]:
+    """The lines of a stream whose first octets were read already."""
+    if not head.endswith(b"\n"):
+        head += stream.readline(MAX_LINE)
+    yield from head.splitlines(keepends=True)
+    while line := stream.readline(MAX_LINE):
+        yield line
+
+
+def _decoded(lines: Iterable[bytes]) -> Iterator[str]:
+    """What is no UTF-8 becomes what is no hexadecimal either, and is told where it stands."""
+    for line in lines:
+        yield line.decode(errors="backslashreplace")

@@ -1,0 +1,177 @@
+"""Messages written in the form that a user asks for."""
+
+import argparse
+import base64
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO, Protocol
+
+from board.errors import RequestError, StationError
+from drivers.message import Ego, Position, Request
+from drivers.wire import frame
+from drivers.wire.geonet_sender import Sender
+from firmware.codec import capture
+from firmware.codec.decoding import Decoder, record
+from firmware.codec.library import load
+from firmware.codec.reading import Pdu
+from firmware.topics import Topics
+
+FORMS = ("hex", "base64", "binary", "json", "pcap")
+SUFFIXES = {
+    ".hex": "hex",
+    ".txt": "hex",
+    ".b64": "base64",
+    ".base64": "base64",
+    ".bin": "binary",
+    ".json": "json",
+    ".jsonl": "json",
+    ".pcap": "pcap",
+    ".cap": "pcap",
+}
+
+_NOWHERE = Ego(its_ms=0, position=Position(), is_known=False)
+_TYPES = Topics()
+
+
+class Writer(Protocol):
+    def write(self, pdu: Pdu) -> None:
+        """Add a message. Raises RequestError where the form cannot hold it."""
+
+
+class Output:
+    """Where a user wants messages: the stream is opened by the first one, so that nothing is left without any."""
+
+    def __init__(self, form: str, path: str | None, edition: str | None) -> None:
+        self._form = form
+        self._path = path
+        self._edition = edition
+        self._stream: BinaryIO | None = None
+        self._writer: Writer | None = None
+
+    def write(self, pdu: Pdu) -> None:
+        if self._writer is None:
+            self._writer = self._open()
+        self._writer.write(pdu)
+        if self._path is None and self._stream is not None:
+            self._stream.flush()  # whoever reads a pipe wants it now
+
+    def close(self) -> None:
+        if self._path is not None and self._stream is not None:
+            self._stream.close()
+
+    def _open(self) -> Writer:
+        if self._path is None:
+            if self._form in ("binary", "pcap") and sys.stdout.isatty():
+                raise StationError(f"a terminal cannot show {self._form}", "write it to a file: -o FILE")
+            self._stream = sys.stdout.buffer
+        elif self._stream is None:
+            try:
+                self._stream = Path(self._path).open("wb")  # noqa: SIM115 until close()
+            except OSError as error:
+                raise StationError(f"{self._path}: {error.strerror}") from error
+        return self._kind(self._stream)
+
+    def _kind(self, stream: BinaryIO) -> Writer:
+        match self._form:
+            case "json":
+                return Json(stream, Decoder(load(), self._edition))
+            case "pcap":
+                return Pcap(stream)
+            case "binary":
+                return Binary(stream)
+            case "base64":
+                return Base64(stream)
+            case _:
+                return Hex(stream)
+
+
+class Hex:
+    def __init__(self, stream: BinaryIO) -> None:
+        self._stream = stream
+
+    def write(self, pdu: Pdu) -> None:
+        self._stream.write(pdu.octets.hex().encode() + b"\n")
+
+
+class Base64:
+    def __init__(self, stream: BinaryIO) -> None:
+        self._stream = stream
+
+    def write(self, pdu: Pdu) -> None:
+        self._stream.write(base64.b64encode(pdu.octets) + b"\n")
+
+
+class Binary:
+    """One message: nothing would say where a second one begins."""
+
+    def __init__(self, stream: BinaryIO) -> None:
+        self._stream = stream
+        self._is_full = False
+
+    def write(self, pdu: Pdu) -> None:
+        if self._is_full:
+            raise RequestError(f"{pdu.origin}: binary holds one message only", "take --to hex, base64 or pcap")
+        self._is_full = True
+        self._stream.write(pdu.octets)
+
+
+class Json:
+    """Decoded, a message a line; the octets that do not decode are refused."""
+
+    def __init__(self, stream: BinaryIO, decoder: Decoder) -> None:
+        self._stream = stream
+        self._decoder = decoder
+
+    def write(self, pdu: Pdu) -> None:
+        self._stream.write(record(pdu, self._decoder.identify(pdu)).encode() + b"\n")
+
+
+class Pcap:
+    """Ethernet frames: those that the messages came in, or single hop broadcasts of a station without a place.
+
+    A frame without a time is of the time 0: the same messages give the same file.
+    """
+
+    def __init__(self, stream: BinaryIO) -> None:
+        self._stream = stream
+        self._stream.write(capture.header())
+
+    def write(self, pdu: Pdu) -> None:
+        self._stream.write(capture.record(pdu.frame or _framed(pdu), pdu.when_ns or 0))
+
+
+def _framed(pdu: Pdu) -> bytes:
+    """The frame around a bare PDU; its MAC address ends in the stationID. Raises RequestError without a BTP port."""
+    kind = _TYPES.by_number[pdu.octets[1]] if len(pdu.octets) > 1 else _TYPES.unknown
+    port = kind.btp_port if pdu.port is None else pdu.port
+    if port is None:
+        raise RequestError(
+            f"{pdu.origin}: messageID {kind.number} has no BTP port", "give it as JSON with `btp_port`, or send it"
+        )
+    mac = b"\x02\x00" + pdu.octets[2:6].ljust(4, b"\0")
+    request = Request(0, kind, pdu.octets, port, 0.0, 0.0, kind.priority, kind.traffic_class)
+    return frame.wrap(mac, Sender(mac).encode(request, 0.0, _NOWHERE))
+
+
+def add_output(parser: argparse.ArgumentParser, forms: Sequence[str] = FORMS) -> None:
+    """--to and -o; output() uses them."""
+    parser.add_argument("--to", choices=forms, help="what to write (default: as the name of FILE says)")
+    parser.add_argument("-o", "--output", metavar="FILE", help="where to write (default: standard output)")
+
+
+@contextmanager
+def output(arguments: argparse.Namespace, default: str) -> Iterator[Output]:
+    """What --to and -o name, closed at the end. Raises RequestError for a name that says nothing known."""
+    suffix = Path(arguments.output).suffix.lower() if arguments.output else ""
+    form = arguments.to or SUFFIXES.get(suffix)
+    if form is None and suffix:
+        raise RequestError(
+            f"{arguments.output}: {suffix} is no form that is written", f"say --to, or take {', '.join(SUFFIXES)}"
+        )
+    out = Output(form or default, arguments.output, arguments.edition)
+    try:
+        yield out
+    finally:
+        out.close()

@@ -1,0 +1,129 @@
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from firmware.codec.identify import Identifier, Identity, Unknown
+from tests.firmware.codec.standin import BARE, DOOR, NEW, OLD, SAME, Message, octets
+
+ALL = [OLD, NEW, SAME, DOOR, BARE]
+
+
+def identity(pdu: bytes, known: list[Message] = ALL, port: int | None = None, is_asked: bool = False) -> Identity:
+    found = Identifier(known, is_asked).identify(pdu, port)
+    assert isinstance(found, Identity)
+    return found
+
+
+def unknown(pdu: bytes, known: list[Message] = ALL, port: int | None = None) -> Unknown:
+    found = Identifier(known).identify(pdu, port)
+    assert isinstance(found, Unknown)
+    return found
+
+
+def test_the_header_says_which_message_it_is_and_a_trial_which_edition():
+    found = identity(octets(NEW, 5, 1))
+    assert found.message is NEW
+    assert found.why.startswith("messageID 66 and protocolVersion 2 announce it; ")
+    assert found.why.endswith("; it gives the same octets back")
+
+
+def test_of_editions_that_give_the_same_octets_back_the_smallest_rank_is_taken_and_all_are_named():
+    found = identity(octets(OLD, 7, version=2))
+    assert found.message is SAME
+    assert found.exact == (SAME, OLD)
+    assert found.why.endswith("it gives the same octets back, as do ball-1.1")
+
+
+def test_an_edition_of_the_announced_version_comes_before_one_of_smaller_rank():
+    assert identity(octets(OLD, 7, version=1)).message is OLD
+
+
+def test_an_edition_that_is_passed_over_is_named_with_the_reason():
+    found = identity(octets(OLD, 150, version=1))
+    assert found.message is SAME
+    assert "messageID 66 announces it, though protocolVersion 1 is not of this edition" in found.why
+    assert "ball-1.1 does not decode (body.size: bit 48: out of range: 150 is not in 0..100)" in found.why
+
+
+def test_an_edition_that_gives_other_octets_back_comes_after_one_that_gives_the_same():
+    lossy = Message("ball-9", ids=(66,), versions=(2,), fields={"size": 200}, rank=0, mask=0x0F)
+    found = identity(octets(SAME, 0x33), [lossy, SAME])
+    assert found.message is SAME
+    assert found.exact == (SAME,)
+    assert "ball-9 gives other octets back" in found.why
+
+
+def test_octets_that_are_encoded_otherwise_still_decode_and_it_is_said():
+    lossy = Message("ball-9", ids=(66,), versions=(2,), fields={"size": 200}, mask=0x0F)
+    found = identity(octets(lossy, 0x33), [lossy])
+    assert not found.is_exact
+    assert found.why.endswith("it is encoded to other octets than these")
+
+
+def test_a_user_who_asks_for_an_edition_gets_it_whatever_the_header_says():
+    found = identity(octets(DOOR, 1, number=5), [OLD], is_asked=True)
+    assert (found.message, found.why) == (OLD, "it was asked for; it gives the same octets back")
+
+
+def test_the_port_says_it_where_the_header_announces_nothing():
+    found = identity(octets(DOOR, 1, 2, 3, number=99), port=3002)
+    assert found.message is DOOR
+    assert found.why.startswith("BTP port 3002 carries it, though messageID is 99")
+
+
+def test_the_port_says_it_where_what_the_header_announces_does_not_decode():
+    assert identity(octets(DOOR, 1, 2, 3, number=66), port=3002).message is DOOR
+
+
+def test_the_legacy_number_of_vam_is_known():
+    vam = Message("vam-2", ids=(16,), versions=(2,), fields={"a": 9})
+    found = identity(octets(vam, 1, number=102), [vam])
+    assert found.why.startswith("messageID 102 is that of VAM in the profile legacy")
+
+
+def test_what_nothing_announces_is_called_a_guess():
+    assert identity(octets(DOOR, 1, 2, 3, number=99)).why.startswith("a guess: no message has messageID 99")
+
+
+def test_a_message_without_header_is_found_by_trial():
+    assert identity(bytes((66, 99, 0, 0, 0, 0, 1, 1))).message is BARE
+
+
+def test_a_guess_has_to_keep_every_constraint():
+    assert unknown(bytes((66, 66, 0, 0, 0, 0, 200, 200))).nearest is not None
+
+
+def test_a_guess_has_to_give_the_same_octets_back():
+    lossy = Message("ball-9", ids=(66,), versions=(2,), fields={"size": 200}, mask=0x0F)
+    assert unknown(octets(lossy, 0x33, number=99), [lossy]).nearest is None
+
+
+def test_a_type_that_is_announced_and_does_not_decode_is_not_guessed_to_be_another():
+    found = unknown(octets(OLD, 1, 2, 3))
+    assert found.nearest is not None
+    assert found.nearest.message in (OLD, NEW, SAME)
+
+
+def test_of_messages_that_do_not_decode_the_one_that_came_farthest_is_told():
+    nearest = unknown(octets(NEW, 5, 7, 9)).nearest
+    assert nearest is not None
+    assert (nearest.message, nearest.bit) == (NEW, 64)
+
+
+@pytest.mark.parametrize("pdu", [b"", b"\x02", b"\x02\x42", bytes(6)])
+def test_octets_too_short_for_any_message_are_unknown(pdu):
+    assert unknown(pdu).why
+
+
+def test_a_quick_look_stops_at_the_first_that_gives_the_same_octets_back():
+    found = Identifier(ALL).identify(octets(OLD, 7, version=2), is_quick=True)
+    assert isinstance(found, Identity)
+    assert (found.message, found.exact) == (SAME, (SAME,))
+
+
+@given(st.binary(max_size=12), st.none() | st.integers(0, 0xFFFF))
+def test_any_octets_are_something_or_unknown(pdu, port):
+    full, quick = (Identifier(ALL).identify(pdu, port, is_quick) for is_quick in (False, True))
+    assert type(full) is type(quick)
+    if isinstance(full, Identity) and isinstance(quick, Identity):
+        assert full.message is quick.message

@@ -1,0 +1,107 @@
+import json
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from board.errors import ProtocolError
+from firmware.codec.layers import Carried, NoMessage, looks_like_a_frame, open_frame, open_packet
+
+CAPTURES = Path(__file__).parents[2] / "captures" / "frames.json"
+FRAMES = {row["name"]: bytes.fromhex(row["hex"]) for row in json.loads(CAPTURES.read_text())["frames"]}
+CAM = FRAMES["cam-shb"]
+PACKET = CAM[14:]
+
+
+def carried(link: int, frame: bytes) -> Carried:
+    found = open_frame(link, frame)
+    assert isinstance(found, Carried)
+    return found
+
+
+@pytest.mark.parametrize("name", [name for name in FRAMES if "hello" not in name])
+def test_every_frame_of_an_independent_station_gives_its_cam(name):
+    found = carried(1, FRAMES[name])
+    assert found.pdu[:2] == b"\x02\x02"
+    assert len(found.pdu) == 41
+    assert (found.btp_port, found.transport, found.is_signed) == (2001, "shb", "signed" in name)
+
+
+def test_what_carried_a_message_is_told_in_words():
+    assert str(carried(1, FRAMES["cam-signed-digest"])) == "signed shb, BTP port 2001"
+
+
+def wlan(first: int, second: int, address_octets: int) -> bytes:
+    return bytes((first, second)) + bytes(22 + address_octets) + bytes.fromhex("aaaa030000008947") + PACKET
+
+
+@pytest.mark.parametrize(
+    ("link", "frame"),
+    [
+        (1, CAM[:12] + b"\x81\x00\x60\x01" + CAM[12:]),
+        (105, wlan(0x08, 0x00, 0)),
+        (105, wlan(0x88, 0x00, 2)),  # QoS
+        (105, wlan(0x08, 0x03, 6)),  # four addresses
+        (127, b"\0\0\x0a\0" + bytes(6) + wlan(0x88, 0x00, 2)),
+        (113, bytes(14) + CAM[12:]),
+        (276, b"\x89\x47" + bytes(18) + PACKET),
+    ],
+)
+def test_link_layers_that_capture_its_g5_are_opened(link, frame):
+    assert carried(link, frame) == carried(1, CAM)
+
+
+@pytest.mark.parametrize(
+    ("link", "frame", "what"),
+    [
+        (1, bytes(60), "not GeoNetworking"),
+        (1, b"", "not GeoNetworking"),
+        (105, b"\x80\0" + bytes(40), "not GeoNetworking"),
+        (105, wlan(0x08, 0x40, 0), "not GeoNetworking"),
+        (127, b"\0\0\xff\xff", "not GeoNetworking"),
+        (147, CAM, "of link type 147, which is not known here"),
+    ],
+)
+def test_frames_of_others_are_told_by_what_they_are(link, frame, what):
+    assert open_frame(link, frame) == NoMessage(what)
+
+
+def test_a_beacon_has_no_message():
+    beacon = bytes.fromhex("11001a01 00100000 00000100") + PACKET[12:36]
+    assert open_packet(beacon) == NoMessage("beacons")
+
+
+def test_ip_over_geonetworking_is_no_message():
+    packet = bytearray(PACKET)
+    packet[4] = 0x30
+    assert open_packet(bytes(packet)) == NoMessage("GeoNetworking with next header 3, not BTP")
+
+
+@pytest.mark.parametrize("size", [1, 4, 12, 39, 41, 80])
+def test_a_packet_that_was_cut_off_is_refused(size):
+    with pytest.raises(ProtocolError):
+        open_packet(PACKET[:size])
+
+
+@pytest.mark.parametrize("name", FRAMES)
+def test_a_frame_is_known_by_its_ethertype(name):
+    assert looks_like_a_frame(FRAMES[name])
+    assert not looks_like_a_frame(FRAMES[name][14:])
+
+
+@given(st.sampled_from([1, 105, 113, 127, 276]), st.binary(max_size=120))
+def test_random_frames_are_taken_or_explained(link, frame):
+    try:
+        assert isinstance(open_frame(link, frame), Carried | NoMessage)
+    except ProtocolError as error:
+        assert error.message
+
+
+@given(st.integers(0, len(PACKET) - 1), st.integers(0, 255))
+def test_packets_with_one_wrong_octet_are_taken_or_explained(at, octet):
+    packet = PACKET[:at] + bytes((octet,)) + PACKET[at + 1 :]
+    try:
+        assert isinstance(open_packet(packet), Carried | NoMessage)
+    except ProtocolError as error:
+        assert error.message
