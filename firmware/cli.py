@@ -14,8 +14,12 @@ from firmware import VERSION
 VERBS = {
     "run": "run the station in the foreground",
     "status": "what a running station does: interfaces, queues, counters, drops with their reasons",
-    "listen": "live table of received messages, or one JSON object a line",
+    "listen": "live table of received messages with their fields, or one JSON object a line",
     "send": "send messages from hex, base64, files or directories, and say what became of each",
+    "decode": "octets of messages to their fields, from hex, base64, files or captures",
+    "encode": "fields to octets: the inverse of decode --json",
+    "convert": "messages from one form into another: hex, base64, binary, JSON, pcap",
+    "explain": "a message bit by bit, or why it does not decode",
     "doctor": "check configuration, ports, interfaces, permissions and clock, and say what to do",
     "demo": "two simulated stations that exchange messages, watched live",
     "lab": "the ten-message test between two stations: sent, received, equal, lost",
@@ -44,6 +48,22 @@ def load(verb: str) -> ModuleType:
             from firmware.commands import send
 
             return send
+        case "decode":
+            from firmware.commands import decode
+
+            return decode
+        case "encode":
+            from firmware.commands import encode
+
+            return encode
+        case "convert":
+            from firmware.commands import convert
+
+            return convert
+        case "explain":
+            from firmware.commands import explain
+
+            return explain
         case "doctor":
             from firmware.commands import doctor
 

@@ -1,0 +1,89 @@
+"""captain convert: messages from one form into another."""
+
+import argparse
+
+from board.errors import RequestError
+from firmware.codec import library, writing
+from firmware.codec.arguments import FORMS_HELP, add_edition, add_input, reader, tell, tell_skipped
+from firmware.codec.decoding import Decoder
+from firmware.codec.encoding import encode
+from firmware.codec.reading import Item, Object, Pdu, pdu_of, port_of, when_ns
+
+DESCRIPTION = f"""\
+Writes messages in another form: hexadecimal, base64, binary, JSON (decoded),
+pcap (in GeoNetworking and Ethernet frames). The octets stay as they are: nothing
+is converted from one edition of a standard to another.
+
+{FORMS_HELP}
+An object in JSON may have `edition` and `message` in place of the octets.
+"""
+EPILOG = """\
+examples:
+  captain convert drive.pcapng --to hex       the messages of a capture
+  captain convert drive.pcapng -o drive.jsonl
+                                              decoded, an object a line
+  captain convert cams.hex -o cams.pcap       for Wireshark
+  captain convert --from base64 --to hex AgIAAAU5AAECAw==
+  captain convert drive.jsonl -o denm.b64 --edition denm
+                                              refuses what is no DENM
+
+exit codes:
+  0    every message was converted
+  1    one was not (the others are), or there was none
+  2    wrong usage
+  130  Ctrl-C
+"""
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    add_input(parser)
+    writing.add_output(parser)
+    add_edition(parser)
+
+
+def main(arguments: argparse.Namespace) -> int:
+    source = reader(arguments)
+    convert = Conversion(arguments.edition)
+    failed = count = 0
+    with writing.output(arguments, "hex") as out:
+        for item in source.read(arguments.what):
+            count += 1
+            try:
+                out.write(convert.octets(item))
+            except RequestError as error:
+                failed += 1
+                tell(error)
+    tell_skipped(source.skipped)
+    return 1 if failed or not count else 0
+
+
+class Conversion:
+    """Octets of whatever a user gave; the message library is loaded when an item needs it.
+
+    edition  as `--edition` has it: then every message has to be of it.
+    """
+
+    def __init__(self, edition: str | None) -> None:
+        self._edition = edition
+        self._decoder: Decoder | None = None
+
+    def octets(self, item: Item) -> Pdu:
+        """Raises RequestError where there are none, or not of the edition."""
+        if isinstance(item, RequestError):
+            raise item
+        pdu = self._from_json(item) if isinstance(item, Object) else item
+        if self._edition is not None:
+            self._codec().identify(pdu, is_quick=True)
+        return pdu
+
+    def _from_json(self, one: Object) -> Pdu:
+        """Octets come before fields: they are exact."""
+        if "hex" in one.value or "base64" in one.value:
+            return pdu_of(one)
+        _, octets = encode(one, self._codec().known, self._edition)
+        return Pdu(octets, one.origin, port_of(one), when_ns(one))
+
+    def _codec(self) -> Decoder:
+        if self._decoder is None:
+            self._decoder = Decoder(library.load(), self._edition)
+        return self._decoder

@@ -1,0 +1,125 @@
+"""captain decode: octets of messages to their fields."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+
+from board.errors import RequestError
+from firmware.codec import library
+from firmware.codec.arguments import FORMS_HELP, add_edition, add_input, print_json, reader, tell, tell_skipped
+from firmware.codec.decoding import Decoder, error_record, record
+from firmware.codec.library import Message
+from firmware.codec.reading import Item, Object, Pdu, pdu_of
+from firmware.codec.showing import tree
+from firmware.user.table import Table, plain, width_of
+
+DESCRIPTION = f"""\
+Decodes messages and shows their fields with units and meanings. Type and
+edition are found by the ITS PDU header, by the BTP port of a capture and by
+trial: an edition fits that gives the same octets back. It is said which one was
+taken and why; --edition decides otherwise.
+
+{FORMS_HELP}"""
+EPILOG = """\
+examples:
+  captain decode 02029b260aa393e6005a6f0d...  a CAM
+  captain decode drive.pcapng                 every message of a capture
+  captain decode --json drive.pcapng          one JSON object a line
+  captain decode --json 0202... | captain encode
+                                              prints 0202... again
+  captain listen --json | captain decode      what a station receives
+  captain decode --list                       all editions of the library
+JSON, one object a line:
+  edition, type, why, candidates (editions that give the same octets back, the
+        preferred one first), origin, octets, message (names and shapes of JER,
+        ITU-T X.697)
+  btp_port, received (Unix time in s), carried
+        of a capture
+  is_exact (false), hex
+        where the message is encoded to other octets than were decoded
+  error (reason, cause, edition, path, bit), hex
+        in place of `message` where it does not decode
+
+exit codes:
+  0    every message was decoded
+  1    one was not (the others are shown), or there was none
+  2    wrong usage
+  130  Ctrl-C
+"""
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    add_input(parser)
+    add_edition(parser)
+    parser.add_argument("--json", action="store_true", help="one JSON object a line for each message")
+    parser.add_argument("--list", action="store_true", help="the editions that the library has, and how they are known")
+
+
+def main(arguments: argparse.Namespace) -> int:
+    codec = library.load()
+    decoder = Decoder(codec, arguments.edition)
+    if arguments.list:
+        _list(decoder.known, arguments.json)
+        return 0
+    source = reader(arguments)
+    failed = count = 0
+    for item in source.read(arguments.what):
+        count += 1
+        try:
+            pdu = _pdu(item)
+            found = decoder.identify(pdu)
+        except RequestError as error:
+            failed += 1
+            if arguments.json:
+                print_json(error_record(error))
+            else:
+                tell(error)
+        else:
+            print(record(pdu, found) if arguments.json else tree(pdu, found, width_of(sys.stdout)), flush=True)
+    tell_skipped(source.skipped)
+    return 1 if failed or not count else 0
+
+
+def _pdu(item: Item) -> Pdu:
+    if isinstance(item, RequestError):
+        raise item
+    return pdu_of(item) if isinstance(item, Object) else item
+
+
+def _list(known: list[Message], is_json: bool) -> None:
+    if is_json:
+        for message in known:
+            print_json(_described(message))
+        return
+    heads = ("edition", "standard", ">messageID", ">version", ">BTP port", "")
+    rows = [
+        (
+            message.name,
+            message.standard,
+            _numbers(message.ids),
+            _numbers(message.versions),
+            str(message.btp_port or "-"),
+            "experimental" if message.is_experimental else "",
+        )
+        for message in known
+    ]
+    title = f"{len(known)} messages; of one type the preferred edition first"
+    print("\n".join(plain(Table(title, heads, rows), width_of(sys.stdout))))
+
+
+def _numbers(numbers: Sequence[int]) -> str:
+    return ", ".join(map(str, numbers)) or "-"
+
+
+def _described(message: Message) -> dict[str, object]:
+    return {
+        "edition": message.name,
+        "type": message.type,
+        "release": message.release,
+        "standard": message.standard,
+        "message_ids": list(message.ids),
+        "protocol_versions": list(message.versions),
+        "btp_port": message.btp_port or None,
+        "rank": message.rank,
+        "is_experimental": message.is_experimental,
+    }

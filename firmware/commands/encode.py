@@ -1,0 +1,66 @@
+"""captain encode: fields to octets, the inverse of captain decode --json."""
+
+import argparse
+
+from board.errors import RequestError
+from firmware.codec import library, writing
+from firmware.codec.arguments import add_edition, reader, tell
+from firmware.codec.encoding import encode
+from firmware.codec.reading import Item, Pdu, port_of, when_ns
+
+DESCRIPTION = """\
+Encodes messages: JSON objects {"edition": "cam-1.4.1", "message": {...}} as
+`captain decode --json` prints them, one after the other, on one line or many.
+With --edition the object may be the message alone.
+
+WHAT is a file, a folder of files, or the object itself; - or nothing is
+standard input. The octets come out as hexadecimal digits, a message a line,
+unless --to says.
+"""
+EPILOG = """\
+examples:
+  captain decode --json 0202... | captain encode
+        prints 0202... again
+  captain decode --json cam.bin | jq '.message.header.stationID = 7' | captain encode
+        the same CAM of another station
+  captain encode cams.jsonl -o cams.pcap
+        in GeoNetworking and Ethernet frames, for Wireshark
+  captain encode cams.jsonl | captain send -
+        and on the air
+
+exit codes:
+  0    every message was encoded
+  1    one was not (the others are), or there was none
+  2    wrong usage
+  130  Ctrl-C
+"""
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("what", metavar="WHAT", nargs="*", help="a file, a folder, a JSON object, or -")
+    add_edition(parser)
+    writing.add_output(parser, [form for form in writing.FORMS if form != "json"])
+    parser.set_defaults(form="json")
+
+
+def main(arguments: argparse.Namespace) -> int:
+    known = library.editions(library.load(), arguments.edition)
+    failed = count = 0
+    with writing.output(arguments, "hex") as out:
+        for item in reader(arguments).read(arguments.what):
+            count += 1
+            try:
+                out.write(_encoded(item, known, arguments.edition))
+            except RequestError as error:
+                failed += 1
+                tell(error)
+    return 1 if failed or not count else 0
+
+
+def _encoded(item: Item, known: list[library.Message], asked: str | None) -> Pdu:
+    if isinstance(item, RequestError):
+        raise item
+    if isinstance(item, Pdu):
+        raise RequestError(f"{item.origin}: it is octets already, not JSON")
+    _, octets = encode(item, known, asked)
+    return Pdu(octets, item.origin, port_of(item), when_ns(item))

@@ -1,0 +1,111 @@
+"""captain explain: a message bit by bit."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+
+from board.errors import RequestError
+from firmware.codec import bits, library
+from firmware.codec.arguments import FORMS_HELP, add_edition, add_input, print_json, reader, tell, tell_skipped
+from firmware.codec.decoding import Decoder, UndecodableError, error_record
+from firmware.codec.library import Message
+from firmware.codec.reading import Item, Object, Pdu, pdu_of
+from firmware.user.table import Table, clean, plain, width_of
+
+DESCRIPTION = f"""\
+Shows what every bit of a message says: offset, width, the bits, the field, its
+value, and the clause of ITU-T X.691 that rules them. Of a message that does not
+decode, what goes before the first bad bit, where that is, and the likeliest
+cause.
+
+{FORMS_HELP}"""
+EPILOG = """\
+examples:
+  captain explain 02029b260aa393e6005a6f0d...
+  captain explain --edition cam-1.4.1 cam.bin
+        as this edition, whatever the header says
+  captain explain --json cam.bin | jq 'select(.path | endswith("speedValue"))'
+JSON, one object a line:
+  origin, edition, bit, width, path, name, value, bits, clause
+        of each row; names in parentheses are no fields, but what the encoding
+        says of them
+  origin, octets, hex, error (reason, cause, edition, path, bit)
+        where the message does not decode
+
+exit codes:
+  0    every message was decoded
+  1    one was not, or there was none
+  2    wrong usage
+  130  Ctrl-C
+"""
+HEADS = (">bit", ">width", "bits", "field", "value", "X.691")
+WIDEST = 1000  # columns
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    add_input(parser)
+    add_edition(parser)
+    parser.add_argument("--json", action="store_true", help="one JSON object a line for each row")
+
+
+def main(arguments: argparse.Namespace) -> int:
+    decoder = Decoder(library.load(), arguments.edition)
+    source = reader(arguments)
+    failed = count = 0
+    for item in source.read(arguments.what):
+        count += 1
+        try:
+            _explain(_pdu(item), decoder, arguments.json)
+        except RequestError as error:
+            failed += 1
+            if arguments.json:
+                print_json(error_record(error))
+            else:
+                tell(error)
+    tell_skipped(source.skipped)
+    return 1 if failed or not count else 0
+
+
+def _pdu(item: Item) -> Pdu:
+    if isinstance(item, RequestError):
+        raise item
+    return pdu_of(item) if isinstance(item, Object) else item
+
+
+def _explain(pdu: Pdu, decoder: Decoder, is_json: bool) -> None:
+    """The rows of a message; of one that does not decode those before its first bad bit. Raises RequestError."""
+    try:
+        found = decoder.identify(pdu)
+    except UndecodableError as error:
+        if error.nearest is not None:
+            _show(pdu, error.nearest.message, f"as far as it decodes: {error.nearest}", is_json)
+        raise
+    _show(pdu, found.message, found.why, is_json)
+
+
+def _show(pdu: Pdu, message: Message, note: str, is_json: bool) -> None:
+    rows = list(bits.rows(pdu.octets, message.explain(pdu.octets)))
+    if is_json:
+        for row in rows:
+            told = row._asdict() | {"origin": pdu.origin, "edition": message.name}
+            print_json({key: value for key, value in told.items() if key != "depth"})
+        return
+    title = f"{message.name}: {message.standard}, {len(pdu.octets)} octets, {pdu.origin}"
+    # A file has room for everything.
+    width = width_of(sys.stdout) if sys.stdout.isatty() else WIDEST
+    print("\n".join([*plain(Table(title, HEADS, _cells(rows), [note]), width), ""]), flush=True)
+
+
+def _cells(rows: Sequence[bits.Row]) -> list[tuple[str, ...]]:
+    """The position of containers is that of their first bit."""
+    return [
+        (
+            str(row.bit),
+            str(row.width) if row.width else "",
+            row.bits,
+            bits.INDENT * row.depth + clean(row.name),
+            row.value,
+            row.clause,
+        )
+        for row in rows
+    ]
