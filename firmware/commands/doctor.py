@@ -9,6 +9,7 @@ from collections.abc import Iterator
 
 from board import echo
 from firmware import config
+from firmware.codec import library
 from firmware.lab import checks, ports
 from firmware.lab.checks import Finding, Level
 from firmware.user.arguments import add_configuration
@@ -18,7 +19,8 @@ DESCRIPTION = """\
 Looks at everything that `captain run` with the same options would need: the
 configuration, the ports, each interface (its driver is started for a moment
 and stopped; where a station runs already, that one is asked), what the kernel
-lets sockets keep, the clock, child processes, versions.
+lets sockets keep, the clock, child processes, versions; and which messages can
+be decoded.
 
 Each line is ok, a warning (it runs, but not as well), or a problem, with what
 to do about it below.
@@ -62,6 +64,7 @@ def examine(arguments: argparse.Namespace) -> Iterator[Finding]:
     yield from checks.versions()
     yield from checks.clock(time.time())
     yield from checks.worker(echo.try_out)
+    yield from checks.codec(library.load)
     read, found = checks.configuration(lambda: config.load(arguments.config, arguments.overrides, arguments.board))
     yield from found
     if read is None:

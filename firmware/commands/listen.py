@@ -1,33 +1,50 @@
-"""captain listen: what a station's users receive, counted per type and station."""
+"""captain listen: what a station's users receive: counted per type and station, or one message after the other."""
 
 import argparse
 import json
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
+from typing import TypeAlias
 
-from board.errors import StationError
+from firmware.codec import fields, showing
+from firmware.codec.decoding import Decoder, UndecodableError, joined, refusal_record
+from firmware.codec.library import NoLibraryError, load
+from firmware.codec.live import Live
+from firmware.codec.reading import Pdu
 from firmware.user import client
-from firmware.user.arguments import add_station, address, message_type, seconds, times
-from firmware.user.received import Message, Pairing
-from firmware.user.table import Screen, Table
-from firmware.user.tally import HEADS, Tally, cells
+from firmware.user.arguments import add_station, address, integer, message_type, seconds, times
+from firmware.user.listening import Listening, Wish
+from firmware.user.received import Message
+from firmware.user.table import Screen, clean, width_of
 
 DESCRIPTION = """\
 Listens to a station as any user's program does, and shows for each type and
 station (stationID of the ITS PDU header): how many messages, how many a
-second, their sizes, the last signal strength where the interface knows it,
-and how long ago the last one came. Payloads are not decoded.
+second, the last signal strength where the interface knows it, how long ago the
+last one came, and what it says: position in degrees, speed, heading; the cause
+of a DENM; how many objects or intersections. What does not decode begins with
+`!` and the reason.
 
 On a terminal the table stays in place; elsewhere the stations heard in the
 last second are printed every second, and all of them at the end. At most 256 rows are kept: those silent
 longest are folded into the row `others`.
+
+--full and --fields show message after message instead. Where the program has
+no message library (`captain doctor` tells), and with --headers, the table has
+the sizes of messages in place of what they say.
 """
 EPILOG = """\
 examples:
   captain listen                            everything, until Ctrl-C
-  captain listen --type denm --count 1      wait for one DENM
+  captain listen --type denm --count 1 --full
+                                            wait for one DENM and show all of it
+  captain listen --station-id 1337 --fields speedValue,headingValue
+                                            two fields of each message of one
+                                            station
   captain listen --json --duration 60 >log  a minute of messages
+  captain listen --json --decode | jq .message.cam
+                                            their fields, for a program
   captain listen --json | captain send - --station 127.0.0.1:5565
                                             one station sends on what another
                                             one receives
@@ -37,19 +54,36 @@ JSON, one object a line:
   received (Unix time in s), rssi_dbm, data_rate (500 kbit/s), traffic_class,
   hop_limit, source_mac, security, latitude, longitude (degrees)
         of the interface, as RawRxMessage has them; absent without one
+  edition, message
+        with --decode; `captain encode` takes them
+  edition, fields (path: value with unit)
+        with --fields
+  error (reason, cause, edition, path, bit)
+        with either, where the message does not decode
 
 exit codes:
   0    the count or the duration is reached
-  1    no station answers
+  1    no station answers, or fields are wanted and there is no message library
   2    wrong usage
   130  Ctrl-C
 """
-# A glance at a table tells no more; each costs the drawing of it.
-REDRAW_S = 0.5
+HIGHEST_STATION_ID = 0xFFFFFFFF
+
+Show: TypeAlias = Callable[[Message], str]
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="one JSON object a line for each message")
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument("--decode", action="store_true", help="with --json: the decoded message as well")
+    what.add_argument("--full", action="store_true", help="all fields of each message, with units and meanings")
+    what.add_argument(
+        "--fields",
+        metavar="F,F",
+        type=_names,
+        help="these fields of each message, a line each: last parts of their paths, as speedValue or header",
+    )
+    what.add_argument("--headers", action="store_true", help="do not decode")
     parser.add_argument(
         "--type",
         metavar="T",
@@ -58,90 +92,71 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="only this type (cam, denm, ...), or this messageID (200); may be repeated",
     )
+    parser.add_argument(
+        "--station-id",
+        metavar="N",
+        action="append",
+        type=integer(0, HIGHEST_STATION_ID),
+        default=[],
+        help="only what this station made; may be repeated",
+    )
     parser.add_argument("--count", metavar="N", type=times, help="end after so many messages")
     parser.add_argument("--duration", metavar="S", type=seconds, help="end after so many seconds")
     add_station(parser)
 
 
 def main(arguments: argparse.Namespace) -> int:
+    if (arguments.decode and not arguments.json) or (arguments.full and arguments.json):
+        print("captain listen: error: --json goes with --decode or --fields, --decode with --json", file=sys.stderr)
+        return 2
     place = address(arguments)
+    show = _shower(arguments)
     with client.session() as context:
         # Everything, where all types are wanted: what a station should not publish is to be seen as well.
         # A messageID has whatever name the station gives it.
         types = [f"v2x.{kind}." if isinstance(kind, str) else "v2x." for kind in arguments.type]
         topics = ["hb.", "raw.", *types] if types else [""]
         subscriber = client.subscribe(context, place, place.to_users, *topics)
-        listening = Listening(subscriber, place, arguments.type, arguments.count, arguments.duration)
-        if arguments.json:
-            _print_json(listening)
+        wish = Wish(frozenset(arguments.type), frozenset(arguments.station_id), arguments.count, arguments.duration)
+        listening = Listening(subscriber, place, wish)
+        if show is None:
+            _show_table(listening, None if arguments.headers else _decoder())
         else:
-            _show_table(listening)
+            _show_each(listening, show)
     return 0
 
 
-class Listening:
-    """Messages of one subscription until a count, a duration, or a station that is not there.
-
-    wanted  names or messageIDs of the types; all when empty.
-
-    messages() calls `idle` at least every REDRAW_S, so that a table can be drawn while nothing comes.
-    """
-
-    def __init__(
-        self,
-        subscriber: client.Socket,
-        place: client.Address,
-        wanted: Sequence[str | int],
-        most: int | None,
-        for_s: float | None,
-    ) -> None:
-        self.pairing = Pairing()
-        self.place = place
-        self.started = self.heard = time.monotonic()
-        self._subscriber = subscriber
-        self._wanted = frozenset(wanted)
-        self._most = most
-        self._end = self.started + for_s if for_s is not None else None
-
-    def messages(self, idle: Callable[[], None]) -> Iterator[Message]:
-        count = 0
-        wake = time.monotonic() + REDRAW_S
-        while self._end is None or time.monotonic() < self._end:
-            until = wake if self._end is None else min(wake, self._end)
-            self._subscriber.poll(max(0, round((until - time.monotonic()) * 1000)) + 1)
-            for frames in client.waiting(self._subscriber):
-                self.heard = time.monotonic()
-                message = self.pairing.feed(frames)
-                if message is None or not self._is_wanted(message):
-                    continue
-                yield message
-                count += 1
-                if count == self._most:
-                    return
-            if time.monotonic() >= wake:
-                self._check()
-                idle()
-                wake = time.monotonic() + REDRAW_S
-
-    def _is_wanted(self, message: Message) -> bool:
-        return not self._wanted or not self._wanted.isdisjoint((message.type, message.message_id))
-
-    @property
-    def silent_s(self) -> float:
-        """Seconds without even a heartbeat; 0 while the station is there."""
-        silent = time.monotonic() - self.heard
-        return silent if silent > client.ANSWER_S else 0.0
-
-    def _check(self) -> None:
-        """What never said anything is no station; one that fell silent may come back: ZeroMQ reconnects."""
-        if self.silent_s and self.heard == self.started:
-            raise StationError(
-                f"what listens at {self.place.host}:{self.place.to_users} sends no heartbeat",
-                "is that where a station's users subscribe? name the port with --to-users PORT",
-            )
+def _shower(arguments: argparse.Namespace) -> Show | None:
+    """What prints each message; None for the table. Raises NoLibraryError."""
+    if arguments.decode or arguments.full or arguments.fields:
+        decoder = Decoder(load())
+        if arguments.full:
+            return lambda message: _full(message, decoder)
+        if arguments.json:
+            return lambda message: _decoded(message, decoder, arguments.fields)
+        return lambda message: _line(message, decoder, arguments.fields)
+    return (lambda message: json.dumps(described(message))) if arguments.json else None
 
 
-def _print_json(listening: Listening) -> None:
+def _decoder() -> Decoder | None:
+    """None where headers are all that can be shown."""
+    try:
+        return Decoder(load())
+    except NoLibraryError:
+        return None
+
+
+def _names(text: str) -> list[str]:
+    names = [name.strip() for name in text.split(",") if name.strip(" .")]
+    if not names:
+        raise argparse.ArgumentTypeError(f"{text!r} names no field; as speedValue,header.stationID")
+    return names
+
+
+# -- one message after the other
+
+
+def _show_each(listening: Listening, show: Show) -> None:
     told = False
 
     def idle() -> None:
@@ -151,7 +166,7 @@ def _print_json(listening: Listening) -> None:
             print("captain: no heartbeat, waiting" if told else "captain: heartbeat again", file=sys.stderr)
 
     for message in listening.messages(idle):
-        print(json.dumps(described(message)), flush=True)
+        print(show(message), flush=True)
 
 
 def described(message: Message) -> dict[str, object]:
@@ -180,50 +195,59 @@ def described(message: Message) -> dict[str, object]:
     return found | {"hex": pdu.hex()}
 
 
-def _show_table(listening: Listening) -> None:
-    tally = Tally()
+def _decoded(message: Message, decoder: Decoder, names: list[str] | None) -> str:
+    """The same with `edition` and `message` or `fields`, or with `error`."""
+    head = described(message)
+    try:
+        found = decoder.identify(_pdu(message), is_quick=True).message
+    except UndecodableError as error:
+        return json.dumps(head | {"error": refusal_record(error)})
+    head["edition"] = found.name
+    if names:
+        return json.dumps(head | {"fields": fields.chosen(found.explain(message.pdu), names)})
+    return joined(head, "message", found.to_json(message.pdu))
+
+
+def _full(message: Message, decoder: Decoder) -> str:
+    pdu = _pdu(message)
+    try:
+        return showing.tree(pdu, decoder.identify(pdu), width_of(sys.stdout))
+    except UndecodableError as error:
+        return _refused(error) + "\n"
+
+
+def _line(message: Message, decoder: Decoder, names: list[str]) -> str:
+    pdu = _pdu(message)
+    try:
+        found = decoder.identify(pdu, is_quick=True).message
+    except UndecodableError as error:
+        return _refused(error)
+    values = fields.chosen(found.explain(pdu.octets), names)
+    told = "  ".join(f"{path}={value}" for path, value in values.items())
+    return clean(f"{pdu.origin}: {told or 'it has none of these'}")
+
+
+def _refused(error: UndecodableError) -> str:
+    """A message that does not decode, on one line; its octets, so that it can be looked at."""
+    return clean(f"{error.message}; {error.hint}: {error.pdu.octets.hex()}")
+
+
+def _pdu(message: Message) -> Pdu:
+    """Its origin is when it came, what it is and whose."""
+    received_ns = None if message.raw is None else message.raw.received_ns
+    now = time.time() if received_ns is None else received_ns / 1e9
+    stamp = time.strftime("%H:%M:%S", time.localtime(now)) + f".{round(now % 1 * 1000) % 1000:03}"
+    whose = "-" if message.station_id is None else str(message.station_id)
+    return Pdu(message.pdu, f"{stamp} {message.type or '(no name)'} {whose}", when_ns=received_ns)
+
+
+# -- the table
+
+
+def _show_table(listening: Listening, decoder: Decoder | None) -> None:
     with Screen() as screen:
-        tick = Tick(tally, screen, listening)
-        for message in listening.messages(tick):
-            tally.add(message, time.monotonic())
-        tick.draw(time.monotonic(), is_last=True)
-    print(f"{tally.total} messages in {time.monotonic() - listening.started:.1f} s")
-
-
-class Tick:
-    """Draws the table: often on a terminal, the rows that changed every second elsewhere."""
-
-    def __init__(self, tally: Tally, screen: Screen, listening: Listening) -> None:
-        self._tally = tally
-        self._screen = screen
-        self._listening = listening
-        self._marked = time.monotonic()
-
-    def __call__(self) -> None:
-        now = time.monotonic()
-        is_due = now - self._marked >= 1.0
-        if is_due or self._screen.is_terminal:
-            self.draw(now)
-        if is_due:
-            self._tally.mark(now)
-            self._marked = now
-
-    def draw(self, now: float, is_last: bool = False) -> None:
-        most = max(1, self._screen.height - 4)
-        rows = self._tally.rows(most)
-        if not (self._screen.is_terminal or is_last):
-            rows = [row for row in rows if row.last >= self._marked]
-        self._screen.show([Table(self._title(now), HEADS, [cells(row, now) for row in rows])])
-
-    def _title(self, now: float) -> str:
-        place, pairing = self._listening.place, self._listening.pairing
-        parts = [
-            time.strftime("%H:%M:%S"),
-            f"{place.host}:{place.to_users}",
-            f"{self._tally.total} messages in {now - self._listening.started:.0f} s",
-        ]
-        if pairing.rubbish:
-            parts.append(f"{pairing.rubbish} unreadable (last {pairing.sample.hex()})")
-        if self._listening.silent_s:
-            parts.append(f"no heartbeat for {self._listening.silent_s:.0f} s")
-        return "  ".join(parts)
+        live = Live(screen, listening, decoder)
+        for message in listening.messages(live):
+            live.add(message)
+        live.draw(time.monotonic(), is_last=True)
+    print(f"{live.total} messages in {time.monotonic() - listening.started:.1f} s")

@@ -14,6 +14,7 @@ import zmq
 from board.errors import StationError
 from drivers import DRIVERS
 from drivers.contract import Shared
+from firmware.codec.library import Library, NoLibraryError
 from firmware.config import Config, EndpointOptions, InterfaceConfig
 from firmware.lab import ports
 from firmware.lab.trial import Trial
@@ -169,6 +170,21 @@ def worker(echo: Callable[[], str]) -> Iterator[Finding]:
         yield Finding(
             Level.PROBLEM, "worker", error.message, error.hint or "is there memory, and may it start processes?"
         )
+
+
+def codec(load: Callable[[], Library]) -> Iterator[Finding]:
+    """Whether the message library is here, and which messages it has; load raises NoLibraryError if not."""
+    try:
+        known = load().all()
+    except NoLibraryError as error:
+        told = f"{error.message}; decode, encode, explain and the fields of listen need it, a station does not"
+        yield Finding(Level.WARNING, "messages", told, error.hint)
+        return
+    types: dict[str, list[str]] = {}
+    for message in sorted(known, key=lambda one: (one.type, one.rank)):
+        types.setdefault(message.type, []).append(message.name.removeprefix(f"{message.type}-"))
+    held = ", ".join(f"{kind} {' '.join(editions)}" for kind, editions in types.items())
+    yield Finding(Level.OK, "messages", f"{len(known)} in the library: {held}")
 
 
 def configuration(read: Callable[[], Config]) -> tuple[Config | None, list[Finding]]:

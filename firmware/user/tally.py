@@ -13,9 +13,25 @@ OTHERS = "others"
 
 
 class Row:
-    """The messages of one type from one station."""
+    """The messages of one type from one station.
 
-    __slots__ = ("_marks", "count", "last", "longest", "rssi_dbm", "shortest", "station", "type")
+    pdu  the last one.
+    bad  how many of them do not decode; bad_pdu is the last of those.
+    """
+
+    __slots__ = (
+        "_marks",
+        "bad",
+        "bad_pdu",
+        "count",
+        "last",
+        "longest",
+        "pdu",
+        "rssi_dbm",
+        "shortest",
+        "station",
+        "type",
+    )
 
     def __init__(self, kind: str, station: int | str | None) -> None:
         self.type = kind
@@ -25,9 +41,16 @@ class Row:
         self.shortest = 0
         self.longest = 0
         self.rssi_dbm: int | None = None
+        self.pdu = b""
+        self.bad = 0
+        self.bad_pdu = b""
         self._marks: deque[tuple[float, int]] = deque(maxlen=MARKS)
 
-    def add(self, message: Message, now: float) -> None:
+    def add(self, message: Message, now: float, is_bad: bool) -> None:
+        self.pdu = message.pdu
+        if is_bad:
+            self.bad += 1
+            self.bad_pdu = message.pdu
         octets = len(message.pdu)
         self.shortest = min(self.shortest, octets) if self.count else octets
         self.longest = max(self.longest, octets)
@@ -41,6 +64,7 @@ class Row:
         self.shortest = min(self.shortest, row.shortest) if self.count else row.shortest
         self.longest = max(self.longest, row.longest)
         self.count += row.count
+        self.bad += row.bad
         self.last = max(self.last, row.last)
 
     def mark(self, now: float) -> None:
@@ -63,8 +87,8 @@ class Tally:
         self._most = most
         self._rows: dict[tuple[str, int | None], Row] = {}  # in the order of their last message
 
-    def add(self, message: Message, now: float) -> None:
-        """Count a message; now is monotonic."""
+    def add(self, message: Message, now: float, is_bad: bool = False) -> None:
+        """Count a message; now is monotonic; is_bad: it does not decode."""
         key = (message.type, message.station_id)
         row = self._rows.pop(key, None)
         if row is None:
@@ -73,7 +97,7 @@ class Tally:
             row = Row(*key)
             row.mark(now)
         self._rows[key] = row
-        row.add(message, now)
+        row.add(message, now, is_bad)
         self.total += 1
 
     def mark(self, now: float) -> None:

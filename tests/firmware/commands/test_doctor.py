@@ -9,6 +9,7 @@ from board import echo
 from board.errors import InterfaceError
 from drivers.udp import UdpOptions
 from firmware import cli
+from firmware.codec import library
 from firmware.commands import doctor
 from firmware.config import EndpointOptions, InterfaceConfig, QueueOptions
 from firmware.lab import checks
@@ -19,8 +20,8 @@ MAC = bytes.fromhex("02000000000b")
 
 
 @pytest.fixture(autouse=True)
-def calm(tmp_path, monkeypatch):
-    """No station of this machine is asked, and a child process answers at once."""
+def calm(tmp_path, monkeypatch, standin):
+    """No station of this machine is asked, a child process answers at once, and there is a message library."""
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     monkeypatch.setattr(echo, "try_out", lambda: "a child process answered")
 
@@ -173,6 +174,19 @@ def test_interfaces_without_a_receive_buffer_need_none(tmp_path):
 def test_versions_that_are_too_old_are_a_problem(python, libzmq):
     assert Level.PROBLEM in [one.level for one in checks.versions(python, libzmq)]
     assert {one.level for one in checks.versions()} == {Level.OK}
+
+
+def test_a_missing_message_library_is_a_warning_with_the_command_that_makes_it(without_library):
+    found = only(checks.codec(library.load))
+    assert found.level is Level.WARNING
+    assert "decode, encode, explain and the fields of listen need it" in found.text
+    assert "make codec" in found.remedy
+
+
+def test_the_messages_of_the_library_are_named_with_their_editions(standin):
+    found = only(checks.codec(library.load))
+    assert found.level is Level.OK
+    assert found.text == "5 in the library: ball 2.1 1.2 1.1, bare 1, door 1.1"
 
 
 def test_a_worker_that_does_not_answer_is_a_problem():

@@ -7,10 +7,9 @@ from hypothesis import strategies as st
 from drivers.message import Position, RxInfo, Security, SecurityStatus
 from drivers.wire import raw
 from firmware import cli
-from firmware.commands import listen
-from firmware.user import client
+from firmware.user import client, listening
 from firmware.user.received import Message, Pairing
-from firmware.user.tally import Tally
+from firmware.user.tally import HEADS, Tally, cells
 from tests.firmware.commands.fake import FakeStation
 
 CAM = bytes.fromhex("02020000053900010203")
@@ -134,7 +133,7 @@ def test_a_type_that_does_not_exist_is_wrong_usage_with_a_remedy(wanted, remedy,
 
 def test_without_a_terminal_the_table_is_plain_text(capsys):
     with FakeStation(on_air("cam", CAM) * 3) as station:
-        assert listened(station, "--count", "3") == 0
+        assert listened(station, "--headers", "--count", "3") == 0
     said = capsys.readouterr().out
     assert "\x1b" not in said
     assert "type  station  count  per s  octets  rssi dBm" in said
@@ -150,7 +149,7 @@ def test_a_duration_ends_it_though_nothing_comes(capsys):
 
 def test_a_port_without_heartbeat_is_no_station(monkeypatch, capsys):
     monkeypatch.setattr(client, "ANSWER_S", 0.05)
-    monkeypatch.setattr(listen, "REDRAW_S", 0.05)
+    monkeypatch.setattr(listening, "REDRAW_S", 0.05)
     with FakeStation() as station:
         station.is_silent = True
         assert listened(station) == 1
@@ -265,11 +264,11 @@ def test_a_type_of_a_peer_cannot_move_the_cursor():
     tally.add(message_of(1, kind="\x1b[2J"), 0.0)
     from firmware.user.table import Table, plain
 
-    rows = [listen.cells(row, 1.0) for row in tally.rows()]
-    assert "\x1b" not in "\n".join(plain(Table("", listen.HEADS, rows), 80))
+    rows = [cells(row, 1.0) for row in tally.rows()]
+    assert "\x1b" not in "\n".join(plain(Table("", HEADS, rows), 80))
 
 
 def test_the_age_of_a_row_counts_from_its_last_message():
     tally = Tally()
     tally.add(message_of(1), 5.0)
-    assert listen.cells(tally.rows()[0], 7.25)[-1] == "2.2 s"
+    assert cells(tally.rows()[0], 7.25)[-1] == "2.2 s"

@@ -1,0 +1,81 @@
+"""What a station's users receive, until a count, a duration, or a station that is not there."""
+
+import time
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+from board.errors import StationError
+from firmware.user import client
+from firmware.user.received import Message, Pairing
+
+# A glance at a table tells no more; each costs the drawing of it.
+REDRAW_S = 0.5
+
+
+class Wish(NamedTuple):
+    """Which messages, and how many.
+
+    types    their names or messageIDs; all when empty.
+    stations  their stationIDs; all when empty.
+    most     end after so many.
+    for_s    end after so many seconds.
+    """
+
+    types: frozenset[str | int] = frozenset()
+    stations: frozenset[int] = frozenset()
+    most: int | None = None
+    for_s: float | None = None
+
+
+class Listening:
+    """Messages of one subscription.
+
+    messages() calls `idle` at least every REDRAW_S, so that a table can be drawn while nothing comes.
+    """
+
+    def __init__(self, subscriber: client.Socket, place: client.Address, wish: Wish) -> None:
+        self.pairing = Pairing()
+        self.place = place
+        self.started = self.heard = time.monotonic()
+        self._subscriber = subscriber
+        self._wish = wish
+        self._end = self.started + wish.for_s if wish.for_s is not None else None
+
+    def messages(self, idle: Callable[[], None]) -> Iterator[Message]:
+        count = 0
+        wake = time.monotonic() + REDRAW_S
+        while self._end is None or time.monotonic() < self._end:
+            until = wake if self._end is None else min(wake, self._end)
+            self._subscriber.poll(max(0, round((until - time.monotonic()) * 1000)) + 1)
+            for frames in client.waiting(self._subscriber):
+                self.heard = time.monotonic()
+                message = self.pairing.feed(frames)
+                if message is None or not self._is_wanted(message):
+                    continue
+                yield message
+                count += 1
+                if count == self._wish.most:
+                    return
+            if time.monotonic() >= wake:
+                self._check()
+                idle()
+                wake = time.monotonic() + REDRAW_S
+
+    def _is_wanted(self, message: Message) -> bool:
+        types, stations = self._wish.types, self._wish.stations
+        is_type = not types or not types.isdisjoint((message.type, message.message_id))
+        return is_type and (not stations or message.station_id in stations)
+
+    @property
+    def silent_s(self) -> float:
+        """Seconds without even a heartbeat; 0 while the station is there."""
+        silent = time.monotonic() - self.heard
+        return silent if silent > client.ANSWER_S else 0.0
+
+    def _check(self) -> None:
+        """What never said anything is no station; one that fell silent may come back: ZeroMQ reconnects."""
+        if self.silent_s and self.heard == self.started:
+            raise StationError(
+                f"what listens at {self.place.host}:{self.place.to_users} sends no heartbeat",
+                "is that where a station's users subscribe? name the port with --to-users PORT",
+            )
