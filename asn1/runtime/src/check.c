@@ -1,0 +1,64 @@
+/* What encoding and the reader of JSON refuse alike: a value that no encoding of its type can hold. */
+#include "walk.h"
+
+captain_status captain_check_number(const captain_type *type, int64_t number, captain_report *report, const captain_path *path)
+{
+    if ((type->flags & CAPTAIN_EXTENSIBLE) || captain_walk_in_range(type, number))
+        return CAPTAIN_OK;
+    char found[CAPTAIN_RANGE_TEXT], allowed[CAPTAIN_RANGE_TEXT];
+    return captain_walk_refuse(report, path, 0, CAPTAIN_RANGE, "%s is not in %s", captain_number_text(type, number, found),
+                          captain_range_text(type, allowed));
+}
+
+captain_status captain_check_size(const captain_type *type, uint64_t count, captain_report *report, const captain_path *path)
+{
+    if ((type->flags & CAPTAIN_EXTENSIBLE) || captain_walk_in_size(type, count))
+        return CAPTAIN_OK;
+    char allowed[CAPTAIN_RANGE_TEXT];
+    return captain_walk_refuse(report, path, 0, CAPTAIN_SIZE, "%llu %s are there, %s are allowed", (unsigned long long)count,
+                          captain_size_noun(type), captain_size_text(type, allowed));
+}
+
+captain_status captain_check_text(const captain_type *type, bool in_root, const char *text, uint32_t octets, captain_report *report, const captain_path *path)
+{
+    if (type->kind == CAPTAIN_UTF8) {
+        if (captain_utf8_is_valid(text, octets))
+            return CAPTAIN_OK;
+        return captain_walk_refuse(report, path, 0, CAPTAIN_ALPHABET, "the octets are not UTF-8");
+    }
+    for (uint32_t i = 0; i < octets; i++) {
+        unsigned code = (unsigned char)text[i];
+        if (captain_walk_has_character(type, in_root, code))
+            continue;
+        bool is_plain = code > 32 && code < 127;
+        return captain_walk_refuse(report, path, 0, CAPTAIN_ALPHABET, "character %u, %s%c%scode %u, is not in the alphabet of %s",
+                              i + 1, is_plain ? "\"" : "", is_plain ? (int)code : ' ', is_plain ? "\", " : "", code,
+                              captain_type_text(type));
+    }
+    return CAPTAIN_OK;
+}
+
+/* The first field of the group that is there, or NULL. */
+static const captain_field *group_member(const captain_type *type, const void *structure, unsigned addition)
+{
+    for (unsigned i = type->root_count; i < type->fields_count; i++)
+        if (type->fields[i].addition == addition && captain_walk_is_present(&type->fields[i], structure))
+            return &type->fields[i];
+    return NULL;
+}
+
+captain_status captain_check_groups(const captain_type *type, const void *structure, captain_report *report, captain_path *path)
+{
+    for (unsigned i = type->root_count; i < type->fields_count; i++) {
+        const captain_field *field = &type->fields[i];
+        bool is_needed = (field->flags & CAPTAIN_GROUP) && (field->flags & CAPTAIN_MANDATORY) && !(field->flags & CAPTAIN_DEFAULT);
+        if (!is_needed || captain_walk_is_present(field, structure))
+            continue;
+        const captain_field *other = group_member(type, structure, field->addition);
+        if (other == NULL)
+            continue;
+        captain_path_push(path, field->name);
+        return captain_walk_refuse(report, path, 0, CAPTAIN_PRESENCE, "is missing: %s is there, and both come together", other->name);
+    }
+    return CAPTAIN_OK;
+}

@@ -1,0 +1,95 @@
+/* A second UPER decoder, slow and from the tables alone: no struct, no arena, every step told. It shares no line with the
+ * generated code, so that one is the test of the other. Its parts: explain_bits.c, explain_values.c, explain.c.
+ */
+#ifndef CAPTAIN_EXPLAIN_H
+#define CAPTAIN_EXPLAIN_H
+
+#include "walk.h"
+
+#pragma GCC visibility push(hidden)
+
+/* Lists and strings whose items take no bits: nothing in the octets bounds them, so this does. */
+enum { EXPLAIN_MAX_EMPTY = 65536 };
+
+/* An open type that the walk is inside of: bits left of its current fragment, and whether another one follows. The headers of
+ * fragments lie between the bits of the value, so that what is inside cannot be a plain stretch of the message. */
+typedef struct explain_frame {
+    size_t left;
+    bool has_more;
+} explain_frame;
+
+typedef struct explain {
+    const uint8_t *octets;
+    size_t at, end; /* bits */
+    unsigned depth, frames_count;
+    explain_frame frames[CAPTAIN_MAX_DEPTH];
+    captain_path path;
+    captain_on_step on_step; /* may be NULL */
+    void *context;
+    captain_report *report; /* may be NULL */
+} explain;
+
+/* What is decoded now. number: what an INTEGER was, for the open type that it selects; of an open type what its selector was. */
+typedef struct explain_node {
+    const captain_type *type;
+    const captain_field *field;
+    int64_t number;
+    bool has_number;
+} explain_node;
+
+/* Presence bits: of a SEQUENCE's components (no type of the standards has more than 64 optional ones), or of its additions. */
+enum { EXPLAIN_MAX_OPTIONAL = 1024, EXPLAIN_MAX_ADDITIONS = CAPTAIN_WALK_ADDITIONS, EXPLAIN_FLAGS_TEXT = 260 };
+typedef struct explain_flags {
+    unsigned count;
+    uint8_t *octets;
+} explain_flags;
+
+/* ---------------------------------------------------------------- explain_bits.c */
+
+typedef struct explain_part {
+    uint64_t count; /* of items */
+    size_t bit;     /* where its length stands */
+    bool has_more;  /* another fragment follows */
+} explain_part;
+
+/* Bits from `from` to where the walk is, as one step. */
+captain_status explain_step(explain *to, const explain_node *node, unsigned what, size_t from, const char *text, const char *clause);
+captain_status explain_number_step(explain *to, const explain_node *node, unsigned what, size_t from, uint64_t number, const char *clause);
+captain_status explain_refuse(explain *to, size_t bit, captain_status status, const char *text);
+/* That so many bits are there before one of them is believed. */
+captain_status explain_require(explain *to, uint64_t bits);
+captain_status explain_take(explain *to, unsigned width, uint64_t *bits);
+captain_status explain_skip(explain *to, uint64_t bits);
+captain_status explain_take_flags(explain *to, unsigned count, explain_flags *flags);
+bool explain_flag(const explain_flags *flags, unsigned n);
+const char *explain_flags_text(const explain_flags *flags, char text[EXPLAIN_FLAGS_TEXT]);
+
+unsigned explain_width(uint64_t range); /* bits that hold 0..range */
+captain_status explain_whole(explain *to, const explain_node *node, uint64_t *number, unsigned *octets); /* length and octets, unsigned */
+captain_status explain_small(explain *to, uint64_t *number);                                             /* 11.6 */
+captain_status explain_length(explain *to, const explain_node *node, explain_part *part);                /* 11.9.3.5 to 11.9.3.8 */
+/* All parts of a string of items of `width` bits are there and well formed: how many items they have. Goes nowhere. */
+captain_status explain_survey(explain *to, unsigned width, uint64_t *total);
+/* Whether a size has a constrained length (11.9.4.1), or none, instead of a general one; in_root: what the extension bit says. */
+bool explain_is_counted(const captain_type *type, bool in_root);
+captain_status explain_check_size(explain *to, const captain_type *type, size_t bit, uint64_t count);
+/* The next part of what has a size. One that is counted is checked. */
+captain_status explain_size(explain *to, const explain_node *node, bool in_root, explain_part *part);
+captain_status explain_bitmap_length(explain *to, const explain_node *node, unsigned *count);            /* 11.9.3.4 */
+captain_status explain_extension_bit(explain *to, const explain_node *node, bool *is_extended, const char *clause);
+
+/* An open type (11.2): its length, then what is in it, then its padding. */
+captain_status explain_enter_open(explain *to, const explain_node *node, size_t *start);
+captain_status explain_leave_open(explain *to, const explain_node *node, size_t start);
+captain_status explain_unknown(explain *to, const explain_node *node, const char *clause);
+
+/* ---------------------------------------------------------------- explain_values.c */
+
+captain_status explain_simple(explain *to, explain_node *node);
+
+/* Least bits that a value of the type takes (explain_least.c): what a number of elements is believed by. */
+uint64_t explain_least_bits(const captain_type *type);
+
+#pragma GCC visibility pop
+
+#endif
