@@ -8,6 +8,7 @@ from pathlib import Path
 
 from asn1 import text, types
 from asn1.importer import syntax
+from asn1.importer.crosscheck import crosscheck
 from asn1.importer.editions import Edition, Editions, read_editions
 from asn1.importer.fault import ImportFault, Place, Problem
 from asn1.importer.module_parser import parse
@@ -116,7 +117,9 @@ def _present(editions: Editions, directory: Path) -> dict[str, _Found]:
 def _module_of(edition: Edition, path: Path, directory: Path, parsed: dict[Path, list[syntax.Module]]) -> syntax.Module:
     if path not in parsed:
         file = str(path.relative_to(directory)) if path.is_relative_to(directory) else path.name
-        parsed[path] = parse(_decoded(path.read_bytes()), file)
+        words = _decoded(path.read_bytes())
+        parsed[path] = parse(words, file)
+        crosscheck(words, file, parsed[path])
     for module in parsed[path]:
         if module.name == edition.name:
             return module

@@ -29,9 +29,13 @@ class Edition:
     is_ours: bool = False
 
     def paths(self, directory: Path) -> list[Path]:
-        """Those of its files that are there."""
+        """Those of its files that are there, without copies to the octet."""
         folder = MODULES if self.is_ours else directory
-        return [path for path in (folder / name for name in self.files) if path.is_file()]
+        present = [path for path in (folder / name for name in self.files) if path.is_file()]
+        found: dict[bytes, Path] = {}
+        for path in present:
+            found.setdefault(path.read_bytes(), path)
+        return list(found.values())
 
 
 @dataclass(frozen=True, slots=True)
