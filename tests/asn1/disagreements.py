@@ -65,6 +65,14 @@ TABLE = (
         "it is sent in fragments; asn1tools refuses",
     ),
     Disagreement(
+        "INTEGER beyond 32 bits", ("tshark",), "X.691 11.8, 13.2.6",
+        "what an extension marker lets through has any length; tshark reads at most four octets",
+    ),
+    Disagreement(
+        "DELETE in an IA5String", ("pycrate",), "X.680 41.2, table 8",
+        "IA5String has the 128 characters of ISO 646; pycrate refuses the last",
+    ),
+    Disagreement(
         "group with all members", ("pycrate",), "X.691 19.9",
         "an addition group all of whose members are present; pycrate fails",
     ),
@@ -100,14 +108,14 @@ class Constructs:
         match base:
             case t.Integer():
                 allowed = numbers(constraints)
+                if not allowed.holds(value) and not -(1 << 31) <= value < 1 << 31:
+                    add("INTEGER beyond 32 bits")
                 if allowed.has_gaps:
                     add("union of ranges")
                 if allowed.low is not None and allowed.high is None:
                     add("semi-constrained INTEGER")
             case t.BitString() | t.OctetString() | t.CharacterString():
-                self._string(base, sizes(constraints).is_extensible, add)
-                if isinstance(base, t.BitString) and base.names:
-                    add("named bits with trailing zeros")
+                self._string(base, value, constraints, add)
             case t.SequenceOf():
                 if isinstance(type_, t.Reference) and type_.constraints:
                     add("SIZE on a reference")
@@ -119,9 +127,13 @@ class Constructs:
                 self._sequence(base, value, add)
 
     @staticmethod
-    def _string(type_: t.Type, is_extensible: bool, add: Callable[[str], None]) -> None:
-        if is_extensible:
+    def _string(type_: t.Type, value: Any, constraints: tuple[t.Constraint, ...], add: Callable[[str], None]) -> None:
+        if sizes(constraints).is_extensible:
             add("extensible size of a string")
+        if isinstance(type_, t.BitString) and type_.names:
+            add("named bits with trailing zeros")
+        if isinstance(type_, t.CharacterString) and type_.kind == "IA5String" and "\x7f" in value:
+            add("DELETE in an IA5String")
 
     def _choice(self, type_: t.Choice, value: tuple[str, Any], add: Callable[[str], None]) -> None:
         component = next((one for one in components(type_) if one.name == value[0]), None)

@@ -20,20 +20,26 @@ class _Effective:
         self._schema = schema
 
     def module(self, module: t.Module) -> t.Module:
+        identifiers = [self._identifier(one) for one in module.classes.values()]
+        definitions = [replace(one, type=self.type(one.type)) for one in module.definitions.values()]
         return replace(
             module,
-            definitions={name: replace(one, type=self.type(one.type)) for name, one in module.definitions.items()},
-            classes={name: replace(one, id_type=self._identifier(one)) for name, one in module.classes.items()},
+            definitions={one.name: one for one in (*identifiers, *definitions)},
+            classes={
+                name: replace(one, id_type=t.Reference(module.key, _identifier_name(one)))
+                for name, one in module.classes.items()
+            },
             sets={
                 name: replace(one, rows=tuple(row._replace(type=self.type(row.type)) for row in one.rows))
                 for name, one in module.sets.items()
             },
         )
 
-    def _identifier(self, class_: t.ObjectClass) -> t.Type:
+    def _identifier(self, class_: t.ObjectClass) -> t.Definition:
         """In messages a table constraint always follows it: no extension marker is left (X.680 50.11)."""
         base, constraints = unfold(self._schema, class_.id_type)
-        return replace(base, constraints=_values(numbers(constraints)._replace(is_extensible=False)))
+        root = _values(numbers(constraints)._replace(is_extensible=False))
+        return t.Definition(_identifier_name(class_), replace(base, constraints=root))
 
     def type(self, type_: t.Type) -> t.Type:
         if isinstance(type_, t.Reference) and not type_.constraints:
@@ -64,6 +70,10 @@ class _Effective:
         type_ = member.type if member.default is None else unfold(self._schema, member.type)[0]
         with_all = type_ if type_ is member.type else replace(type_, constraints=unfold(self._schema, member.type)[1])
         return replace(member, type=self.type(with_all))
+
+
+def _identifier_name(class_: t.ObjectClass) -> str:
+    return f"{class_.name}-Id"
 
 
 def _values(allowed: Allowed) -> tuple[t.Constraint, ...]:

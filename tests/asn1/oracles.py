@@ -4,6 +4,7 @@ None of them is right everywhere: disagreements.py says where who is wrong, and 
 """
 
 import contextlib
+import copy
 import hashlib
 import importlib.util
 import io
@@ -80,7 +81,7 @@ class Pycrate:
         self.shape = shaper(schema, pdu, makers)
 
     def encode(self, shaped: Any) -> bytes:
-        self._type.set_val(shaped)
+        self._type.set_val(copy.deepcopy(shaped))  # it takes defaults out of what it is given
         return bytes(self._type.to_uper())
 
     def decode(self, octets: bytes) -> Any:

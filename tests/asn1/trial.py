@@ -151,7 +151,7 @@ class Trial:
         for value, leaves in zip(announced, read, strict=True):
             tally.compared["tshark"] += 1
             written = tshark.leaves_written(self._schema, self._message.pdu, value)
-            if leaves == written:
+            if tshark.is_same(leaves, written):
                 tally.agreed["tshark"] += 1
                 continue
             reasons = explained("tshark", self._constructs.of(self._message.pdu, value), is_healed=False)
@@ -161,7 +161,9 @@ class Trial:
 
     def _announced(self, value: Any) -> Any:
         """With the header by which tshark knows the message."""
-        header = {**value["header"], "messageID": self._message.ids[0], "protocolVersion": self._message.versions[0]}
+        number, version = tshark.MESSAGES[self._message.name]
+        name = "messageID" if "messageID" in value["header"] else "messageId"
+        header = {**value["header"], name: number, "protocolVersion": version}
         return {**value, "header": header}
 
 
