@@ -108,11 +108,18 @@ class Identifier:
             tries = list(_tries(group, octets, is_quick))
             decoded = [one for one in tries if one.refusal is None and (not group.is_guess or _is_sound(one, octets))]
             if decoded:
-                return _identity(group, tries, decoded, octets)
+                return _identity(group, tries, decoded, octets, self._port_of_others(decoded, port))
             if not (group.is_guess or refused):
                 why = group.why
                 refused = [one.refusal for one in tries if one.refusal is not None]
         return Unknown(max(refused, key=lambda one: one.bit, default=None), why)
+
+    def _port_of_others(self, decoded: Sequence[Try], port: int | None) -> str:
+        """What to say of the port, where it carries another type by the standard."""
+        if port is None or any(one.message.btp_port == port for one in decoded):
+            return ""
+        carried = sorted({message.type for message in self._known if message.btp_port == port})
+        return f"BTP port {port} is that of {' or '.join(carried)}" if carried else ""
 
     def _groups(self, octets: bytes, port: int | None) -> Iterator[Group]:
         """What the octets may be: the likeliest first, none twice."""
@@ -161,7 +168,7 @@ def _is_sound(one: Try, octets: bytes) -> bool:
     return True
 
 
-def _identity(group: Group, tries: Sequence[Try], decoded: Sequence[Try], octets: bytes) -> Identity:
+def _identity(group: Group, tries: Sequence[Try], decoded: Sequence[Try], octets: bytes, remark: str) -> Identity:
     exact = tuple(one.message for one in decoded if one.is_exact)
     message = exact[0] if exact else decoded[0].message
     reasons = [_announcement(message, group.why, octets[0]) if group.is_announced else group.why]
@@ -174,6 +181,8 @@ def _identity(group: Group, tries: Sequence[Try], decoded: Sequence[Try], octets
     else:
         others = ", ".join(other.name for other in exact[1:])
         reasons.append("it gives the same octets back" + (f", as do {others}" if others else ""))
+    if remark:
+        reasons.append(remark)
     return Identity(message, "; ".join(reasons), bool(exact), exact)
 
 

@@ -75,6 +75,12 @@ def test_the_port_says_it_where_what_the_header_announces_does_not_decode():
     assert identity(octets(DOOR, 1, 2, 3, number=66), port=3002).message is DOOR
 
 
+def test_a_port_of_another_type_is_told():
+    assert identity(octets(DOOR, 1, 2, 3), port=3001).why.endswith("; BTP port 3001 is that of ball")
+    assert "port" not in identity(octets(DOOR, 1, 2, 3), port=3002).why
+    assert "port" not in identity(octets(DOOR, 1, 2, 3), port=9).why
+
+
 def test_the_legacy_number_of_vam_is_known():
     vam = Message("vam-2", ids=(16,), versions=(2,), fields={"a": 9})
     found = identity(octets(vam, 1, number=102), [vam])
