@@ -73,7 +73,9 @@ def alphabet(constraints: tuple[Constraint, ...], kind: str) -> Ranges | None:
     """The effective alphabet of a string type (X.691 10.3.12); None where it is the whole of the type."""
     whole = left = ALPHABETS.get(kind, EVERY)
     for constraint in constraints:
-        seen = None if constraint.is_extensible and _only_alphabet(constraint.root) else _set(constraint.root, "alphabet")
+        seen = (
+            None if constraint.is_extensible and _only_alphabet(constraint.root) else _set(constraint.root, "alphabet")
+        )
         left = left if seen is None else intersection(left, seen)
     return None if left == whole else left
 

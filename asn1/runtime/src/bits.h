@@ -19,6 +19,9 @@ extern "C" {
 
 /* A list whose elements take no bits is bounded by nothing in the octets. */
 #define CAPTAIN_MAX_EMPTY 65536u
+/* How often a SEQUENCE that contains itself may stand within itself: the tables count every container on the way,
+ * CAPTAIN_MAX_DEPTH in all. */
+#define CAPTAIN_MAX_RECURSION 16u
 /* A bitmap of additions is not longer than this: longer ones are fragmented (11.9.3.8), and no type has so many. */
 #define CAPTAIN_MAX_ADDITIONS 16383u
 
@@ -115,8 +118,13 @@ CAPTAIN_HIDDEN size_t captain_decode_string(captain_reader *reader, size_t at, c
 CAPTAIN_HIDDEN size_t captain_encode_string(captain_writer *writer, size_t at, const captain_type *type, const void *value);
 CAPTAIN_HIDDEN captain_status captain_validate_string(const captain_type *type, const void *value);
 
+/* Characters of a UTF8String. */
+CAPTAIN_HIDDEN size_t captain_text_count(const captain_text *text);
+
 /* ---------------------------------------------------------------- lists */
 
+/* Memory; NULL: captain_fail has been called. */
+CAPTAIN_HIDDEN void *captain_take(captain_reader *reader, size_t at, size_t octets);
 /* Memory for a list of which `count` (not 0) elements of at least `minimal` bits follow. NULL: captain_fail has been called. */
 CAPTAIN_HIDDEN void *captain_take_items(captain_reader *reader, size_t at, uint32_t count, size_t size, unsigned minimal);
 /* A list with a general length (11.9.3.5 to 11.9.3.8), in fragments where it is long. */

@@ -135,7 +135,7 @@ static bool is_believed(captain_reader *reader, size_t at, size_t count, unsigne
     return false;
 }
 
-static void *take(captain_reader *reader, size_t at, size_t octets)
+void *captain_take(captain_reader *reader, size_t at, size_t octets)
 {
     void *taken = captain_arena_take(reader->arena, octets);
     if (taken == NULL)
@@ -145,7 +145,7 @@ static void *take(captain_reader *reader, size_t at, size_t octets)
 
 void *captain_take_items(captain_reader *reader, size_t at, uint32_t count, size_t size, unsigned minimal)
 {
-    return is_believed(reader, at, count, minimal) ? take(reader, at, count * size) : NULL;
+    return is_believed(reader, at, count, minimal) ? captain_take(reader, at, count * size) : NULL;
 }
 
 size_t captain_decode_items(captain_reader *reader, size_t at, captain_list *list, size_t size, unsigned minimal,
@@ -163,7 +163,7 @@ size_t captain_decode_items(captain_reader *reader, size_t at, captain_list *lis
             /* Twice the room each time: what fragments leave behind stays below four times the list. */
             unsigned char *larger;
             room = count == 0 ? length : 2 * (count + length);
-            larger = take(reader, at, room * size);
+            larger = captain_take(reader, at, room * size);
             if (larger == NULL)
                 return CAPTAIN_FAILED;
             if (count != 0)
@@ -228,7 +228,7 @@ static const uint8_t *copy_units(captain_reader *reader, size_t at, unsigned uni
 {
     uint32_t length = 0;
     bool more;
-    uint8_t *octets = take(reader, at, (bits + 7) / 8);
+    uint8_t *octets = captain_take(reader, at, (bits + 7) / 8);
     uint8_t *to = octets;
     if (octets == NULL)
         return NULL;
@@ -258,7 +258,7 @@ size_t captain_get_sized(captain_reader *reader, size_t at, size_t bits, const u
     if (reader->end - at < bits)
         return captain_fail(reader, at, CAPTAIN_TRUNCATED);
     if (bits != 0) {
-        to = take(reader, at, (bits + 7) / 8);
+        to = captain_take(reader, at, (bits + 7) / 8);
         if (to == NULL)
             return CAPTAIN_FAILED;
         copy_bits(reader, at, to, bits);
@@ -336,7 +336,7 @@ size_t captain_decode_open(captain_reader *reader, size_t at, const captain_type
     *value = (captain_open){content, NULL, {0, NULL}};
     if (content == NULL)
         return captain_get_unknown(reader, at, &value->octets);
-    value->value = take(reader, at, content->size);
+    value->value = captain_take(reader, at, content->size);
     if (value->value == NULL)
         return CAPTAIN_FAILED;
     at = captain_open_begin(reader, at, &outside);
@@ -393,7 +393,7 @@ size_t captain_get_additions(captain_reader *reader, size_t at, const captain_bi
         return at;
     if (!is_believed(reader, at, found, 8))
         return CAPTAIN_FAILED;
-    kept = take(reader, at, sizeof *kept + found * sizeof *unknown);
+    kept = captain_take(reader, at, sizeof *kept + found * sizeof *unknown);
     if (kept == NULL)
         return CAPTAIN_FAILED;
     unknown = (captain_addition *)(void *)(kept + 1);

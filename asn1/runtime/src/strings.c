@@ -353,3 +353,8 @@ captain_status captain_validate_string(const captain_type *type, const void *val
         return CAPTAIN_SIZE;
     return in_gap(type, count) ? CAPTAIN_INNER : CAPTAIN_OK;
 }
+
+size_t captain_text_count(const captain_text *text)
+{
+    return utf8_count((const unsigned char *)text->text, text->count);
+}

@@ -231,6 +231,15 @@ size_t captain_encode_open(captain_writer *writer, size_t at, const captain_type
     return captain_open_close(writer, start, at);
 }
 
+captain_status captain_validate_open(const captain_type *type, int64_t id, const captain_open *value)
+{
+    if (value->type == NULL)
+        return CAPTAIN_OK;
+    if (value->type != row_of(type, id) || value->value == NULL)
+        return CAPTAIN_ALTERNATIVE;
+    return captain_validate(value->type, value->value);
+}
+
 /* ---------------------------------------------------------------- extension additions */
 
 /* Length of the bitmap: as it was received, but for what a known addition asks for. */

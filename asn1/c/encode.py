@@ -1,0 +1,355 @@
+"""Layout to C: a function per struct that writes it.
+
+Neighbouring fields of fixed width are put together in a register and stored at once. What cannot be encoded is refused:
+numbers and sizes outside of the effective bounds, unknown alternatives; the rest is for validate.
+"""
+
+from asn1.c.body import RUN_MAX, Body
+from asn1.c.names import contiguous, literal, member, unsigned, value_type
+from asn1.layout import STRUCTS, Field, Kind, Node, count_width, is_flat, number_octets
+from asn1.types import Default
+
+
+def encoder(node: Node) -> list[str]:
+    """The function, and before it that of a list's elements where they are no structs."""
+    body = _Encoder()
+    lines = _item_function(node) if node.kind is Kind.LIST and node.item.kind not in STRUCTS else []
+    body.put(f"const {node.c_name if node.kind in STRUCTS else value_type(node)} *v = from;")
+    if node.recurs and node.kind is Kind.SEQUENCE:
+        body.put("if (++w->depth > CAPTAIN_MAX_RECURSION)", "    return captain_refuse(w, CAPTAIN_DEPTH);")
+    match node.kind:
+        case Kind.SEQUENCE:
+            body.sequence(node, "v->")
+        case Kind.CHOICE:
+            body.choice(node)
+        case Kind.LIST:
+            body.list_(node)
+        case _:
+            body.value(node, "v" if node.kind is Kind.FIXED_OCTETS else "*v")
+    body.flush()
+    if node.recurs and node.kind is Kind.SEQUENCE:
+        body.put("w->depth--;")
+    return [*lines, *_function(f"size_t {node.c_name}_write(captain_writer *w, size_t at, const void *from)", body)]
+
+
+def item_function(node: Node) -> str:
+    return f"{node.item.c_name}_write" if node.item.kind in STRUCTS else f"{node.c_name}_item_write"
+
+
+def _item_function(node: Node) -> list[str]:
+    body = _Encoder()
+    body.put(f"const {value_type(node.item)} *v = from;")
+    body.value(node.item, "v" if node.item.kind is Kind.FIXED_OCTETS else "*v")
+    body.flush()
+    return _function(f"static size_t {item_function(node)}(captain_writer *w, size_t at, const void *from)", body)
+
+
+def _function(head: str, body: "_Encoder") -> list[str]:
+    unused = [f"    (void){name};" for name in ("v", "w") if not body.uses(name)]
+    return [head, "{", *body.lines[:1], *unused, *body.lines[1:], "    return at;", "}", ""]
+
+
+class _Encoder(Body):
+    def __init__(self) -> None:
+        super().__init__()
+        self.run: list[tuple[int, str]] = []
+
+    def add(self, width: int, bits: str) -> None:
+        """One more field of the run: a uint64_t with nothing above its width."""
+        if width == 0:
+            return
+        if sum(w for w, _ in self.run) + width > RUN_MAX:
+            self.flush()
+        self.run.append((width, bits))
+
+    def flush(self) -> None:
+        """What has been collected becomes code."""
+        left = total = sum(width for width, _ in self.run)
+        parts = []
+        for width, bits in self.run:
+            left -= width
+            if bits != "0":
+                parts.append(f"{bits} << {left}" if left else bits)
+        self.run = []
+        if total:
+            self.call(f"captain_put(w, at, {' | '.join(parts) or '0'}, {total})")
+
+    def call(self, expression: str) -> None:
+        if self.run:
+            self.flush()
+        self.put(f"at = {expression};", "if (at == CAPTAIN_FAILED)", "    return at;")
+
+    def temporary(self, expression: str) -> str:
+        name = self.name("x")
+        self.put(f"const uint64_t {name} = {expression};")
+        return name
+
+    def refuse_if(self, condition: str, status: str) -> None:
+        self.put(f"if ({condition})", f"    return captain_refuse(w, {status});")
+
+    # ------------------------------------------------------------ values
+
+    def value(self, node: Node, of: str) -> None:
+        """Write the value of an lvalue."""
+        match node.kind:
+            case Kind.BOOLEAN:
+                self.add(1, f"(uint64_t){of}")
+            case Kind.NULL:
+                pass
+            case Kind.INTEGER:
+                self.integer(node, of)
+            case Kind.ENUMERATED:
+                self.enumerated(node, of)
+            case Kind.SMALL_BITS:
+                if node.size < 8 * number_octets(node)[0]:
+                    self.refuse_if(f"{of} >> {node.size} != 0", "CAPTAIN_SIZE")
+                self.number(node.size, f"(uint64_t){of}")
+            case Kind.FIXED_OCTETS:
+                self.call(f"captain_put_octets(w, at, {of}, {node.size})")
+            case Kind.SEQUENCE if is_flat(node):
+                self.sequence(node, f"{of}.")
+            case kind if kind in STRUCTS:
+                self.call(f"{node.c_name}_write(w, at, &{of})")
+            case Kind.OPEN:
+                raise ValueError("an open type outside of a SEQUENCE")
+            case _:
+                self.call(f"captain_encode_string(w, at, &{node.c_name}_type, &{of})")
+
+    def number(self, width: int, bits: str) -> None:
+        if width <= RUN_MAX:
+            self.add(width, bits)
+        else:
+            self.call(f"captain_put_long(w, at, {bits}, {width})")
+
+    def integer(self, node: Node, of: str) -> None:
+        low, high, width = node.bounds.low, node.bounds.high, node.bounds.width
+        if node.is_extensible:
+            self.flush()
+            wrong = " || ".join(_outside(node, of))
+            with self.block(f"if ({wrong or '0'})"):
+                self.call("captain_put(w, at, 1, 1)")
+                self.call(f"captain_put_unconstrained(w, at, {of})")
+            with self.block("else"):
+                self.add(1, "0")
+                self.root_integer(node, of)
+                self.flush()
+        elif width is None or low is None or high is None:
+            for wrong in _outside(node, of):
+                self.refuse_if(wrong, "CAPTAIN_RANGE")
+            self.root_integer(node, of)
+        elif width == 0:
+            self.refuse_if(f"{of} != {literal(low)}", "CAPTAIN_RANGE")
+        else:
+            if low == 0 and high == (1 << 8 * number_octets(node)[0]) - 1:
+                self.number(width, f"(uint64_t){of}")
+                return
+            bits = self.offset(low, of)
+            if high - low < (1 << 64) - 1:
+                self.refuse_if(f"{bits} > {unsigned(high - low)}", "CAPTAIN_RANGE")
+            self.number(width, bits)
+
+    def offset(self, low: int, of: str) -> str:
+        """What is encoded of a number with a lower bound; a smaller one becomes very large."""
+        if low == 0:
+            return self.temporary(f"(uint64_t){of}")
+        return self.temporary(f"(uint64_t){of} {'-' if low > 0 else '+'} {unsigned(abs(low))}")
+
+    def root_integer(self, node: Node, of: str) -> None:
+        low, width = node.bounds.low, node.bounds.width
+        if width is not None and low is not None:
+            self.number(width, self.offset(low, of))
+        elif low is not None:
+            self.call(f"captain_put_semi(w, at, {literal(low)}, {of})")
+        else:
+            self.call(f"captain_put_unconstrained(w, at, {of})")
+
+    def enumerated(self, node: Node, of: str) -> None:
+        width, first = (node.root_count - 1).bit_length(), contiguous(node)
+        if first is None:
+            bits = self.temporary(f"(uint64_t)(int64_t)captain_item_index(&{node.c_name}_type, {of})")
+        else:
+            bits = self.temporary(f"(uint64_t)(int64_t){of}{f' - (uint64_t)INT64_C({first})' if first else ''}")
+        if not node.is_extensible:
+            self.refuse_if(f"{bits} >= {node.root_count}", "CAPTAIN_ALTERNATIVE")
+            self.add(width, bits)
+            return
+        self.flush()
+        with self.block(f"if ({bits} >= {node.root_count})"):
+            self.call("captain_put(w, at, 1, 1)")
+            self.call(f"captain_put_item(w, at, &{node.c_name}_type, {of})")
+        with self.block("else"):
+            self.call(f"captain_put(w, at, {bits}, {1 + width})")
+
+    # ------------------------------------------------------------ SEQUENCE
+
+    def sequence(self, node: Node, of: str) -> None:
+        known = self.known_additions(node, of) if node.is_extensible else "0"
+        if node.is_extensible:
+            extended = "captain_is_extended(v->additions)"
+            extended = f"(known != 0 || {extended})" if node.additions else extended
+            self.put(f"const bool extended = {extended};")
+            self.add(1, "(uint64_t)extended")
+        flags = self.preamble(node.root, of)
+        for f in node.root:
+            self.component(node, f, of, flags)
+        if node.is_extensible:
+            self.flush()
+            with self.block("if (extended)"):
+                self.call(f"captain_put_bitmap(w, at, {node.additions}, {known}, v->additions)")
+                for index, group in enumerate(node.groups()):
+                    with self.block(f"if (known >> {63 - index} & 1)"):
+                        self.addition(node, group, of)
+                self.call("captain_put_additions(w, at, v->additions)")
+
+    def known_additions(self, node: Node, of: str) -> str:
+        """Which of the additions go out: a word with the first at its top."""
+        if not node.additions:
+            return "0"
+        if node.additions > 64:
+            raise ValueError(f"{node.c_name}: more than 64 additions")
+        parts = []
+        for index, group in enumerate(node.groups()):
+            there = " || ".join(_is_there(f, of) for f in group)
+            parts.append(f"(uint64_t)({there}) << {63 - index}")
+        self.put("const uint64_t known = " + "\n        | ".join(parts) + ";")
+        return "known"
+
+    def preamble(self, fields: list[Field], of: str) -> dict[str, str]:
+        flags = {}
+        for f in fields:
+            if f.is_optional and not f.is_mandatory:
+                flag = f"{of}has_{member(f.name)}"
+                if f.default is not None:
+                    flag = self.name("p")
+                    self.put(f"const bool {flag} = {_is_there(f, of)};")
+                flags[f.name] = flag
+                self.add(1, f"(uint64_t){flag}")
+        return flags
+
+    def component(self, node: Node, f: Field, of: str, flags: dict[str, str]) -> None:
+        if f.name not in flags:
+            self.held(node, f, of)
+            return
+        self.flush()
+        with self.block(f"if ({flags[f.name]})"):
+            self.held(node, f, of)
+            self.flush()
+
+    def held(self, node: Node, f: Field, of: str) -> None:
+        name = f"{of}{member(f.name)}"
+        if f.node.kind is Kind.OPEN:
+            selector = f"{of}{member(node.fields[f.node.selector].name)}"
+            self.call(f"captain_encode_open(w, at, &{f.node.c_name}_type, (int64_t){selector}, &{name})")
+        elif f.is_pointer:
+            self.call(f"{f.node.c_name}_write(w, at, {name})")
+        else:
+            self.value(f.node, name)
+
+    def addition(self, node: Node, group: list[Field], of: str) -> None:
+        self.put("const size_t start = at;")
+        self.call("captain_open_put(w, at)")
+        if group[0].in_group:
+            missing = [f"!{of}has_{member(f.name)}" for f in group if f.is_mandatory]
+            if missing and len(group) > 1:
+                self.refuse_if(" || ".join(missing), "CAPTAIN_PRESENCE")
+            flags = self.preamble(group, of)
+            for f in group:
+                self.component(node, f, of, flags)
+        else:
+            self.held(node, group[0], of)
+        self.flush()
+        self.call("captain_open_close(w, start, at)")
+
+    # ------------------------------------------------------------ CHOICE and SEQUENCE OF
+
+    def choice(self, node: Node) -> None:
+        width = (node.root_count - 1).bit_length()
+        with self.block("switch (v->choice)"):
+            for k, f in enumerate(node.fields, 1):
+                with self.block(f"case {k}:"):
+                    if k <= node.root_count:
+                        self.add(node.is_extensible + width, f"UINT64_C({k - 1})" if k > 1 else "0")
+                        self.choose(f)
+                    else:
+                        self.extension(f, k - 1 - node.root_count)
+                    self.flush()
+                    self.put("break;")
+            with self.block("default:"):
+                if node.is_extensible:
+                    self.refuse_if("v->choice < CAPTAIN_UNKNOWN", "CAPTAIN_ALTERNATIVE")
+                    self.call("captain_put(w, at, 1, 1)")
+                    self.call("captain_put_small(w, at, v->choice - CAPTAIN_UNKNOWN)")
+                    self.call("captain_put_unknown(w, at, &v->u.unknown)")
+                    self.put("break;")
+                else:
+                    self.put("return captain_refuse(w, CAPTAIN_ALTERNATIVE);")
+
+    def extension(self, f: Field, index: int) -> None:
+        self.put("size_t start;")
+        self.call("captain_put(w, at, 1, 1)")
+        self.call(f"captain_put_small(w, at, {index})")
+        self.put("start = at;")
+        self.call("captain_open_put(w, at)")
+        self.choose(f)
+        self.flush()
+        self.call("captain_open_close(w, start, at)")
+
+    def choose(self, f: Field) -> None:
+        name = f"v->u.{member(f.name)}"
+        if f.is_pointer:
+            self.call(f"{f.node.c_name}_write(w, at, {name})")
+        else:
+            self.value(f.node, name)
+
+    def list_(self, node: Node) -> None:
+        width, low, high = count_width(node.bounds), node.bounds.low or 0, node.bounds.high
+        wrong = ([f"v->count < {low}"] if low else []) + ([] if high is None else [f"v->count > {high}"])
+        general = f"captain_encode_items(w, at, v->items, v->count, sizeof *v->items, {item_function(node)})"
+        if node.is_extensible:
+            with self.block(f"if ({' || '.join(wrong) or '0'})"):
+                self.call("captain_put(w, at, 1, 1)")
+                self.put(f"return {general};")
+            self.add(1, "0")
+        elif wrong:
+            self.refuse_if(" || ".join(wrong), "CAPTAIN_SIZE")
+        if width is None:
+            self.flush()
+            self.put(f"at = {general};")
+            return
+        self.add(width, f"(uint64_t)(v->count - {low})" if low else "(uint64_t)v->count")
+        self.flush()
+        with self.block("for (uint32_t i = 0; i < v->count; i++)"):
+            self.call(f"{item_function(node)}(w, at, &v->items[i])")
+
+
+def _outside(node: Node, of: str) -> list[str]:
+    """Conditions under which a number is not in the root; never those that its C type makes impossible."""
+    octets, is_signed = number_octets(node)
+    least, most = (-(1 << 8 * octets - 1), (1 << 8 * octets - 1) - 1) if is_signed else (0, (1 << 8 * octets) - 1)
+    low, high = node.bounds.low, node.bounds.high
+    found = [f"{of} < {literal(low)}"] if low is not None and low > least else []
+    return found + ([f"{of} > {literal(high)}"] if high is not None and high < most else [])
+
+
+def _is_there(f: Field, of: str) -> str:
+    name = member(f.name)
+    if f.default is None:
+        return f"{of}has_{name}"
+    return f"({of}has_{name} && {_differs(f.node, f.default, f'{of}{name}')})"
+
+
+def _differs(node: Node, default: Default, of: str) -> str:
+    match node.kind:
+        case Kind.BOOLEAN:
+            return f"!{of}" if default else of
+        case Kind.INTEGER if isinstance(default, int):
+            return f"{of} != {literal(default)}"
+        case Kind.ENUMERATED:
+            return f"{of} != {next(item.value for item in node.names if item.name == default)}"
+        case Kind.SMALL_BITS if isinstance(default, tuple):
+            return f"{of} != {unsigned(int.from_bytes(default[0], 'big') >> (-default[1] % 8))}"
+        case Kind.FIXED_OCTETS if isinstance(default, bytes):
+            octets = "".join(f"\\{octet:03o}" for octet in default)
+            return f'memcmp({of}, "{octets}", {len(default)}) != 0'
+        case _:
+            raise ValueError(f"{node.c_name}: a DEFAULT of this type: {default!r}")

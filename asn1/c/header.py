@@ -1,0 +1,162 @@
+"""The headers of a module: what users see, and what its sources share with those of other modules."""
+
+from collections.abc import Iterator
+
+from asn1.c.names import declaration, field_declaration, has_public_table, literal, member, needs_functions
+from asn1.layout import STRUCTS, Kind, Node
+from asn1.types import Module
+
+_INT_MAX = (1 << 31) - 1
+
+
+def public_header(module: Module, nodes: list[Node]) -> str:
+    """captain/<module key>.h: structs, names of numbers, tables, functions."""
+    guard = f"CAPTAIN_{module.key.upper()}_H"
+    held = {f.node.module for n in nodes for f in n.fields if f.node.kind in STRUCTS and not f.is_pointer} - {
+        module.key
+    }
+    seen = {child.module for n in nodes for child in n.children() if child.kind in STRUCTS} - held - {module.key}
+    constants = _Constants()
+    lines = [
+        *title(module),
+        f"#ifndef {guard}",
+        f"#define {guard}",
+        "",
+        "#include <captain/runtime.h>",
+        *(f"#include <captain/{key}.h>" for key in sorted(held)),
+        "",
+        *_BEGIN,
+        *(line for node in nodes for line in _definition(node, constants)),
+        "",
+        *(f"extern const captain_type {node.c_name}_type;" for node in nodes if has_public_table(node)),
+        "",
+        *(line for node in nodes if has_public_table(node) for line in _functions(node)),
+        *_END,
+        # Behind the definitions, for modules that need each other by pointers only.
+        *(f"#include <captain/{key}.h>" for key in sorted(seen)),
+        "#endif",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def private_header(module: Module, nodes: list[Node]) -> str:
+    """src/<module key>.h: generated functions, tables that are no part of the interface."""
+    guard = f"CAPTAIN_{module.key.upper()}_PRIVATE_H"
+    return "\n".join(
+        [
+            *title(module),
+            f"#ifndef {guard}",
+            f"#define {guard}",
+            "",
+            '#include "bits.h"',
+            f"#include <captain/{module.key}.h>",
+            "",
+            *(f"CAPTAIN_HIDDEN extern const captain_type {n.c_name}_type;" for n in nodes if not has_public_table(n)),
+            *(line for node in nodes if needs_functions(node) for line in _private_functions(node)),
+            "#endif",
+            "",
+        ]
+    )
+
+
+def title(module: Module) -> list[str]:
+    return [
+        f"/* {module.name}, {module.standard}: made by captain-asn1",
+        f" * from {module.source}, sha256 {module.sha256} */",
+    ]
+
+
+_BEGIN = ["#ifdef __cplusplus", 'extern "C" {', "#endif", ""]
+_END = ["#ifdef __cplusplus", "}", "#endif", ""]
+
+
+class _Constants:
+    """Names of numbers, each but once."""
+
+    def __init__(self) -> None:
+        self.taken: set[str] = set()
+
+    def free(self, name: str) -> str:
+        while name in self.taken:
+            name += "_"
+        self.taken.add(name)
+        return name
+
+
+def _definition(node: Node, constants: _Constants) -> Iterator[str]:
+    if node.kind in STRUCTS:
+        yield f"typedef struct {node.c_name} {{"
+        yield from (f"    {line}" for line in _members(node))
+        yield f"}} {node.c_name};"
+    elif node.is_defined:
+        yield f"typedef {declaration(node, node.c_name)};{f' /* {_comment(node.unit)} */' if node.unit else ''}"
+    if node.kind is Kind.CHOICE:
+        items = (f"{constants.free(f'{node.c_name}_IS_{member(f.name)}')} = {k}" for k, f in enumerate(node.fields, 1))
+        yield f"enum {{ {', '.join(items)} }};"
+    if node.names and node.kind in (Kind.INTEGER, Kind.ENUMERATED):
+        yield from _numbers(node, constants)
+
+
+def _numbers(node: Node, constants: _Constants) -> Iterator[str]:
+    small = []
+    for name, value in node.names:
+        word = constants.free(f"{node.c_name}_{name.replace('-', '_')}")
+        if -_INT_MAX <= value <= _INT_MAX:
+            small.append(f"    {word} = {value}")
+        else:
+            yield f"#define {word} {literal(value)}"
+    if small:
+        yield "enum {"
+        yield ",\n".join(small)
+        yield "};"
+
+
+def _members(node: Node) -> Iterator[str]:
+    if node.kind is Kind.LIST:
+        yield "uint32_t count;"
+        yield f"{declaration(node.item, 'items', is_pointer=True)};"
+    elif node.kind is Kind.CHOICE:
+        yield "uint32_t choice;"
+        if node.fields or node.is_extensible:
+            yield "union {"
+            yield from (f"    {field_declaration(f)};" for f in node.fields)
+            if node.is_extensible:
+                yield "    captain_octets unknown;"
+            yield "} u;"
+    else:
+        for f in node.fields:
+            if f.is_optional:
+                yield f"bool has_{member(f.name)};"
+            unit = f.unit or f.node.unit
+            yield f"{field_declaration(f)};{f' /* {_comment(unit)} */' if unit else ''}"
+        if node.is_extensible:
+            yield "const captain_additions *additions;"
+        elif not node.fields:
+            yield "bool empty;"
+
+
+def _comment(text: str | None) -> str:
+    return (text or "").replace("*/", "* /")
+
+
+def _functions(node: Node) -> Iterator[str]:
+    name = node.c_name
+    yield f"static inline captain_status {name}_decode({name} *value, const void *octets, size_t size, captain_arena *arena, size_t *bits)"
+    yield "{"
+    yield f"    return captain_decode(&{name}_type, value, octets, size, arena, bits);"
+    yield "}"
+    yield f"static inline captain_status {name}_encode(const {name} *value, void *octets, size_t size, size_t *bits)"
+    yield "{"
+    yield f"    return captain_encode(&{name}_type, value, octets, size, bits);"
+    yield "}"
+    yield f"static inline captain_status {name}_validate(const {name} *value)"
+    yield "{"
+    yield f"    return captain_validate(&{name}_type, value);"
+    yield "}"
+    yield ""
+
+
+def _private_functions(node: Node) -> Iterator[str]:
+    yield f"CAPTAIN_HIDDEN size_t {node.c_name}_read(captain_reader *r, size_t at, void *to);"
+    yield f"CAPTAIN_HIDDEN size_t {node.c_name}_write(captain_writer *w, size_t at, const void *from);"
+    yield f"CAPTAIN_HIDDEN captain_status {node.c_name}_check(const void *from);"

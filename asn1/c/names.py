@@ -1,0 +1,83 @@
+"""What things are called in C, and how numbers are written there."""
+
+from asn1.layout import STRUCTS, Field, Kind, Node, number_octets
+
+# Words of C11 and C++20, and members that the structs have themselves.
+_TAKEN = frozenset(
+    """alignas alignof and and_eq asm auto bitand bitor bool break case catch char char8_t char16_t char32_t class compl
+    concept const consteval constexpr constinit const_cast continue co_await co_return co_yield decltype default delete do
+    double dynamic_cast else enum explicit export extern false float for friend goto if inline int long mutable namespace new
+    noexcept not not_eq nullptr operator or or_eq private protected public register reinterpret_cast requires restrict return
+    short signed sizeof static static_assert static_cast struct switch template this thread_local throw true try typedef
+    typeid typename union unsigned using virtual void volatile wchar_t while xor xor_eq
+    additions unknown""".split()
+)
+
+_STRINGS = {Kind.BIT_STRING: "captain_bits", Kind.OCTET_STRING: "captain_octets", Kind.OID: "captain_octets",
+            Kind.RELATIVE_OID: "captain_octets", Kind.OPEN: "captain_open"}  # fmt: skip
+
+
+def member(name: str) -> str:
+    """A component's name as a member of a struct."""
+    name = name.replace("-", "_")
+    return f"{name}_" if name in _TAKEN else name
+
+
+def value_type(node: Node) -> str:
+    """The C type of a value; an array of octets is declared by `declaration`."""
+    match node.kind:
+        case Kind.BOOLEAN | Kind.NULL:
+            return "bool"
+        case Kind.INTEGER | Kind.SMALL_BITS:
+            octets, is_signed = number_octets(node)
+            return f"{'' if is_signed else 'u'}int{8 * octets}_t"
+        case Kind.ENUMERATED:
+            return "int32_t"
+        case Kind.FIXED_OCTETS:
+            return "uint8_t"
+        case kind if kind in STRUCTS:
+            return node.c_name
+        case kind:
+            return _STRINGS.get(kind, "captain_text")
+
+
+def declaration(node: Node, name: str, is_pointer: bool = False) -> str:
+    """A variable or member that holds a value, or a pointer to one."""
+    tag = "struct " if node.kind in STRUCTS and is_pointer else ""
+    if node.kind is Kind.FIXED_OCTETS:
+        return f"uint8_t {f'(*{name})' if is_pointer else name}[{node.size}]"
+    return f"{tag}{value_type(node)} {'*' if is_pointer else ''}{name}"
+
+
+def field_declaration(f: Field) -> str:
+    return declaration(f.node, member(f.name), f.is_pointer)
+
+
+def literal(number: int) -> str:
+    """A number as a constant of a type that holds it."""
+    if -(1 << 31) < number < 1 << 31:
+        return str(number)
+    if number == -(1 << 63):
+        return "INT64_MIN"
+    if number >= 1 << 63:
+        return f"UINT64_C({number})"
+    return f"INT64_C({number})"
+
+
+def unsigned(number: int) -> str:
+    return f"{number}u" if number < 1 << 32 else f"UINT64_C({number})"
+
+
+def needs_functions(node: Node) -> bool:
+    """Structs, PDUs and what stands in an object set are read and written by functions of their own; others inline."""
+    return node.kind in STRUCTS or node.is_entry
+
+
+def has_public_table(node: Node) -> bool:
+    return node.kind in STRUCTS
+
+
+def contiguous(node: Node) -> int | None:
+    """The number of an ENUMERATED's first item, where the others follow it one by one in encoding order."""
+    numbers = [name.value for name in node.names]
+    return numbers[0] if numbers == list(range(numbers[0], numbers[0] + len(numbers))) else None
