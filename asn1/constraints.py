@@ -8,14 +8,14 @@ The encoding asks for bounds (X.691 10.3, clause numbers of 02/2021):
 - In an intersection the parts that are not seen are left out; a union with such a part is not seen at all; EXCEPT and
   what follows it is ignored (10.3.21).
 - A FROM with an extension marker is not seen, and makes nothing extensible (30.4, NOTE 2).
-- Whose serial constraint is extensible: the last one decides. X.680 50.11 applies a constraint to its parent "without its
-  extension marker", so an earlier marker is gone, and X.691 10.3.20 keeps that true where the last constraint is not seen by
-  PER at all: WITH COMPONENT, WITH COMPONENTS or a table constraint such as ({Set}) takes the marker of what it is applied to.
-  So `ConstraintWrappedCpmContainers` (CPM, TS 103 324) has no extension bit though its parent SIZE(1..8, ...) has one.
-  The parent's additions are gone as well: its root alone is narrowed.
+- Whose serial constraint is extensible: the last one decides. X.680 50.11 applies a constraint to its parent "without
+  its extension marker", so an earlier marker is gone, and X.691 10.3.20 keeps that true where the last constraint is
+  not seen by PER at all: WITH COMPONENT, WITH COMPONENTS or a table constraint such as ({Set}) takes the marker of
+  what it is applied to. So `ConstraintWrappedCpmContainers` (CPM, TS 103 324) has no extension bit though its parent
+  SIZE(1..8, ...) has one. The parent's additions are gone as well: its root alone is narrowed.
 
-A validator asks which values are allowed: unions with gaps, ALL EXCEPT, additions. With an extension marker it allows all
-that the parent allows: a value outside of the root is of a later edition.
+A validator asks which values are allowed: unions with gaps, ALL EXCEPT, additions. With an extension marker it allows
+all that the parent allows: a value outside of the root is of a later edition.
 """
 
 from collections.abc import Iterable
@@ -65,7 +65,7 @@ def value_bounds(constraints: tuple[Constraint, ...]) -> Bounds:
 
 
 def size_bounds(constraints: tuple[Constraint, ...]) -> Bounds:
-    """Of a string or list, in its own units (bits, octets, characters, elements). Raises ValueError where nothing is left."""
+    """Of a string or list, in bits, octets, characters or elements. Raises ValueError where nothing is left."""
     return _bounds(constraints, "size", SIZES)
 
 
@@ -115,7 +115,7 @@ def _gaps(allowed: Ranges, low: int | None, high: int | None) -> Ranges:
 
 
 def _set(element: ElementSet, about: str, strict: bool = False) -> Ranges | None:
-    """The numbers that an element set allows about "value", "size" or "alphabet"; None: says nothing, or is not seen."""
+    """What a set allows about "value", "size" or "alphabet"; None: it says nothing, or is not seen."""
     match element:
         case Values():
             return element.ranges if about == "value" else None

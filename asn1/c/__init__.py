@@ -10,7 +10,8 @@ from asn1.c.names import member, needs_functions
 from asn1.c.predicate import Predicates
 from asn1.c.tables import tables, text
 from asn1.c.validate import validator
-from asn1.layout import Layout, Node, lay_out
+from asn1.layout import lay_out
+from asn1.nodes import Layout, Node
 from asn1.types import Message, Module, Schema
 
 __all__ = ["generate", "member", "write"]

@@ -1,15 +1,16 @@
 """Layout to C: a function per struct that reads it.
 
-Neighbouring fields of fixed width make a run: one comparison with the end, one load, constant shifts. An extension bit may
-end a run together with what it decides about; where it is set, the offset goes back to behind it.
+Neighbouring fields of fixed width make a run: one comparison with the end, one load, constant shifts. An extension
+bit may end a run together with what it decides about; where it is set, the offset goes back to behind it.
 """
 
 from collections.abc import Callable
 
 from asn1.c.body import RUN_MAX, Body
 from asn1.c.names import contiguous, literal, member, unsigned, value_type
-from asn1.layout import STRUCTS, Field, Kind, Layout, Node, count_width, is_flat, minimal_bits
+from asn1.nodes import STRUCTS, Field, Kind, Node
 from asn1.types import Default
+from asn1.widths import count_width, is_flat, minimal_bits
 
 Use = Callable[[str], None]
 """Told the expression of the bits, right aligned in a uint64_t."""
@@ -414,9 +415,8 @@ class _Decoder(Body):
 
     def general(self, node: Node, is_root: bool) -> None:
         self.put("captain_list list;")
-        self.call(
-            f"captain_decode_items(r, at, &list, sizeof *v->items, {minimal_bits(node.item, {})}, {item_function(node)})"
-        )
+        least = minimal_bits(node.item, {})
+        self.call(f"captain_decode_items(r, at, &list, sizeof *v->items, {least}, {item_function(node)})")
         self.put("v->count = list.count;", "v->items = list.items;")
         wrong = []
         if is_root and node.bounds.low:

@@ -6,8 +6,10 @@ numbers and sizes outside of the effective bounds, unknown alternatives; the res
 
 from asn1.c.body import RUN_MAX, Body
 from asn1.c.names import contiguous, literal, member, unsigned, value_type
-from asn1.layout import STRUCTS, Field, Kind, Node, count_width, is_flat, number_octets
+from asn1.memory import number_octets
+from asn1.nodes import STRUCTS, Field, Kind, Node
 from asn1.types import Default
+from asn1.widths import count_width, is_flat
 
 
 def encoder(node: Node) -> list[str]:

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from asn1.c.names import declaration, field_declaration, has_public_table, literal, member, needs_functions
-from asn1.layout import STRUCTS, Kind, Node
+from asn1.nodes import STRUCTS, Kind, Node
 from asn1.types import Module
 
 _INT_MAX = (1 << 31) - 1
@@ -141,18 +141,17 @@ def _comment(text: str | None) -> str:
 
 def _functions(node: Node) -> Iterator[str]:
     name = node.c_name
-    yield f"static inline captain_status {name}_decode({name} *value, const void *octets, size_t size, captain_arena *arena, size_t *bits)"
-    yield "{"
-    yield f"    return captain_decode(&{name}_type, value, octets, size, arena, bits);"
-    yield "}"
-    yield f"static inline captain_status {name}_encode(const {name} *value, void *octets, size_t size, size_t *bits)"
-    yield "{"
-    yield f"    return captain_encode(&{name}_type, value, octets, size, bits);"
-    yield "}"
-    yield f"static inline captain_status {name}_validate(const {name} *value)"
-    yield "{"
-    yield f"    return captain_validate(&{name}_type, value);"
-    yield "}"
+    read = f"{name} *value, const void *octets, size_t size, captain_arena *arena, size_t *bits"
+    write = f"const {name} *value, void *octets, size_t size, size_t *bits"
+    for way, parameters, arguments in (
+        ("decode", read, "value, octets, size, arena, bits"),
+        ("encode", write, "value, octets, size, bits"),
+        ("validate", f"const {name} *value", "value"),
+    ):
+        yield f"static inline captain_status {name}_{way}({parameters})"
+        yield "{"
+        yield f"    return captain_{way}(&{name}_type, {arguments});"
+        yield "}"
     yield ""
 
 

@@ -1,13 +1,13 @@
 """Constraints that the encoding does not see, as conditions in C: WITH COMPONENTS, WITH COMPONENT and sets of them.
 
-X.680 51.8: a full specification (without an ellipsis) asks every component that it names to be present, and those that it
-does not name to be absent; a partial one says nothing about either.
+X.680 51.8: a full specification (without an ellipsis) asks every component that it names to be present, and those
+that it does not name to be absent; a partial one says nothing about either.
 """
 
 from collections.abc import Iterable
 
 from asn1.c.names import literal, member
-from asn1.layout import Field, Kind, Node
+from asn1.nodes import Field, Kind, Node
 from asn1.types import AllExcept, AllOf, AnyOf, Constraint, Element, ElementSet, Inner, InnerComponent, Size, Values
 
 

@@ -6,8 +6,10 @@ from asn1.c.decode import default_lines
 from asn1.c.header import title
 from asn1.c.names import has_public_table, literal, member, needs_functions, value_type
 from asn1.constraints import Ranges
-from asn1.layout import Field, Kind, Node, number_octets, unit_bits
+from asn1.memory import number_octets
+from asn1.nodes import Field, Kind, Node
 from asn1.types import Module
+from asn1.widths import unit_bits
 
 _STRINGS = frozenset({Kind.IA5, Kind.VISIBLE, Kind.PRINTABLE, Kind.NUMERIC})
 _BOUNDED = _STRINGS | {Kind.INTEGER, Kind.LIST, Kind.BIT_STRING, Kind.OCTET_STRING, Kind.UTF8}

@@ -1,9 +1,10 @@
-"""Layout to C: a function per struct that looks at every constraint of the standard, those that PER does not see included."""
+"""Layout to C: a function per struct that looks at every constraint, also those that PER does not see."""
 
 from asn1.c.body import Body
 from asn1.c.names import contiguous, literal, member, value_type
 from asn1.c.predicate import Predicates
-from asn1.layout import STRUCTS, Field, Kind, Node, number_octets
+from asn1.memory import number_octets
+from asn1.nodes import STRUCTS, Field, Kind, Node
 from asn1.types import Constraint
 
 
