@@ -1,0 +1,46 @@
+/* A value in memory as Python objects: the shapes of asn1/README.md. Every function returns a new reference, or NULL and an
+ * exception. */
+#ifndef CAPTAIN_DECODE_H
+#define CAPTAIN_DECODE_H
+
+#include "shapes.h"
+
+PyObject *python_value(const shape *shape, const unsigned char *value);
+/* SEQUENCE: a dict without absent components and with defaults (record.c). */
+PyObject *record_dict(const shape *shape, const unsigned char *record);
+/* Name of an alternative, "[1]" for one that no edition knows. */
+PyObject *choice_name(const shape *shape, uint32_t choice);
+/* Shape of what an open type holds; NULL, without an exception, where there are only octets. */
+const shape *open_shape(const shape *shape, const captain_open *open);
+/* "[3]": what has an index and no name. */
+PyObject *index_name(uint32_t index);
+PyObject *octets_value(captain_octets octets);
+/* Bits, octets, text, identifiers (strings.c). */
+PyObject *string_value(const shape *shape, const unsigned char *value);
+
+#define AT(type, value) (*(const type *)(const void *)(value))
+
+/* python_value with the commonest kinds in line. */
+static inline PyObject *quick_value(const shape *shape, const unsigned char *value)
+{
+    switch (shape->op) {
+    case OP_U8:
+        return PyLong_FromLong(*value);
+    case OP_U16:
+        return PyLong_FromLong(AT(uint16_t, value));
+    case OP_I16:
+        return PyLong_FromLong(AT(int16_t, value));
+    case OP_I32:
+        return PyLong_FromLong(AT(int32_t, value));
+    case OP_ENUMERATED:
+        if (shape->is_dense && (uint32_t)AT(int32_t, value) < shape->type->names_count)
+            return Py_NewRef(shape->names[AT(int32_t, value)]);
+        return python_value(shape, value);
+    case OP_SEQUENCE:
+        return record_dict(shape, value);
+    default:
+        return python_value(shape, value);
+    }
+}
+
+#endif

@@ -1,0 +1,270 @@
+#include "encode.h"
+#include "walk.h"
+
+#include <string.h>
+
+#define PUT(type, at, value) (*(type *)(void *)(at) = (type)(value))
+
+/* ---------------------------------------------------------------- numbers */
+
+static bool refuse_range(maker *maker, const shape *shape, PyObject *value)
+{
+    char allowed[CAPTAIN_RANGE_TEXT];
+    PyObject *text = shown(value);
+    if (text != NULL)
+        refuse(maker, "out of range: %U is not in %s", text, captain_range_text(shape->type, allowed));
+    Py_XDECREF(text);
+    return false;
+}
+
+/* An int for what is none but can be taken as one (numpy's, ctypes'). NULL: refused. */
+static PyObject *as_int(maker *maker, PyObject *value)
+{
+    if (PyLong_Check(value) && !PyBool_Check(value))
+        return Py_NewRef(value);
+    if (PyBool_Check(value) || !PyIndex_Check(value)) {
+        refuse_class(maker, value, "int");
+        return NULL;
+    }
+    Py_INCREF(value);
+    PyObject *number = PyNumber_Index(value);
+    if (number == NULL)
+        refuse_error(maker, "__index__");
+    Py_DECREF(value);
+    return number;
+}
+
+/* The octets of an unsigned number beyond 63 bits are those of the signed one. */
+static bool large_integer(maker *maker, const shape *shape, PyObject *value, int64_t *number)
+{
+    int overflow = 0;
+    PyObject *integer = as_int(maker, value);
+    if (integer == NULL)
+        return false;
+    *number = PyLong_AsLongLongAndOverflow(integer, &overflow);
+    bool fits = overflow == 0;
+    if (overflow > 0 && shape->op == OP_U64) {
+        *number = (int64_t)PyLong_AsUnsignedLongLong(integer);
+        fits = !PyErr_Occurred();
+        PyErr_Clear();
+    } else if (fits) {
+        fits = *number >= shape->low && *number <= shape->high;
+    }
+    Py_DECREF(integer);
+    return fits || refuse_range(maker, shape, value);
+}
+
+bool integer_from(maker *maker, const shape *shape, PyObject *value, unsigned char *at)
+{
+    int64_t number;
+    if (small_integer(value, &number)) {
+        if (number < shape->low || number > shape->high)
+            return refuse_range(maker, shape, value);
+    } else if (!large_integer(maker, shape, value, &number)) {
+        return false;
+    }
+    switch (shape->op) {
+    case OP_U8:
+    case OP_I8:
+        *at = (unsigned char)number;
+        return true;
+    case OP_U16:
+    case OP_I16:
+        PUT(uint16_t, at, number);
+        return true;
+    case OP_U32:
+    case OP_I32:
+        PUT(uint32_t, at, number);
+        return true;
+    default:
+        PUT(int64_t, at, number);
+        return true;
+    }
+}
+
+static bool boolean_from(maker *maker, PyObject *value, unsigned char *at)
+{
+    if (value != Py_True && value != Py_False)
+        return refuse_class(maker, value, "bool");
+    PUT(bool, at, value == Py_True);
+    return true;
+}
+
+static bool null_from(maker *maker, PyObject *value, unsigned char *at)
+{
+    PUT(bool, at, false);
+    return value == Py_None || refuse_class(maker, value, "None");
+}
+
+/* ---------------------------------------------------------------- enumerations */
+
+/* The index of an addition that no edition knows: 2 of the item that decode gave as 2. */
+static bool unknown_item(maker *maker, const captain_type *type, PyObject *value, unsigned char *at)
+{
+    int64_t index;
+    int64_t known = type->names_count - type->root_count;
+    if (!small_integer(value, &index)) {
+        int overflow;
+        index = PyLong_AsLongLongAndOverflow(value, &overflow);
+    }
+    if (!(type->flags & CAPTAIN_EXTENSIBLE))
+        return refuse_class(maker, value, "str: this enumeration has no unknown items");
+    if (index < known || index >= 65536)
+        return refuse(maker, "out of range: %lld is no index of an unknown item, which begin at %lld", (long long)index,
+                      (long long)known);
+    PUT(int32_t, at, CAPTAIN_UNKNOWN + index);
+    return true;
+}
+
+bool enumerated_from(maker *maker, const shape *shape, PyObject *value, unsigned char *at)
+{
+    Py_ssize_t index = item_find(shape, value);
+    if (index >= 0) {
+        PUT(int32_t, at, shape->type->names[index].value);
+        return true;
+    }
+    if (PyLong_Check(value) && !PyBool_Check(value))
+        return unknown_item(maker, shape->type, value, at);
+    if (!PyUnicode_Check(value))
+        return refuse_class(maker, value, "str");
+    PyObject *text = shown(value), *nearest = suggestion(shape->type, value);
+    if (text != NULL && nearest != NULL)
+        refuse(maker, "%U is no item of %s%U", text, captain_type_text(shape->type), nearest);
+    Py_XDECREF(text);
+    Py_XDECREF(nearest);
+    return false;
+}
+
+/* ---------------------------------------------------------------- containers */
+
+static bool fits_size(maker *maker, const captain_type *type, Py_ssize_t count)
+{
+    char allowed[CAPTAIN_RANGE_TEXT];
+    bool is_bounded = !(type->flags & (CAPTAIN_EXTENSIBLE | CAPTAIN_UNBOUNDED_HIGH));
+    if ((is_bounded && (count < type->low || count > type->high)) || (uint64_t)count > UINT32_MAX)
+        return refuse(maker, "wrong size: %zd elements, not %s", count, captain_size_text(type, allowed));
+    return true;
+}
+
+static bool items_from(maker *maker, const shape *shape, PyObject *list, Py_ssize_t count, unsigned char *at)
+{
+    size_t step = shape->element->type->size;
+    bool is_list = PyList_Check(list);
+    for (Py_ssize_t index = 0; index < count; index++, at += step) {
+        if (is_list && index >= LIST_COUNT(list))
+            return refuse(maker, "the list became shorter while it was encoded");
+        PyObject *item = is_list ? LIST_ITEM(list, index) : TUPLE_ITEM(list, index);
+        if (!value_from(maker, shape->element, item, at))
+            return under_index(maker, index);
+    }
+    return true;
+}
+
+bool list_from(maker *maker, const shape *shape, PyObject *value, unsigned char *at)
+{
+    bool is_list = PyList_Check(value);
+    if (!is_list && !PyTuple_Check(value))
+        return view_from(maker, shape, value, at);
+    Py_ssize_t count = is_list ? LIST_COUNT(value) : TUPLE_COUNT(value);
+    size_t octets;
+    if (!fits_size(maker, shape->type, count))
+        return false;
+    if (__builtin_mul_overflow((size_t)count, shape->element->type->size, &octets))
+        return refuse(maker, "%zd elements are too many for this machine", count);
+    void *items = maker_take(maker, octets);
+    if (items == NULL)
+        return false;
+    PUT(captain_list, at, ((captain_list){.count = (uint32_t)count, .items = items}));
+    if (++maker->depth > CAPTAIN_MAX_DEPTH)
+        return refuse(maker, "nested deeper than %d", (int)CAPTAIN_MAX_DEPTH);
+    Py_INCREF(value);
+    bool is_good = items_from(maker, shape, value, count, items);
+    Py_DECREF(value);
+    maker->depth--;
+    return is_good;
+}
+
+/* ("[1]", octets) */
+static bool unknown_alternative(maker *maker, const shape *shape, PyObject *name, PyObject *value, unsigned char *at)
+{
+    const captain_type *type = shape->type;
+    uint32_t index, known = (uint32_t)(type->fields_count - type->root_count);
+    if (index_of(name, &index) && (type->flags & CAPTAIN_EXTENSIBLE) && index >= known) {
+        PUT(uint32_t, at, CAPTAIN_UNKNOWN + index);
+        return octets_from(maker, value, (captain_octets *)(void *)(at + union_offset(type)));
+    }
+    PyObject *text = shown(name), *nearest = suggestion(type, name);
+    if (text != NULL && nearest != NULL)
+        refuse(maker, "%U is no alternative of %s%U", text, captain_type_text(type), nearest);
+    Py_XDECREF(text);
+    Py_XDECREF(nearest);
+    return false;
+}
+
+static bool alternative_from(maker *maker, const shape *shape, PyObject *name, PyObject *value, unsigned char *at)
+{
+    Py_ssize_t index = slot_find(shape, name, 0);
+    if (index < 0)
+        return unknown_alternative(maker, shape, name, value, at);
+    const slot *slot = &shape->slots[index];
+    unsigned char *inner = at + slot->offset;
+    PUT(uint32_t, at, index + 1);
+    if (slot->is_pointer) {
+        void *memory = maker_take(maker, slot->shape->type->size);
+        if (memory == NULL)
+            return false;
+        PUT(void *, inner, memory);
+        inner = memory;
+    }
+    return value_from(maker, slot->shape, value, inner) || under_name(maker, slot->field->name);
+}
+
+bool choice_from(maker *maker, const shape *shape, PyObject *value, unsigned char *at)
+{
+    PyObject *name, *inner;
+    if (PyTuple_Check(value) && TUPLE_COUNT(value) == 2) {
+        name = Py_NewRef(TUPLE_ITEM(value, 0));
+        inner = Py_NewRef(TUPLE_ITEM(value, 1));
+    } else if (PyList_Check(value) && LIST_COUNT(value) == 2) {
+        name = Py_NewRef(LIST_ITEM(value, 0));
+        inner = Py_NewRef(LIST_ITEM(value, 1));
+    } else {
+        return view_from(maker, shape, value, at);
+    }
+    bool is_good = ++maker->depth > CAPTAIN_MAX_DEPTH ? refuse(maker, "nested deeper than %d", (int)CAPTAIN_MAX_DEPTH)
+                                                      : alternative_from(maker, shape, name, inner, at);
+    maker->depth--;
+    Py_DECREF(name);
+    Py_DECREF(inner);
+    return is_good;
+}
+
+bool value_from(maker *maker, const shape *shape, PyObject *value, unsigned char *at)
+{
+    switch (shape->op) {
+    case OP_BOOLEAN:
+        return boolean_from(maker, value, at);
+    case OP_NULL:
+        return null_from(maker, value, at);
+    case OP_ENUMERATED:
+        return enumerated_from(maker, shape, value, at);
+    case OP_SEQUENCE:
+        return record_from(maker, shape, value, at);
+    case OP_CHOICE:
+        return choice_from(maker, shape, value, at);
+    case OP_LIST:
+        return list_from(maker, shape, value, at);
+    case OP_SMALL_BITS:
+    case OP_BITS:
+    case OP_FIXED_OCTETS:
+    case OP_OCTETS:
+    case OP_TEXT:
+    case OP_OID:
+        return string_from(maker, shape, value, at);
+    case OP_OPEN:
+        PyErr_SetString(PyExc_SystemError, "captain_messages: an open type outside a SEQUENCE");
+        return false;
+    default:
+        return integer_from(maker, shape, value, at);
+    }
+}

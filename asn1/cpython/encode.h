@@ -1,0 +1,56 @@
+/* Python objects to a value in memory. Whatever is wrong with an object, the answer is false and a reason, never a crash:
+ * containers are held while they are walked, strings are copied, and every look at a list asks again how long it is, because the
+ * __index__ of some element may have changed it. */
+#ifndef CAPTAIN_ENCODE_H
+#define CAPTAIN_ENCODE_H
+
+#include "errors.h"
+#include "memory.h"
+#include "shapes.h"
+
+enum { MAX_PATH = 512 };
+
+typedef struct maker {
+    memory memory;
+    struct held *held;  /* views whose memory the value points into */
+    PyObject *reason;   /* of the failure */
+    PyObject *cause;    /* the exception behind it, or NULL */
+    int depth;
+    size_t path_start;  /* the path is written from its end: each level puts its name in front */
+    char path[MAX_PATH];
+} maker;
+
+void maker_open(maker *maker, void *first, size_t octets);
+void maker_close(maker *maker);
+/* Raises what made it fail. Returns NULL. */
+PyObject *maker_raise(maker *maker, PyObject *error);
+
+/* NULL and an exception: no memory. */
+void *maker_take(maker *maker, size_t octets);
+
+/* The hot one; value may be a dict, list, ... or a view of the same type. */
+bool value_from(maker *maker, const shape *shape, PyObject *value, unsigned char *at);
+bool integer_from(maker *maker, const shape *shape, PyObject *value, unsigned char *at);
+bool enumerated_from(maker *maker, const shape *shape, PyObject *value, unsigned char *at);
+bool record_from(maker *maker, const shape *shape, PyObject *value, unsigned char *at);
+bool choice_from(maker *maker, const shape *shape, PyObject *value, unsigned char *at);
+bool list_from(maker *maker, const shape *shape, PyObject *value, unsigned char *at);
+bool open_from(maker *maker, const shape *owner, const slot *slot, PyObject *value, unsigned char *record);
+bool string_from(maker *maker, const shape *shape, PyObject *value, unsigned char *at);
+/* Octets of any buffer, copied; `wanted` says what was expected: "bytes". */
+bool octets_from(maker *maker, PyObject *value, captain_octets *octets);
+/* A view in the place of a dict, list or tuple. */
+bool view_from(maker *maker, const shape *shape, PyObject *value, unsigned char *at);
+
+/* All return false. Formats are PyUnicode_FromFormat's. */
+bool refuse(maker *maker, const char *format, ...);
+bool refuse_class(maker *maker, PyObject *value, const char *wanted); /* "1.5 is a float, not an int" */
+bool refuse_error(maker *maker, const char *what); /* an exception of the object's own is set */
+bool under_name(maker *maker, const char *name);   /* the failure was inside this component */
+bool under_index(maker *maker, Py_ssize_t index);
+bool under_addition(maker *maker, uint32_t index); /* "[3]" of a SEQUENCE: ".[3]", as the runtime writes it */
+
+/* "[3]" to 3; false: no such text. */
+bool index_of(PyObject *name, uint32_t *index);
+
+#endif

@@ -1,0 +1,53 @@
+/* Message: one PDU of one edition, and what can be done with it. */
+#ifndef CAPTAIN_MESSAGE_H
+#define CAPTAIN_MESSAGE_H
+
+#include "encode.h"
+#include "memory.h"
+#include "octets.h"
+#include "shapes.h"
+
+/* Octets on the stack of a call: nearly every message decodes, and every dict encodes, without malloc. */
+enum { SCRATCH = 8192 };
+/* A message of more octets than this is decoded, and encoded, without the GIL: letting go of it costs 0.1 us. */
+enum { LARGE = 4096 };
+
+enum { MEMBERS = 11 };
+
+typedef struct message {
+    PyObject_HEAD
+    const captain_message *message;
+    const shape *shape;        /* of the PDU */
+    PyObject *members[MEMBERS]; /* name, type, ... : see message.c */
+} message;
+
+bool messages_add(PyObject *module);
+
+/* A message while a call looks at it. */
+typedef struct decoded {
+    const captain_type *type;
+    octets octets;
+    memory memory;
+    void *value;
+    _Alignas(max_align_t) unsigned char first[SCRATCH];
+} decoded;
+
+/* False and an exception (nothing to close then): DecodeError, TypeError, MemoryError. */
+bool decoded_open(decoded *decoded, const captain_type *type, PyObject *source);
+void decoded_close(decoded *decoded);
+/* Without the GIL where that pays. */
+captain_status decode_octets(const captain_type *type, void *value, const octets *octets, captain_arena *arena);
+
+/* A value in memory to bytes; NULL and EncodeError. */
+PyObject *encoded(const captain_type *type, const void *value);
+
+/* Methods of describe.c and tree.c. */
+PyObject *message_to_json(PyObject *self, PyObject *source);
+PyObject *message_from_json(PyObject *self, PyObject *text);
+PyObject *message_text(PyObject *self, PyObject *source);
+PyObject *message_explain(PyObject *self, PyObject *source);
+PyObject *message_type_tree(PyObject *self, PyObject *unused);
+bool describe_add(PyObject *module);
+bool tree_add(PyObject *module);
+
+#endif

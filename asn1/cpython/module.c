@@ -1,0 +1,20 @@
+/* The module captain_messages. Its functions and classes are added by the files that hold them. */
+#include "errors.h"
+#include "message.h"
+#include "view.h"
+
+static struct PyModuleDef MODULE = {
+    PyModuleDef_HEAD_INIT,
+    .m_name = "captain_messages",
+    .m_doc = "ETSI ITS messages: encode, decode, validate, inspect.",
+    .m_size = -1,
+};
+
+PyMODINIT_FUNC PyInit_captain_messages(void)
+{
+    PyObject *module = PyModule_Create(&MODULE);
+    if (module != NULL
+        && !(errors_add(module) && views_add(module) && describe_add(module) && tree_add(module) && messages_add(module)))
+        Py_CLEAR(module);
+    return module;
+}

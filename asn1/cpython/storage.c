@@ -1,0 +1,54 @@
+#include "view.h"
+
+#include <stdlib.h>
+
+/* Most messages fit one of these, and views are seldom kept for long: a few are reused without malloc. */
+static const size_t ROOMS[] = {1024, 4096};
+enum { CLASSES = sizeof ROOMS / sizeof *ROOMS, KEPT = 16 };
+
+static storage *spare[CLASSES];
+static int spare_count[CLASSES];
+
+static int class_of(size_t octets)
+{
+    int class = 0;
+    while (class < CLASSES && octets > ROOMS[class])
+        class++;
+    return class;
+}
+
+storage *storage_new(const captain_type *type, size_t octets)
+{
+    size_t wanted = type->size + 4 * octets + 64; /* lists mostly take less than four octets for one of the message */
+    int class = class_of(wanted);
+    storage *storage;
+    if (class < CLASSES && spare[class] != NULL) {
+        storage = spare[class];
+        spare[class] = storage->next;
+        spare_count[class]--;
+    } else {
+        size_t room = class < CLASSES ? ROOMS[class] : wanted;
+        storage = malloc(sizeof *storage + room);
+        if (storage == NULL) {
+            PyErr_NoMemory();
+            return NULL;
+        }
+        storage->room = room;
+    }
+    storage->holders = 1;
+    memory_open(&storage->memory, storage->first, storage->room, DECODE_BUDGET(type, octets));
+    return storage;
+}
+
+void storage_free(storage *storage)
+{
+    int class = class_of(storage->room);
+    memory_close(&storage->memory);
+    if (class < CLASSES && spare_count[class] < KEPT) {
+        storage->next = spare[class];
+        spare[class] = storage;
+        spare_count[class]++;
+    } else {
+        free(storage);
+    }
+}

@@ -1,0 +1,143 @@
+"""captain_messages.pyi: what mypy and editors know about the module.
+
+For every SEQUENCE that a message reaches a TypedDict (what decode gives and encode takes) and a class of views with the
+same names; both exist for type checkers only. Enumerations are literals, a CHOICE is a union of pairs.
+"""
+
+import keyword
+from collections.abc import Iterator
+from pathlib import Path
+
+from asn1.layout import Field, Kind, Layout, Node
+from asn1.types import Message
+
+HEAD = Path(__file__).parent / "head.pyi"
+INTEGERS = {Kind.INTEGER: "int", Kind.BOOLEAN: "bool", Kind.NULL: "None"}
+LEAVES = INTEGERS | {
+    Kind.SMALL_BITS: "tuple[bytes, int]",
+    Kind.BIT_STRING: "tuple[bytes, int]",
+    Kind.FIXED_OCTETS: "bytes",
+    Kind.OCTET_STRING: "bytes",
+    **dict.fromkeys(
+        (Kind.IA5, Kind.VISIBLE, Kind.PRINTABLE, Kind.NUMERIC, Kind.UTF8, Kind.OID, Kind.RELATIVE_OID), "str"
+    ),
+}
+NAMED = (Kind.SEQUENCE, Kind.CHOICE, Kind.ENUMERATED)
+
+
+def write(layout: Layout, folder: Path) -> None:
+    """captain_messages.pyi, and the marker of PEP 561's stub-only form is not needed: it lies beside the module."""
+    (folder / "captain_messages.pyi").write_text(text(layout), encoding="utf-8")
+
+
+def text(layout: Layout) -> str:
+    """The stub, the same for the same layout."""
+    lines = [HEAD.read_text(encoding="utf-8")]
+    for key in sorted(layout.nodes):
+        for node in sorted(layout.nodes[key], key=lambda node: node.c_name):
+            lines.extend(_definition(node))
+    lines.extend(_finds(layout))
+    return "\n".join(lines) + "\n"
+
+
+def _definition(node: Node) -> Iterator[str]:
+    match node.kind:
+        case Kind.ENUMERATED:
+            yield f"{node.c_name}: TypeAlias = {_items(node)}"
+        case Kind.CHOICE:
+            yield f"{node.c_name}: TypeAlias = {_alternatives(node)}"
+        case Kind.SEQUENCE:
+            yield from _dict(node)
+            yield from _view(node)
+
+
+def _items(node: Node) -> str:
+    names = ", ".join(f'"{item.name}"' for item in node.names)
+    return f"Literal[{names}]" + (" | int" if node.is_extensible else "")
+
+
+def _alternatives(node: Node) -> str:
+    pairs = [f'tuple[Literal["{field.name}"], {_value(field.node)}]' for field in node.fields]
+    if node.is_extensible:
+        pairs.append("tuple[str, bytes]")
+    return " | ".join(pairs)
+
+
+def _dict(node: Node) -> Iterator[str]:
+    if all(field.name.isidentifier() and not keyword.iskeyword(field.name) for field in node.fields):
+        yield f"class {node.c_name}(TypedDict):"
+        for field in node.fields:
+            yield f"    {field.name}: {_member(field)}"
+        if not node.fields:
+            yield "    pass"
+        return
+    yield f"{node.c_name} = TypedDict({_quoted(node.c_name)}, {{"
+    for field in node.fields:
+        yield f"    {_quoted(field.name)}: {_member(field)},"
+    yield "})"
+
+
+def _quoted(name: str) -> str:
+    return f'"{name}"'
+
+
+def _member(field: Field) -> str:
+    value = _value(field.node)
+    return f"NotRequired[{value}]" if field.is_optional else value
+
+
+def _view(node: Node) -> Iterator[str]:
+    yield f"class {node.c_name}_View(RecordView[{node.c_name}]):"
+    for field in node.fields:
+        absent = " | None" if field.is_optional and field.default is None else ""
+        yield f"    @property\n    def {attribute(field.name)}(self) -> {_seen(field.node)}{absent}: ..."
+    if not node.fields:
+        yield "    pass"
+
+
+def attribute(name: str) -> str:
+    """Name of a component as an attribute: that of the ASN.1 where Python allows it."""
+    name = name.replace("-", "_")
+    return f"{name}_" if keyword.iskeyword(name) else name
+
+
+def _value(node: Node) -> str:
+    """In a dict."""
+    match node.kind:
+        case kind if kind in NAMED:
+            return node.c_name
+        case Kind.LIST:
+            return f"list[{_value(node.item)}]"
+        case Kind.OPEN:
+            return " | ".join(dict.fromkeys([*(_value(row) for _, row in node.rows), "bytes"]))
+        case kind:
+            return LEAVES[kind]
+
+
+def _seen(node: Node) -> str:
+    """In a view."""
+    match node.kind:
+        case Kind.SEQUENCE:
+            return f"{node.c_name}_View"
+        case Kind.CHOICE:
+            values = dict.fromkeys(
+                [*(_seen(field.node) for field in node.fields), *(["bytes"] if node.is_extensible else [])]
+            )
+            return f"ChoiceView[{node.c_name}, {' | '.join(values)}]"
+        case Kind.LIST:
+            return f"ListView[{_value(node.item)}, {_seen(node.item)}]"
+        case Kind.OPEN:
+            return " | ".join(dict.fromkeys([*(_seen(row) for _, row in node.rows), "bytes"]))
+        case _:
+            return _value(node)
+
+
+def _finds(layout: Layout) -> Iterator[str]:
+    """An overload for each name, and for each type: the edition of smallest rank."""
+    names: dict[str, Message] = {message.name: message for message in layout.messages}
+    for message in sorted(layout.messages, key=lambda message: message.rank):
+        names.setdefault(message.type, message)
+    for name in sorted(names):
+        node = layout.pdus[names[name].name]
+        yield f"@overload\ndef find(name: Literal[{_quoted(name)}], /) -> Message[{_value(node)}, {_seen(node)}]: ..."
+    yield "@overload\ndef find(name: str, /) -> Message[Any, Any]: ..."
