@@ -16,8 +16,7 @@ Dialect = Literal["asn1tools", "pycrate"]
 """What a compiler does not understand, and what is written instead; both leave the encoding as it is.
 
 asn1tools  RELATIVE-OID is not parsed: OCTET STRING, whose encoding is the same (a length and octets, X.691 25).
-pycrate    WITH COMPONENT and WITH COMPONENTS raise: left out (not PER-visible, X.691 10.3). Unions of ranges and
-           single values raise: 7 is 7..7.
+pycrate    WITH COMPONENT and WITH COMPONENTS raise: left out (not PER-visible, X.691 10.3).
 """
 
 
@@ -218,7 +217,7 @@ class _ModuleText:
     def _elements(self, elements: t.ElementSet, of_characters: bool = False) -> str:
         match elements:
             case t.Values(ranges):
-                return " | ".join(self._range(one, of_characters) for one in ranges)
+                return " | ".join(_range(one, of_characters) for one in ranges)
             case t.Size(within):
                 return f"SIZE ({self._constraint(within)})"
             case t.Alphabet(within):
@@ -236,11 +235,6 @@ class _ModuleText:
                 return " ^ ".join(self._part(one, of_characters) for one in members)
             case t.AllExcept(member):
                 return f"ALL EXCEPT {self._part(member, of_characters)}"
-
-    def _range(self, range_: t.Range, of_characters: bool) -> str:
-        low = "MIN" if range_.low is None else _character(range_.low) if of_characters else str(range_.low)
-        high = "MAX" if range_.high is None else _character(range_.high) if of_characters else str(range_.high)
-        return low if low == high and self._for != "pycrate" else f"{low}..{high}"
 
     def _part(self, elements: t.ElementSet, of_characters: bool) -> str:
         """An operand: in parentheses, but for what is one word anyway."""
@@ -299,6 +293,12 @@ def _enumerated(type_: t.Enumerated) -> str:
     items += ["..."] if type_.is_extensible else []
     items += [f"{one.name}({one.value})" for one in type_.additions]
     return f"ENUMERATED {{{', '.join(items)}}}"
+
+
+def _range(range_: t.Range, of_characters: bool) -> str:
+    low = "MIN" if range_.low is None else _character(range_.low) if of_characters else str(range_.low)
+    high = "MAX" if range_.high is None else _character(range_.high) if of_characters else str(range_.high)
+    return low if low == high else f"{low}..{high}"
 
 
 def _character(code: int) -> str:

@@ -59,17 +59,25 @@ class _Effective:
         return type_
 
     def _inside(self, type_: t.Sequence | t.Choice) -> t.Type:
-        parts = {"root": type_.root, "additions": type_.additions}
-        if isinstance(type_, t.Sequence):
-            parts["tail"] = type_.tail
-        return replace(type_, constraints=(), **{name: tuple(map(self._member, part)) for name, part in parts.items()})
+        root = tuple(map(self._component, type_.root))
+        additions = tuple(map(self._addition, type_.additions))
+        if isinstance(type_, t.Choice):
+            return replace(type_, constraints=(), root=root, additions=additions)
+        tail = tuple(map(self._component, type_.tail))
+        return replace(type_, constraints=(), root=root, additions=additions, tail=tail)
 
-    def _member(self, member: t.Component | t.Group) -> t.Component | t.Group:
-        if isinstance(member, t.Group):
-            return replace(member, components=tuple(map(self._member, member.components)))
-        type_ = member.type if member.default is None else unfold(self._schema, member.type)[0]
-        with_all = type_ if type_ is member.type else replace(type_, constraints=unfold(self._schema, member.type)[1])
-        return replace(member, type=self.type(with_all))
+    def _addition(self, addition: t.Component | t.Group) -> t.Component | t.Group:
+        if isinstance(addition, t.Component):
+            return self._component(addition)
+        return replace(addition, components=tuple(map(self._component, addition.components)))
+
+    def _component(self, component: t.Component) -> t.Component:
+        """Where it has a default, the type itself: asn1tools reads TRUE only beside BOOLEAN."""
+        type_ = component.type
+        if component.default is not None:
+            base, constraints = unfold(self._schema, type_)
+            type_ = replace(base, constraints=constraints)
+        return replace(component, type=self.type(type_))
 
 
 def _identifier_name(class_: t.ObjectClass) -> str:

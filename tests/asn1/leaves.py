@@ -86,7 +86,7 @@ def integer(mood: Mood, allowed: Allowed, names: Iterable[t.Named]) -> Make:
         drawn = chance()
         if drawn < 0.5:
             low, high = span()
-            return min(high, low + int(chance() * (high - low + 1)))
+            return int(min(high, low + int(chance() * (high - low + 1))))
         return int(edge() if drawn < 0.95 else beyond())
 
     return make

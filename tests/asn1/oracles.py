@@ -193,16 +193,17 @@ class _Shaper:
 
 def _generated(text: str) -> Any:
     """pycrate's Python for a text; it takes seconds, so that it is kept by the text's hash."""
-    from pycrate_asn1c.asnproc import GLOBAL, PycrateGenerator, compile_text, generate_modules
+    from pycrate_asn1c import asnproc, setobj
 
+    setobj.ASN1Set._init = _patched(setobj, setobj.ASN1Set._init)
     path = CACHE / f"p{hashlib.sha256(text.encode()).hexdigest()[:20]}.py"
     if not path.exists():
         path.parent.mkdir(parents=True, exist_ok=True)
         with contextlib.redirect_stdout(io.StringIO()):
-            GLOBAL.clear()
-            compile_text(text)
-            generate_modules(PycrateGenerator, str(path))
-            GLOBAL.clear()
+            asnproc.GLOBAL.clear()
+            asnproc.compile_text(text)
+            asnproc.generate_modules(asnproc.PycrateGenerator, str(path))
+            asnproc.GLOBAL.clear()
     spec = importlib.util.spec_from_file_location(path.stem, path)
     assert spec is not None
     assert spec.loader is not None
@@ -210,3 +211,18 @@ def _generated(text: str) -> Any:
     with contextlib.redirect_stdout(io.StringIO()):
         spec.loader.exec_module(module)
     return module
+
+
+def _patched(setobj: Any, init: Callable[[Any], None]) -> Callable[[Any], None]:
+    """pycrate 0.8.1 puts ranges of extensions among the single values, and then fails to sort them."""
+    if init.__name__ == "sorted_init":
+        return init
+
+    def sorted_init(self: Any) -> None:
+        ranges = [one for one in self._ev or () if isinstance(one, setobj.ASN1Range)]
+        if ranges:
+            self._er = setobj.reduce_rangelist(self._er + ranges)
+            self._ev = [one for one in self._ev if not isinstance(one, setobj.ASN1Range)]
+        init(self)
+
+    return sorted_init

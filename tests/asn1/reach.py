@@ -38,13 +38,11 @@ def pruned(schema: t.Schema, pdu: t.Reference) -> t.Schema:
     keep = reached(schema, pdu)
     modules = {}
     for key, module in schema.modules.items():
-        parts = {
-            "definitions": {name: one for name, one in module.definitions.items() if (key, name) in keep},
-            "classes": {name: one for name, one in module.classes.items() if (key, name) in keep},
-            "sets": {name: one for name, one in module.sets.items() if (key, name) in keep},
-        }
-        if any(parts.values()):
-            modules[key] = replace(module, **parts)
+        definitions = {name: one for name, one in module.definitions.items() if (key, name) in keep}
+        classes = {name: one for name, one in module.classes.items() if (key, name) in keep}
+        sets = {name: one for name, one in module.sets.items() if (key, name) in keep}
+        if definitions or classes or sets:
+            modules[key] = replace(module, definitions=definitions, classes=classes, sets=sets)
     return t.Schema(modules, {name: one for name, one in schema.messages.items() if one.pdu == pdu})
 
 

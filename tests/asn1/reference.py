@@ -20,7 +20,7 @@ class Encoder:
         self._schema = schema
         self._known: dict[tuple[str, str], Encode] = {}
 
-    def encode(self, pdu: t.Reference, value: Any) -> bytes:
+    def encode(self, pdu: t.Type, value: Any) -> bytes:
         bits = Bits()
         self.encoder(pdu)(bits, value)
         return bits.octets()

@@ -5,7 +5,7 @@ allows: asn1tools and pycrate give the same octets, and read ours as the same va
 """
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
@@ -19,7 +19,7 @@ from tests.asn1.reach import pruned
 from tests.asn1.reference import Encoder
 from tests.asn1.values import Values
 
-ORACLES = {"asn1tools": Asn1tools, "pycrate": Pycrate}
+ORACLES: dict[str, Callable[[t.Schema, t.Reference], Oracle]] = {"asn1tools": Asn1tools, "pycrate": Pycrate}
 EXAMPLES = 3  # of what nothing explains, a message
 BATCH = 500  # messages a run of tshark
 

@@ -31,7 +31,7 @@ COLUMNS = "{:<16}{:>10}{:>10}{:>19}{:>17}{:>15}{:>11}{:>13}"
 class Task(NamedTuple):
     message: str
     seed: int
-    count: int
+    values: int
     every: tuple[tuple[str, int], ...]
 
 
@@ -62,7 +62,7 @@ def trial(name: str, rates: tuple[tuple[str, int], ...]) -> Trial:
 
 
 def run(task: Task) -> tuple[str, Tally]:
-    return task.message, trial(task.message, task.every).run(task.seed, task.count)
+    return task.message, trial(task.message, task.every).run(task.seed, task.values)
 
 
 def tasks(messages: list[t.Message], count: int, rates: dict[str, int]) -> Iterator[Task]:

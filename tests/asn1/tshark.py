@@ -67,11 +67,11 @@ def is_same(read: list[str] | None, written: list[str | None]) -> bool:
 def _packets(tshark: "subprocess.Popen[bytes]") -> Iterator[list[str] | None]:
     """Its XML is not well-formed where a string is not: octets that are no UTF-8, control characters."""
     assert tshark.stdout is not None
-    parser = ElementTree.XMLPullParser()
+    parser: Any = ElementTree.XMLPullParser(["end"])
     for line in tshark.stdout:
         parser.feed(CONTROLS.sub("", line.decode(errors="replace")))
         for _, element in parser.read_events():
-            if element.tag == "packet":
+            if isinstance(element, ElementTree.Element) and element.tag == "packet":
                 yield _leaves(element)
                 element.clear()
 

@@ -39,7 +39,8 @@ class Values:
         self._mood = Mood(seed)
         self._knows_more, self._is_long = knows_more, is_long
         self._named: dict[tuple[str, str], Make] = {}
-        self._costs = self._all_costs(pdu)
+        self._costs: dict[tuple[str, str], int] = {}
+        self._settle_costs(pdu)
         self._omitted: list[tuple[Holder, str, t.Default]] = []
         self._make = self._maker(pdu)
 
@@ -61,8 +62,7 @@ class Values:
 
     # ---------------------------------------------------------------- what a type costs
 
-    def _all_costs(self, pdu: t.Type) -> dict[tuple[str, str], int]:
-        self._costs: dict[tuple[str, str], int] = {}
+    def _settle_costs(self, pdu: t.Type) -> None:
         names = [key for key in reached(self._schema, pdu) if key[1] in self._schema.modules[key[0]].definitions]
         is_settled = False
         while not is_settled:
@@ -70,7 +70,6 @@ class Values:
             for module, name in names:
                 self._costs[module, name] = self._cost(self._schema.modules[module].definitions[name].type)
             is_settled = before == self._costs
-        return self._costs
 
     def _cost(self, type_: t.Type) -> int:
         match type_:
