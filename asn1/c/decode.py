@@ -111,7 +111,7 @@ class _Decoder(Body):
                 self.enumerated(node, to)
             case Kind.SMALL_BITS:
                 type_ = value_type(node)
-                self.number(node.size, lambda bits: self.put(f"{to} = ({type_})({bits});"))
+                self.number(node.size, lambda bits: self.put(f"{to} = ({type_}){bits};"))
             case Kind.FIXED_OCTETS:
                 self.call(f"captain_get_octets(r, at, {to}, {node.size})")
             case Kind.SEQUENCE if is_flat(node):
@@ -154,11 +154,11 @@ class _Decoder(Body):
         if bits == "x":
             self.limit("x", high - low, width, "CAPTAIN_RANGE")
         if low == 0:
-            self.put(f"{to} = ({type_})({bits});")
+            self.put(f"{to} = ({type_}){bits};")
         elif low > 0:
             self.put(f"{to} = ({type_})({bits} + {unsigned(low)});")
         else:
-            self.put(f"{to} = ({type_})((int64_t)({bits}) + {literal(low)});")
+            self.put(f"{to} = ({type_})((int64_t){bits} + {literal(low)});")
 
     def unbounded(self, node: Node, to: str) -> None:
         """At one end or both. int64_t in memory."""
@@ -212,7 +212,7 @@ class _Decoder(Body):
             if first is None:
                 self.put(f"{to} = (int32_t){node.c_name}_type.names[{bits}].value;")
             else:
-                self.put(f"{to} = (int32_t)({bits}){f' + {first}' if first else ''};")
+                self.put(f"{to} = (int32_t){bits}{f' + {first}' if first else ''};")
 
         def root() -> None:
             self.add(width, use)
@@ -386,7 +386,7 @@ class _Decoder(Body):
                     bits = "x"
                 if bits == "x":
                     self.limit("x", (high or 0) - low, width, "CAPTAIN_SIZE")
-                self.put(f"v->count = (uint32_t)({bits}){f' + {low}' if low else ''};")
+                self.put(f"v->count = (uint32_t){bits}{f' + {low}' if low else ''};")
             else:
                 self.put(f"v->count = {low};")
 
@@ -444,7 +444,7 @@ def _bits(done: int, width: int) -> str:
     if width == 0:
         return "UINT64_C(0)"
     if done == 0:
-        return f"word >> {shift}"
+        return f"(word >> {shift})"
     shifted = f"word >> {shift}" if shift else "word"
     return f"({shifted} & {(1 << width) - 1:#x})"
 
