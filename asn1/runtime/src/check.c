@@ -30,10 +30,9 @@ captain_status captain_check_text(const captain_type *type, bool in_root, const 
         unsigned code = (unsigned char)text[i];
         if (captain_walk_has_character(type, in_root, code))
             continue;
-        bool is_plain = code > 32 && code < 127;
-        return captain_walk_refuse(report, path, 0, CAPTAIN_ALPHABET, "character %u, %s%c%scode %u, is not in the alphabet of %s",
-                              i + 1, is_plain ? "\"" : "", is_plain ? (int)code : ' ', is_plain ? "\", " : "", code,
-                              captain_type_text(type));
+        char shown[8] = {'"', (char)code, '"', ',', ' ', 0};
+        return captain_walk_refuse(report, path, 0, CAPTAIN_ALPHABET, "character %u, %scode %u, is not in the alphabet of %s",
+                                   i + 1, code > 32 && code < 127 ? shown : "", code, captain_type_text(type));
     }
     return CAPTAIN_OK;
 }

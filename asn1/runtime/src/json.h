@@ -16,9 +16,9 @@ typedef struct json {
     unsigned depth;
 } json;
 
-/* A string that has been looked through: `from` is behind its quote, `octets` how many UTF-8 ones it stands for. */
+/* A string that has been looked through, without its quotes; octets: how many UTF-8 ones it stands for. */
 typedef struct json_string {
-    const char *from;
+    const char *from, *until;
     size_t octets;
 } json_string;
 

@@ -300,7 +300,7 @@ static size_t brackets_to_octets(const captain_text *text, uint8_t *to)
     for (size_t i = 0; i < digits; i++)
         if (hex_digit(text->text[1 + i]) < 0)
             return SIZE_MAX;
-    json_string string = {text->text + 1, digits};
+    json_string string = {text->text + 1, text->text + 1 + digits, digits};
     copy_hex(&string, to);
     return count;
 }

@@ -131,7 +131,7 @@ captain_status json_take_string(json *from, json_string *string, const char *exp
 {
     TRY(json_expect(from, '"', expected));
     const char *at = from->next;
-    *string = (json_string){at, 0};
+    *string = (json_string){at, at, 0};
     captain_utf8 utf8 = {0};
     while (at < from->end && *at != '"') {
         uint32_t code;
@@ -148,7 +148,7 @@ captain_status json_take_string(json *from, json_string *string, const char *exp
             string->octets++;
         }
     }
-    from->next = at;
+    from->next = string->until = at;
     if (at == from->end || utf8.left > 0)
         return json_refuse_found(from, CAPTAIN_SYNTAX, "the end of a string");
     from->next++;
@@ -157,7 +157,7 @@ captain_status json_take_string(json *from, json_string *string, const char *exp
 
 void json_copy(const json_string *string, char *text)
 {
-    const char *at = string->from, *end = (const char *)UINTPTR_MAX; /* looked through: every escape is whole */
+    const char *at = string->from;
     for (size_t i = 0; i < string->octets;) {
         uint32_t code;
         if (*at != '\\') {
@@ -165,7 +165,7 @@ void json_copy(const json_string *string, char *text)
             continue;
         }
         at++;
-        take_escape(&at, end, &code);
+        take_escape(&at, string->until, &code);
         i += put_utf8(code, text + i);
     }
 }
