@@ -106,8 +106,8 @@ def _contents(schema: Schema, section: Section) -> Iterator[str]:
             yield from _table(("alternative", "type", "values", "unit", ""), rows)
         case OpenType():
             table = schema.modules[type_.set_.module].sets[type_.set_.name]
-            rows = [(str(row.value), type_name(row.type, _link)) for row in table.rows]
-            yield from _table((f"`{type_.selector}`", "type"), rows)
+            held = [(str(row.value), type_name(row.type, _link)) for row in table.rows]
+            yield from _table((f"`{type_.selector}`", "type"), held)
         case Integer(names=names) | BitString(names=names):
             yield from _named(names, "bit" if isinstance(type_, BitString) else "value")
         case Enumerated():
