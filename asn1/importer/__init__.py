@@ -14,26 +14,26 @@ from asn1.importer.fault import ImportFault, Place, Problem
 from asn1.importer.module_parser import parse
 from asn1.importer.program import Source
 from asn1.importer.resolver import Resolver
-from asn1.importer.units import read_units
+from asn1.importer.units import UNITS, read_units
 
 __all__ = ["ImportFault", "check", "import_modules", "write_schema"]
 
 
-def import_modules(directory: Path) -> types.Schema:
+def import_modules(directory: Path, table: Path = text.EDITIONS, units_table: Path = UNITS) -> types.Schema:
     """The schema of every edition whose files are in the directory, as editions.toml says where.
 
     Editions without files there are left out, with their messages. Raises ImportFault with every problem, or OSError.
     """
-    editions = read_editions()
+    editions = read_editions(table)
     found = _present(editions, directory)
     sources = {key: one.source for key, one in found.items()}
     _check_imports(editions, sources)
     messages = {name: one for name, one in editions.messages.items() if one.pdu.module in sources}
     if not messages:
-        raise ImportFault([Problem(Place(str(directory), 1), "none of the files that editions.toml names is here")])
-    place = Place("editions.toml", 1)
+        raise ImportFault([Problem(Place(str(directory), 1), f"none of the files that {table.name} names is here")])
+    place = Place(table.name, 1)
     roots = [(one.pdu.module, one.pdu.name, place) for one in messages.values()]
-    units = read_units()
+    units = read_units(units_table)
     resolved = Resolver(sources, units).resolve(roots)
     modules = {
         key: types.Module(
@@ -46,7 +46,7 @@ def import_modules(directory: Path) -> types.Schema:
     modules = {key: units.add(module, donors[key]) for key, module in modules.items()}
     unused = units.unused(modules)
     if unused:
-        raise ImportFault([Problem(Place("units.toml", 1), f"there is no {one}") for one in unused])
+        raise ImportFault([Problem(Place(units_table.name, 1), f"there is no {one}") for one in unused])
     return types.Schema(modules, messages)
 
 

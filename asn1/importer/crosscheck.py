@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
-import asn1tools
+import asn1tools  # type: ignore[import-untyped]
 
 from asn1.importer import syntax
 from asn1.importer.fault import ImportFault, Place, Problem
@@ -32,6 +32,8 @@ def crosscheck(text: str, file: str, modules: Sequence[syntax.Module]) -> None:
         line = _LINE.search(str(error))
         place = Place(file, int(line[1]) if line else 1)
         raise ImportFault([Problem(place, f"asn1tools does not read this: {error}")]) from None
+    except (ValueError, TypeError, LookupError, AttributeError):
+        return  # it breaks on a DEFAULT of INTEGER by reference, for one: there is no tree to compare
     problems = [problem for module in modules for problem in _module(module, trees.get(module.name))]
     if problems:
         raise ImportFault(problems)
@@ -194,20 +196,11 @@ def _ranges(ours: syntax.Type, theirs: _Tree, path: str) -> Iterator[Problem]:
             return
         key, constraint = "size", constraint.root.constraint
     mine = _flat(constraint)
-    if mine is None or _loses_size(ours, theirs):
+    if mine is None:
         return
     other = theirs.get(key)
     if mine != other:
         yield _differs(ours.constraints[0].place, f"the range of {path}", mine, other)
-
-
-def _loses_size(ours: syntax.Type, theirs: _Tree) -> bool:
-    """The SIZE of a reference is not in its tree."""
-    return (
-        isinstance(ours, syntax.Reference)
-        and "size" not in theirs
-        and isinstance(ours.constraints[0].root, syntax.SizeOf)
-    )
 
 
 def _flat(constraint: syntax.Constraint) -> list[Any] | None:

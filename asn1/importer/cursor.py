@@ -51,7 +51,7 @@ class Cursor:
         """Moves behind this token, which has to be next. Returns its place."""
         place = self.place
         if not self.takes(text):
-            self.refuse(text, clause)
+            self.refuse(repr(text), clause)
         return place
 
     def sees_reference(self) -> bool:

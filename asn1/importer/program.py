@@ -1,5 +1,6 @@
 """All modules of an import together: what a name means where it stands."""
 
+import dataclasses
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -74,14 +75,20 @@ class Program:
         raise fault(place, f"{name} is neither defined nor imported")
 
     def actual(self, actual: syntax.Actual, scope: Scope) -> Bound:
-        """What an actual parameter stands for: where it is a formal one of the template around it, that one's."""
+        """What an actual parameter stands for: where it is a formal one of the template around it, that one's.
+
+        Its text gets the actual parameters around it put in, so that it names the instance.
+        """
         name = actual.set_
         match actual.type, actual.value:
             case syntax.Reference(module=None, actuals=None, constraints=()) as reference, _:
                 name = reference.name
             case _, syntax.Word(module=None) as word:
                 name = word.name
-        return scope.bound.get(name or "", Bound(actual, scope))
+        closed = " ".join(
+            scope.bound[word].actual.text if word in scope.bound else word for word in actual.text.split()
+        )
+        return scope.bound.get(name or "", Bound(dataclasses.replace(actual, text=closed), scope))
 
     def instance(self, reference: syntax.Reference, scope: Scope, assignment: syntax.Assignment, key: str) -> Scope:
         """The scope inside the template that a reference with actual parameters names."""

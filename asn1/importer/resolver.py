@@ -3,14 +3,15 @@
 Nothing is resolved that no message reaches, so that a construct that we do not know stops only whoever needs it.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import NamedTuple
 
 from asn1 import types
 from asn1.importer import syntax, values
 from asn1.importer.fault import ImportFault, Place, Problem, fault
 from asn1.importer.objects import Objects
-from asn1.importer.program import Program, Scope, Source, Typed, instance_name
+from asn1.importer.program import Bound, Program, Scope, Source, Typed, instance_name
 from asn1.importer.sets import Constraints
 from asn1.importer.tags import canonical
 from asn1.importer.units import Units
@@ -29,6 +30,9 @@ _UNSUPPORTED_CLAUSES = {
     "TIME-OF-DAY": "X.680 38", "DATE-TIME": "X.680 38", "DURATION": "X.680 38", "GeneralizedTime": "X.680 46",
     "UTCTime": "X.680 47", "ObjectDescriptor": "X.680 48",
 }  # fmt: skip
+
+# The longest name of an instance in the standards has 45 characters; a template that instantiates itself has no longest.
+MAX_NAME = 250
 
 
 class Resolved(NamedTuple):
@@ -63,17 +67,21 @@ class Resolver:
     def resolve(self, roots: Iterable[tuple[str, str, Place]]) -> dict[str, Resolved]:
         """What the roots (key, name, who asks) reach, by key. Raises ImportFault with every problem on the way."""
         for key, name, place in roots:
-            self._catch(lambda key=key, name=name, place=place: self._reach(Scope(key), name, place))  # type: ignore[misc]
+            with self._noted():
+                self._reach(Scope(key), name, place)
         while self._open:
             key, name = self._open.pop()
-            self._catch(lambda key=key, name=name: self._define(key, name))  # type: ignore[misc]
+            with self._noted():
+                self._define(key, name)
         if self._problems:
             raise ImportFault(self._problems)
         return self._in_order()
 
-    def _catch(self, call: "object") -> None:
+    @contextmanager
+    def _noted(self) -> Iterator[None]:
+        """Problems of one definition do not keep the others from being told."""
         try:
-            call()  # type: ignore[operator]
+            yield
         except ImportFault as error:
             self._problems += error.problems
 
@@ -96,6 +104,7 @@ class Resolver:
         assignment, scope, _ = self._wanted[key, name]
         match assignment:
             case syntax.TypeAssignment():
+                self._program.base(Typed(assignment.type, scope))  # refuses a type that is only itself
                 unit = self._units.normal(assignment.unit)
                 self._done[key, name] = types.Definition(name, self._type(assignment.type, scope), unit)
             case syntax.ClassAssignment():
@@ -197,8 +206,11 @@ class Resolver:
         if not inside.bound:
             found = self._want(key, text.name, _Wanted(assignment, inside))
         else:
-            actuals = tuple((one.scope.key, one.actual.text) for one in inside.bound.values())
-            found = self._want(key, instance_name(text.name, inside), _Wanted(assignment, inside, actuals))
+            actuals = tuple(_identity(one) for one in inside.bound.values())
+            name = instance_name(text.name, inside)
+            if len(name) > MAX_NAME:
+                raise fault(text.place, f"instances of {text.name} have no end", "X.683 9")
+            found = self._want(key, name, _Wanted(assignment, inside, actuals))
         return types.Reference(module=found.module, name=found.name, constraints=constraints)
 
     def _parameter(self, text: syntax.Reference, scope: Scope, constraints: tuple[types.Constraint, ...]) -> types.Type:
@@ -229,6 +241,11 @@ class Resolver:
             bound = scope.bound[name]
             return self._reach(bound.scope, bound.actual.text, bound.actual.place)
         return self._reach(scope, name, text.place)
+
+
+def _identity(bound: Bound) -> tuple[object, ...]:
+    """The text of an actual parameter, and the modules in which its names are looked up."""
+    return bound.scope.key, bound.actual.text, *(one.scope.key for one in bound.scope.bound.values())
 
 
 def _plain(text: syntax.Plain, constraints: tuple[types.Constraint, ...]) -> types.Type:

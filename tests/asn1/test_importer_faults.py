@@ -1,0 +1,177 @@
+"""What cannot be imported is said with file, line, construct and clause, all of it at once."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from asn1.importer.fault import ImportFault
+from tests.asn1.importing import imported, module, problems
+
+
+@pytest.mark.parametrize(
+    ("body", "problem"),
+    [
+        ("A ::= REAL", "REAL (X.680 21)"),
+        ("A ::= SET { a NULL }", "SET (X.680 27)"),
+        ("A ::= BMPString", "BMPString (X.680 41)"),
+        ("A ::= GeneralizedTime", "GeneralizedTime (X.680 46)"),
+        ("A ::= UTF8String (PATTERN \"x\")", "PATTERN (X.680 51.9)"),
+        ("A ::= OCTET STRING (CONSTRAINED BY {})", "CONSTRAINED (X.682 9)"),
+        ("A ::= INTEGER (0..5, ... ! 3)", "an exception identifier (X.680 53)"),
+        ("A ::= INTEGER (1.5)", "a REAL value (X.680 21)"),
+        ("A ::= INSTANCE OF B", "INSTANCE (X.680 17)"),
+        ("A ::= SEQUENCE OF a NULL", "a list with a named element (X.680 26.1)"),
+        ("A ::= B", "B is neither defined nor imported"),
+        ("A ::= INTEGER (0..b)", "b is neither defined nor imported"),
+        ("A ::= INTEGER (5..2)", "the range 5..2 is empty (X.680 51.4)"),
+        ("A ::= IA5String (\"abc\")", "a constraint by values that are no numbers (X.680 51.2)"),
+        ("A ::= SEQUENCE { a NULL, a NULL }", "two components are called a (X.680 25.11)"),
+        ("A ::= CHOICE { a [1] NULL, b [1] NULL }", "two alternatives have the same tag (X.680 29.3)"),
+        ("A ::= ENUMERATED { a(1), b(1) }", "two items of an ENUMERATED are the same (X.680 20.4)"),
+        ("A ::= ENUMERATED { a, ..., b(5), c(2) }", "c: additions have to ascend (X.680 20.5)"),
+        ("A ::= SEQUENCE { a NULL } (WITH COMPONENTS {b ABSENT})", "there is no component b (X.680 51.8.5)"),
+        ("A ::= INTEGER (WITH COMPONENT (1))", "WITH COMPONENT of what is no list (X.680 51.8.3)"),
+        ("A ::= SEQUENCE { a BOOLEAN DEFAULT { } }", "a DEFAULT of this type (X.680 25.9)"),
+        ("A ::= A", "a type that is only itself (X.680 3.8.41)"),
+        ("A ::= SEQUENCE { a CLS.&Type } CLS ::= CLASS { &id INTEGER, &Type }", "an open type without a table constraint (X.682 10)"),
+        ("A ::= CLS.&id({S}) CLS ::= CLASS { &a INTEGER, &b INTEGER } S CLS ::= {...}", "CLS has no field &id (X.681 14)"),
+        ("A ::= INTEGER (0..5", "expected ')', found 'END' (X.680 49.6)"),
+        ("A ::= INTEGER ~", "'~' begins nothing of ASN.1 (X.680 12)"),
+        ("A ::= INTEGER /* for ever", "this comment does not end (X.680 12.6.4)"),
+        ("A ::= NULL\nA ::= NULL", "A is defined twice (X.680 13.3)"),
+    ],
+)  # fmt: skip
+def test_a_construct_that_is_not_imported_is_named_with_its_place(body: str, problem: str) -> None:
+    lines = problems(module(body))
+    assert lines[0].removeprefix("m.asn:2: ").removeprefix("m.asn:3: ") == problem
+
+
+def test_every_problem_is_told_at_once_in_the_order_of_the_lines() -> None:
+    text = module("A ::= SEQUENCE { b B, c C, d D }\nB ::= REAL\nC ::= SET {}\nD ::= E\nF ::= REAL")
+    assert problems(text) == [
+        "m.asn:3: REAL (X.680 21)",
+        "m.asn:4: SET (X.680 27)",
+        "m.asn:5: E is neither defined nor imported",
+    ]
+
+
+def test_reading_goes_on_behind_what_cannot_be_read() -> None:
+    text = module("A ::= SEQUENCE { 5 }\nB ::= NULL\nC ::= INTEGER (0..)\nD { X } ::= NULL ;")
+    assert [line.split(":")[1] for line in problems(text)] == ["2", "4", "5"]
+
+
+def test_an_import_from_a_module_that_is_not_there_names_the_line_of_the_import() -> None:
+    text = module("A ::= B", imports="IMPORTS\nB\nFROM Nowhere {1 2};")
+    assert problems(text) == ["m.asn:3: no module Nowhere to import B from"]
+
+
+def test_a_text_without_a_module_is_no_text() -> None:
+    assert problems("-- only a comment") == ["m.asn:1: no module in this file (X.680 13.1)"]
+
+
+def test_deep_nesting_ends_in_a_fault() -> None:
+    assert problems(module("A ::= " + "SEQUENCE OF " * 5000 + "NULL")) == ["m.asn:2: nested deeper than 60"]
+    assert problems(module("A ::= INTEGER " + "(" * 5000)) == ["m.asn:2: nested deeper than 60"]
+
+
+def test_a_template_without_end_ends_in_a_fault() -> None:
+    text = module("A ::= T { NULL }\nT { X } ::= SEQUENCE { a T { SEQUENCE OF X } OPTIONAL }")
+    assert problems(text) == ["m.asn:3: instances of T have no end (X.683 9)"]
+
+
+def test_a_number_of_thousands_of_digits_ends_in_a_fault() -> None:
+    assert problems(module(f"A ::= INTEGER (0..{'9' * 9999})")) == ["m.asn:2: a number of 9999 digits"]
+
+
+WORDS = [
+    "A",
+    "B",
+    "CLS",
+    "M",
+    "a",
+    "b",
+    "x",
+    "0",
+    "7",
+    "::=",
+    "...",
+    "..",
+    "[[",
+    "]]",
+    "[",
+    "]",
+    "{",
+    "}",
+    "(",
+    ")",
+    ",",
+    ";",
+    ":",
+    "|",
+    "^",
+    "@",
+    ".",
+    "!",
+    "<",
+    "-",
+    "BEGIN",
+    "END",
+    "DEFINITIONS",
+    "AUTOMATIC",
+    "TAGS",
+    "IMPORTS",
+    "FROM",
+    "SEQUENCE",
+    "CHOICE",
+    "SET",
+    "OF",
+    "SIZE",
+    "INTEGER",
+    "BIT",
+    "STRING",
+    "OCTET",
+    "ENUMERATED",
+    "NULL",
+    "OPTIONAL",
+    "DEFAULT",
+    "WITH",
+    "COMPONENT",
+    "COMPONENTS",
+    "PRESENT",
+    "ALL",
+    "EXCEPT",
+    "CONTAINING",
+    "CLASS",
+    "&id",
+    "&Type",
+    "SYNTAX",
+    "IDENTIFIED",
+    "BY",
+    "UNIQUE",
+    "MIN",
+    "MAX",
+    "TRUE",
+    "'01'B",
+    "'AF'H",
+    '"text"',
+    "--",
+    "/*",
+    "*/",
+]
+
+
+@given(text=st.lists(st.sampled_from([*WORDS, "\n"]), max_size=60).map(" ".join))
+def test_words_in_any_order_are_taken_or_refused_cleanly(text: str) -> None:
+    try:
+        imported(module(text))
+    except ImportFault as error:
+        assert all(problem.place.line >= 1 for problem in error.problems)
+
+
+@given(text=st.text(max_size=200))
+def test_any_text_is_taken_or_refused_cleanly(text: str) -> None:
+    for whole in (text, module(text), module("A ::= " + text)):
+        try:
+            imported(whole)
+        except ImportFault as error:
+            assert error.problems
