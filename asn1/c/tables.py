@@ -119,6 +119,8 @@ def _flags(node: Node) -> Iterator[str]:
         yield "SIGNED"
     if node.kind in (Kind.BIT_STRING, Kind.SMALL_BITS) and node.names:
         yield "NAMED_BITS"
+    if node.recurs:
+        yield "RECURS"
 
 
 def _bounds(node: Node) -> Iterator[tuple[str, str]]:
