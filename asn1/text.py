@@ -33,6 +33,7 @@ from asn1.constraint_text import Words, constraint_text, read_constraint
 FOLDER = Path(__file__).parent
 SCHEMA = FOLDER / "schema"
 EDITIONS = FOLDER / "editions.toml"
+_NAMED = re.compile(r"([a-z][A-Za-z0-9-]*) = (-?[0-9]+)")
 _IDENTIFIER = re.compile(r"[a-z][A-Za-z0-9-]*")
 
 
@@ -341,17 +342,14 @@ class _Reader:
         return tuple(found)
 
     def _names(self, lines: list[_Line]) -> tuple[types.Named, ...]:
-        found: list[types.Named] = []
-        for name, words in ((line, self._words_of_name(line)) for line in lines):
-            found.append(types.Named(name.text.partition(" = ")[0], words))
-        return tuple(found)
+        return tuple(self._named(line) for line in lines)
 
-    def _words_of_name(self, line: _Line) -> int:
+    def _named(self, line: _Line) -> types.Named:
         self.number = line.number
-        name, _, value = line.text.partition(" = ")
-        if not _IDENTIFIER.fullmatch(name) or line.below:
+        match = _NAMED.fullmatch(line.text)
+        if match is None or line.below:
             raise ValueError(f"{line.text!r} is no name = number")
-        return int(value)
+        return types.Named(match[1], int(match[2]))
 
     def _structure(
         self, word: str, below: list[_Line], constraints: tuple[types.Constraint, ...]

@@ -31,7 +31,7 @@ _UNSUPPORTED_CLAUSES = {
     "UTCTime": "X.680 47", "ObjectDescriptor": "X.680 48",
 }  # fmt: skip
 
-# The longest name of an instance in the standards has 45 characters; a template that instantiates itself has no longest.
+# The longest name of an instance in the standards has 45 characters; one that instantiates itself has no longest.
 MAX_NAME = 250
 
 
