@@ -57,7 +57,10 @@ def _packet(case: Case) -> str:
 def _legacy_vam(case: Case) -> str:
     if case.octets[1] != topics.LEGACY_VAM:
         return ""
-    return f"messageID {topics.LEGACY_VAM} is what older boxes gave VAM, before the standard had one: other editions"
+    return (
+        f"messageID {topics.LEGACY_VAM} is what older boxes gave VAM before the standard had a number for it: theirs "
+        "may be of an edition that the library does not have"
+    )
 
 
 def _cut_off(case: Case) -> str:
@@ -110,17 +113,19 @@ def _unknown_number(case: Case) -> str:
     if any(case.octets[1] in one.ids for one in case.known):
         return ""
     name = _TYPES.by_number[case.octets[1]].name
-    named = f", which is {name}" if name else ""
-    return f"the library has no message of messageID {case.octets[1]}{named}: `captain decode --list` shows what it has"
+    lacking = f"it is {name}, which the library does not have: " if name else ""
+    return f"{lacking}`captain decode --list` shows what there is; --edition takes it for one whatever its header says"
 
 
 def _other_release(case: Case) -> str:
     versions = sorted({version for one in case.known if case.octets[1] in one.ids for version in one.versions})
     if not versions or case.octets[0] in versions:
         return ""
+    known = " and ".join(map(str, versions))
+    cut_off = _cut_off(case)
     return (
-        f"it is of another release: protocolVersion is {case.octets[0]}, and the library has this message with "
-        f"{' and '.join(map(str, versions))}"
+        f"it is of another release: protocolVersion is {case.octets[0]}, and the library has this message with {known}"
+        + (f"; or {cut_off}" if cut_off else "")
     )
 
 

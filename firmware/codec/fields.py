@@ -19,7 +19,7 @@ def glance(message: Message, octets: bytes) -> str:
     """What a glance at a message of its type should see. Raises ValueError where it does not decode."""
     value = message.decode(octets)
     parts = (look(value, message, octets) for look in LOOKS.get(message.type, (_position,)))
-    return "  ".join(part for part in parts if part)
+    return " ".join(part for part in parts if part)
 
 
 def chosen(steps: Iterable[Step], names: Sequence[str]) -> dict[str, str]:
@@ -34,6 +34,21 @@ def chosen(steps: Iterable[Step], names: Sequence[str]) -> dict[str, str]:
         if step.what == "value" and any(name in path for name in wanted):
             found[step.path] = f"{step.text} {step.unit}" if step.unit else step.text
     return found
+
+
+def brief(values: Mapping[str, str], names: Sequence[str]) -> dict[str, str]:
+    """The values of chosen() by the end of their path from the name on; whole paths where two ends are the same."""
+    ends = [_end(path, names) for path in values]
+    return dict(zip(ends, values.values(), strict=True)) if len(set(ends)) == len(ends) else dict(values)
+
+
+def _end(path: str, names: Sequence[str]) -> str:
+    parts = path.split(".")
+    for at in range(len(parts)):
+        rest = ".".join(parts[at:])
+        if any(f"{_INDEX.sub('', rest)}.".startswith(f"{name.strip('.')}.") for name in names):
+            return rest
+    return path
 
 
 # -- what is looked at, by type

@@ -10,7 +10,7 @@ from firmware.codec.arguments import FORMS_HELP, add_edition, add_input, print_j
 from firmware.codec.decoding import Decoder, error_record, record
 from firmware.codec.library import Message
 from firmware.codec.reading import Item, Object, Pdu, pdu_of
-from firmware.codec.showing import tree
+from firmware.codec.showing import room, tree
 from firmware.user.table import Table, plain, width_of
 
 DESCRIPTION = f"""\
@@ -104,7 +104,7 @@ def _list(known: list[Message], is_json: bool) -> None:
         for message in known
     ]
     title = f"{len(known)} messages; of one type the preferred edition first"
-    print("\n".join(plain(Table(title, heads, rows), width_of(sys.stdout))))
+    print("\n".join(plain(Table(title, heads, rows), room())))
 
 
 def _numbers(numbers: Sequence[int]) -> str:

@@ -1,7 +1,6 @@
 """captain explain: a message bit by bit."""
 
 import argparse
-import sys
 from collections.abc import Sequence
 
 from board.errors import RequestError
@@ -10,7 +9,8 @@ from firmware.codec.arguments import FORMS_HELP, add_edition, add_input, print_j
 from firmware.codec.decoding import Decoder, UndecodableError, error_record
 from firmware.codec.library import Message
 from firmware.codec.reading import Item, Object, Pdu, pdu_of
-from firmware.user.table import Table, clean, plain, width_of
+from firmware.codec.showing import room
+from firmware.user.table import Table, clean, plain
 
 DESCRIPTION = f"""\
 Shows what every bit of a message says: offset, width, the bits, the field, its
@@ -39,7 +39,6 @@ exit codes:
   130  Ctrl-C
 """
 HEADS = (">bit", ">width", "bits", "field", "value", "X.691")
-WIDEST = 1000  # columns
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -91,9 +90,7 @@ def _show(pdu: Pdu, message: Message, note: str, is_json: bool) -> None:
             print_json({key: value for key, value in told.items() if key != "depth"})
         return
     title = f"{message.name}: {message.standard}, {len(pdu.octets)} octets, {pdu.origin}"
-    # A file has room for everything.
-    width = width_of(sys.stdout) if sys.stdout.isatty() else WIDEST
-    print("\n".join([*plain(Table(title, HEADS, _cells(rows), [note]), width), ""]), flush=True)
+    print("\n".join([*plain(Table(title, HEADS, _cells(rows), [note]), room()), ""]), flush=True)
 
 
 def _cells(rows: Sequence[bits.Row]) -> list[tuple[str, ...]]:

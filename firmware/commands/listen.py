@@ -222,7 +222,7 @@ def _line(message: Message, decoder: Decoder, names: list[str]) -> str:
         found = decoder.identify(pdu, is_quick=True).message
     except UndecodableError as error:
         return _refused(error)
-    values = fields.chosen(found.explain(pdu.octets), names)
+    values = fields.brief(fields.chosen(found.explain(pdu.octets), names), names)
     told = "  ".join(f"{path}={value}" for path, value in values.items())
     return clean(f"{pdu.origin}: {told or 'it has none of these'}")
 

@@ -47,7 +47,7 @@ def test_the_legacy_number_of_vam_is_told():
 
 def test_a_message_that_the_library_does_not_have_is_told_by_name():
     told = cause(octets(DOOR, 200, 200, 200, number=12))
-    assert told.startswith("the library has no message of messageID 12, which is saem: ")
+    assert told.startswith("it is saem, which the library does not have: `captain decode --list`")
 
 
 def test_a_btp_header_in_front_is_seen():

@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware.codec.fields import LOOKS, chosen, glance
+from firmware.codec.fields import LOOKS, brief, chosen, glance
 from tests.firmware.codec.standin import Message, Step
 
 HIGH = {"heading": {"headingValue": 900}, "speed": {"speedValue": 1394, "speedConfidence": 1}}
@@ -38,12 +38,12 @@ def cam(latitude: int = 487668616, **high: object) -> dict[str, object]:
 
 
 def test_a_cam_says_position_speed_and_heading():
-    assert fixed("cam", cam()) == "48.76686 11.43207  13.9 m/s  90 deg"
+    assert fixed("cam", cam()) == "48.76686 11.43207 13.9 m/s 90 deg"
 
 
 def test_what_is_not_known_is_said_to_be():
     unknown = cam(900000001, speed={"speedValue": 16383}, heading={"headingValue": 3601})
-    assert fixed("cam", unknown) == "no position  speed?"
+    assert fixed("cam", unknown) == "no position speed?"
 
 
 def test_a_denm_of_release_1_says_its_cause_with_its_name():
@@ -107,3 +107,17 @@ STEPS = [
 )
 def test_a_field_is_named_by_a_part_of_its_path(name, values):
     assert list(chosen(STEPS, [name]).values()) == values
+
+
+@pytest.mark.parametrize(
+    ("name", "labels"),
+    [
+        ("latitude", ["latitude"]),
+        ("referencePosition", ["referencePosition.latitude"]),
+        ("objects", ["objects[0].speed", "objects[1].speed", "objects[1].speedConfidence"]),
+        ("speed", ["objects[0].speed", "objects[1].speed"]),
+        ("speedConfidence", ["speedConfidence"]),
+    ],
+)
+def test_a_label_is_as_long_as_it_has_to_be(name, labels):
+    assert list(brief(chosen(STEPS, [name]), [name])) == labels
