@@ -3,6 +3,7 @@
 import json
 from collections.abc import Sequence
 
+from board.describe import remedy
 from board.errors import RequestError
 from firmware.codec.library import Message
 from firmware.codec.reading import Object
@@ -43,9 +44,8 @@ def _chosen(one: Object, edition: str, known: Sequence[Message], asked: str | No
             f"{one.origin}: edition: {edition} is not {asked}",
             "editions are not converted into each other: leave out --edition, or change the object's",
         )
-    raise RequestError(
-        f"{one.origin}: edition: {edition!r} is no message of the library", "see `captain decode --list`"
-    )
+    names = [message.name for message in known]
+    raise RequestError(f"{one.origin}: edition: {edition!r} is no message of the library", remedy(edition, names))
 
 
 def _octets(message: Message, value: object, origin: str) -> bytes:

@@ -130,7 +130,8 @@ class Reader:
             self.skipped[found.what] += 1
             return
         whole = frame.octets if frame.link == capture.ETHERNET else b""
-        yield Pdu(found.pdu, origin, found.btp_port, frame.when_ns, str(found), whole)
+        when = frame.when_ns or None  # 1970 is what is written where no time is known
+        yield Pdu(found.pdu, origin, found.btp_port, when, str(found), whole)
 
     def _lines(self, lines: Iterable[bytes], where: str, is_one: bool = False) -> Iterator[Item]:
         """Lines of text; those of an object in JSON belong together."""
