@@ -37,7 +37,7 @@ class Step(NamedTuple):
 
 def build() -> Path:
     """The program, made anew where a source is younger."""
-    sources = sorted(RUNTIME.glob("src/*.c")) + sorted(PROGRAM.glob("*.c"))
+    sources = sorted(RUNTIME.glob("src/*.c")) + [PROGRAM / "every.c", PROGRAM / "walk_main.c"]
     headers = [*RUNTIME.glob("src/*.h"), *RUNTIME.glob("include/captain/*.h"), *PROGRAM.glob("*.h")]
     newest = max(path.stat().st_mtime for path in headers)
     BUILD.mkdir(parents=True, exist_ok=True)

@@ -237,11 +237,14 @@ static captain_status explain_value(explain *to, explain_node *node)
 {
     if (node->type->kind < CAPTAIN_SEQUENCE)
         return explain_simple(to, node);
-    if (to->depth == CAPTAIN_MAX_DEPTH)
-        return explain_refuse(to, to->at, CAPTAIN_DEPTH, "nested too deep");
+    unsigned again = node->type->kind == CAPTAIN_SEQUENCE && (node->type->flags & CAPTAIN_RECURS) ? 1 : 0;
+    if (to->depth == CAPTAIN_MAX_DEPTH || to->recursion + again > EXPLAIN_MAX_RECURSION)
+        return explain_refuse(to, to->at, CAPTAIN_DEPTH, "nested too deeply");
     to->depth++;
+    to->recursion += again;
     TRY(explain_step(to, node, CAPTAIN_STEP_ENTER, to->at, "", ""));
     TRY(container(to, node));
+    to->recursion -= again;
     to->depth--;
     return explain_step(to, node, CAPTAIN_STEP_LEAVE, to->at, "", "");
 }

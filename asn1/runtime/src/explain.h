@@ -8,6 +8,8 @@
 
 #pragma GCC visibility push(hidden)
 
+/* So many SEQUENCEs that contain themselves may stand within one another. */
+enum { EXPLAIN_MAX_RECURSION = 16 };
 /* Lists and strings whose items take no bits: nothing in the octets bounds them, so this does. */
 enum { EXPLAIN_MAX_EMPTY = 65536 };
 
@@ -21,7 +23,7 @@ typedef struct explain_frame {
 typedef struct explain {
     const uint8_t *octets;
     size_t at, end; /* bits */
-    unsigned depth, frames_count;
+    unsigned depth, recursion, frames_count;
     explain_frame frames[CAPTAIN_MAX_DEPTH];
     captain_path path;
     captain_on_step on_step; /* may be NULL */

@@ -337,7 +337,7 @@ captain_status explain_enter_open(explain *to, const explain_node *node, size_t 
     explain_part part;
     const char *clause;
     if (to->frames_count == CAPTAIN_MAX_DEPTH)
-        return explain_refuse(to, to->at, CAPTAIN_DEPTH, "nested too deep");
+        return explain_refuse(to, to->at, CAPTAIN_DEPTH, "nested too deeply");
     TRY(take_length(to, &part, &clause));
     TRY(explain_require(to, part.count * 8));
     if (part.count == 0)

@@ -1,7 +1,8 @@
 /* The least bits of any value of a type: a number of elements is believed only when the octets can hold so many. */
 #include "explain.h"
 
-enum { NUMBER_BITS = 16 }; /* a length octet and one more (11.7, 11.8) */
+/* A length octet and one more (11.7, 11.8); of numbers with more bits no more are counted, with or without an extension bit. */
+enum { NUMBER_BITS = 16 };
 
 typedef struct trail {
     const captain_type *type;
@@ -46,7 +47,7 @@ static uint64_t of_root(const captain_type *type, const trail *before)
     switch (type->kind) {
     case CAPTAIN_BOOLEAN: return 1;
     case CAPTAIN_NULL: return 0;
-    case CAPTAIN_INTEGER: return is_bounded ? explain_width((uint64_t)type->high - (uint64_t)type->low) : NUMBER_BITS;
+    case CAPTAIN_INTEGER: return is_bounded ? smaller(NUMBER_BITS, explain_width((uint64_t)type->high - (uint64_t)type->low)) : NUMBER_BITS;
     case CAPTAIN_ENUMERATED: return explain_width(type->root_count - 1u);
     case CAPTAIN_UTF8:
     case CAPTAIN_OID:

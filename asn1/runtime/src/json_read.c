@@ -391,7 +391,7 @@ captain_status json_value(json *from, const captain_type *type, void *value)
     default: return read_text(from, type, value);
     }
     if (from->depth == CAPTAIN_WALK_DEPTH)
-        return json_refuse(from, CAPTAIN_DEPTH, "nested too deep");
+        return json_refuse(from, CAPTAIN_DEPTH, "nested too deeply");
     from->depth++;
     TRY(read_container(from, type, value));
     from->depth--;

@@ -344,7 +344,7 @@ captain_status json_skip(json *from)
     number_text number;
     static const char *const WORDS[] = {"true", "false", "null"};
     if (from->depth >= CAPTAIN_WALK_DEPTH)
-        return json_refuse(from, CAPTAIN_DEPTH, "nested too deep");
+        return json_refuse(from, CAPTAIN_DEPTH, "nested too deeply");
     if (json_is(from, '{') || json_is(from, '[')) {
         from->depth++;
         TRY(skip_members(from, *from->next));

@@ -227,7 +227,7 @@ static captain_status check_value(locate *in, const captain_type *type, const vo
     default: return check_string(in, type, captain_walk_octets(value));
     }
     if (in->depth == CAPTAIN_WALK_DEPTH)
-        return refuse(in, CAPTAIN_DEPTH, "nested too deep");
+        return refuse(in, CAPTAIN_DEPTH, "nested too deeply");
     in->depth++;
     TRY(check_known(in, type, value));
     in->depth--;
