@@ -1,6 +1,7 @@
 """Arguments that decode, encode, convert and explain have in common, and how failures of single messages are told."""
 
 import argparse
+import io
 import json
 import sys
 from collections import Counter
@@ -40,6 +41,10 @@ def add_edition(parser: argparse.ArgumentParser) -> None:
 def reader(arguments: argparse.Namespace) -> Reader:
     """Whoever asks for nothing means standard input."""
     arguments.what = arguments.what or ["-"]
+    if sys.stdin is None:  # closed by the caller
+        return Reader(arguments.form, io.BytesIO())
+    if "-" in arguments.what and sys.stdin.isatty():
+        print("captain: reads standard input until Ctrl-D", file=sys.stderr)
     return Reader(arguments.form, sys.stdin.buffer)
 
 

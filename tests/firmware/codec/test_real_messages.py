@@ -99,6 +99,11 @@ def test_a_raw_message_of_a_station_is_found_by_trial(decoder):
     assert found.why.startswith("a guess: its octets are no ITS PDU header")
 
 
+def test_a_vam_with_the_legacy_number_is_a_vam(decoder):
+    vam = next(pdu for pdu in PDUS if pdu[1] == 16)
+    assert decoder.identify(Pdu(vam[:1] + b"\x66" + vam[2:], "here")).message.type == "vam"
+
+
 def test_another_edition_than_was_asked_for_is_told(decoder):
     with pytest.raises(UndecodableError) as told:
         Decoder(load(), "denm").identify(Pdu(CAM, "here"))
