@@ -19,6 +19,7 @@ BUDGETS = (10, 40, 40, 100, 100, 300)  # values in one message; its mandatory co
 LENGTHS = (0, 1, 2, 3, 7, 8, 9, 20)  # of what no constraint bounds
 LONG_LENGTHS = (126, 127, 128, 129, 255, 256)  # around the one-octet length, X.691 11.9.3.6
 FRAGMENTED = (16383, 16384, 16385, 32768, 49152, 65535, 65536, 81920)  # around the fragments, X.691 11.9.3.8
+PLAIN = 0.9  # of the strings have only characters that everybody prints
 UNKNOWN = 0.1  # of the values hold additions that the schema has not
 LONG = 0.002  # of the values hold one of the lengths in FRAGMENTED
 
@@ -113,8 +114,9 @@ def bit_string(mood: Mood, allowed: Allowed, has_names: bool) -> Make:
         size = count()
         number = mood.random.choice((0, -1, mood.random.getrandbits(size + 1))) & ((1 << size) - 1)
         if has_names:
-            while size > least and not number & 1:  # X.691 16.2: trailing zeros are not sent
-                number, size = number >> 1, size - 1
+            while size > least and not number & 1:  # X.691 16.2, 16.3: trailing zeros are sent only
+                number, size = number >> 1, size - 1  # as far as they make up the least size
+            number, size = number << max(0, least - size), max(least, size)
         return (number << (-size % 8)).to_bytes((size + 7) // 8, "big"), size
 
     return make
@@ -130,7 +132,12 @@ def characters(mood: Mood, kind: str, constraints: Sequence[t.Constraint]) -> Ma
     ranges = alphabet(constraints) or KNOWN_MULTIPLIER.get(kind)
     codes = [code for low, high in ranges for code in range(int(low), int(high) + 1)] if ranges else []
     pool = "".join(map(chr, codes)) or 'aZ09 "\\\x00\x7f\x80äß€\u07ff\u0800\ufffd\U00010000\U0010ffff'
-    return lambda _: "".join(mood.random.choices(pool, k=count()))
+    plain = "".join(filter(str.isprintable, filter(str.isascii, pool)))
+
+    def make(_: Holder) -> str:
+        return "".join(mood.random.choices(plain if mood.chance() < PLAIN else pool, k=count()))
+
+    return make
 
 
 def object_identifier(mood: Mood, is_relative: bool) -> Make:
