@@ -12,7 +12,7 @@ SPARE = 4096  # octets of zeros behind a message that was cut off: enough for wh
 BTP_HEADER = 4  # octets, EN 302 636-5-1 clause 7.3
 GEONETWORKING = (0x10, 0x11, 0x12, 0x00, 0x01, 0x02)  # version 0 or 1, next header any, common or secured
 
-_TYPES = topics.Topics()
+_TYPES, _LEGACY = topics.Topics(), topics.Topics("legacy")
 
 
 class Case(NamedTuple):
@@ -57,9 +57,10 @@ def _packet(case: Case) -> str:
 def _legacy_vam(case: Case) -> str:
     if case.octets[1] != topics.LEGACY_VAM:
         return ""
-    return (
+    return _or_cut_off(
+        case,
         f"messageID {topics.LEGACY_VAM} is what older boxes gave VAM before the standard had a number for it: theirs "
-        "may be of an edition that the library does not have"
+        "may be of an edition that the library does not have",
     )
 
 
@@ -69,6 +70,12 @@ def _cut_off(case: Case) -> str:
         return ""
     where = f" inside {case.nearest.path}" if case.nearest.path else ""
     return f"it is truncated: its {len(case.octets)} octets end{where}"
+
+
+def _or_cut_off(case: Case, cause: str) -> str:
+    """A cause that only looks at numbers, and the other one where that is possible as well."""
+    cut_off = _cut_off(case)
+    return f"{cause}; or {cut_off}" if cut_off else cause
 
 
 def _is_good(message: Message, octets: bytes, up_to: int) -> bool:
@@ -101,11 +108,13 @@ def _wrong_port(case: Case) -> str:
         return ""
     carried = {one.type for one in case.known if one.btp_port == case.port}
     announced = {one.type for one in case.known if case.octets[1] in one.ids}
-    if not carried or not announced or carried & announced:
+    is_legacy = _LEGACY.by_number[case.octets[1]].btp_port == case.port
+    if is_legacy or not carried or not announced or carried & announced:
         return ""
-    return (
+    return _or_cut_off(
+        case,
         f"it came by the wrong port: BTP port {case.port} is that of {_list(carried)}, "
-        f"messageID {case.octets[1]} that of {_list(announced)}"
+        f"messageID {case.octets[1]} that of {_list(announced)}",
     )
 
 
@@ -122,10 +131,9 @@ def _other_release(case: Case) -> str:
     if not versions or case.octets[0] in versions:
         return ""
     known = " and ".join(map(str, versions))
-    cut_off = _cut_off(case)
-    return (
-        f"it is of another release: protocolVersion is {case.octets[0]}, and the library has this message with {known}"
-        + (f"; or {cut_off}" if cut_off else "")
+    return _or_cut_off(
+        case,
+        f"it is of another release: protocolVersion is {case.octets[0]}, and the library has this message with {known}",
     )
 
 
@@ -135,9 +143,9 @@ _CAUSES: tuple[Callable[[Case], str], ...] = (
     _other_edition,
     _packet,
     _trailing,
-    _wrong_port,
     _legacy_vam,
     _unknown_number,
+    _wrong_port,
     _other_release,
     _cut_off,
 )

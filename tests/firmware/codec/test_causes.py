@@ -35,6 +35,18 @@ def test_the_wrong_port_is_told_with_both_types():
     assert told == "it came by the wrong port: BTP port 3001 is that of ball, messageID 67 that of door"
 
 
+def test_a_message_by_the_wrong_port_that_was_cut_off_as_well_is_told_both():
+    told = cause(octets(DOOR, 1), port=3001)
+    assert told.startswith("it came by the wrong port: ")
+    assert told.endswith("; or it is truncated: its 7 octets end inside body.height")
+
+
+def test_the_port_of_the_legacy_profile_is_not_wrong():
+    cpm = Message("cpm-1", ids=(14,), versions=(2,), fields={"a": 9}, btp_port=2009)
+    cam = Message("cam-1", ids=(2,), versions=(2,), fields={"a": 9}, btp_port=2001)
+    assert "port" not in cause(octets(cpm, 99), port=2001, known=[cpm, cam])
+
+
 def test_a_version_that_no_edition_has_is_another_release():
     told = cause(octets(DOOR, 99, 2, 3, version=7))
     assert told == "it is of another release: protocolVersion is 7, and the library has this message with 2"
