@@ -171,7 +171,7 @@ def counts(mood: Mood, allowed: Allowed, cost: int) -> Callable[[], int]:
         drawn = chance()
         if rare and drawn < 0.06:
             number = rare[int(drawn / 0.06 * len(rare))]
-        elif huge and mood.may_be_long and drawn > 0.95:
+        elif huge and mood.may_be_long and drawn > 0.7:
             mood.may_be_long = False  # one in a message
             return mood.random.choice(huge)
         if cost and number * cost > mood.left:
