@@ -240,6 +240,8 @@ class _Builder:
         for node in self.made:
             node.recurs = any(component_of[child] == component_of[node] for child in node.children())
         for node in self.made:
+            if node.kind is Kind.LIST and node.item.kind in STRUCTS:
+                node.item.is_entry = True
             for f in node.fields:
                 if f.node.kind in STRUCTS and component_of[f.node] == component_of[node]:
                     f.is_pointer = True

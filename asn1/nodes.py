@@ -69,7 +69,7 @@ class Node:
     additions     extension additions known, a group counts once
     selector      OPEN: index of the field beside it that holds the identifier
     recurs        it contains itself
-    is_entry      a PDU, or what stands in an object set: read and written by itself
+    is_entry      a PDU, a struct in a list, or what stands in an object set: never a part of what holds it
     """
 
     kind: Kind

@@ -6,7 +6,7 @@ from pathlib import Path
 from asn1.c.decode import decoder
 from asn1.c.encode import encoder
 from asn1.c.header import private_header, public_header, title
-from asn1.c.names import member, needs_functions
+from asn1.c.names import has_check, member, needs_functions
 from asn1.c.predicate import Predicates
 from asn1.c.tables import tables, text
 from asn1.c.validate import validator
@@ -49,8 +49,10 @@ def _code(module: Module, nodes: list[Node]) -> str:
     functions: list[str] = []
     for node in nodes:
         if needs_functions(node):
+            functions += [*decoder(node), *encoder(node)]
+        if has_check(node):
             checks = validator(node, predicates)
-            functions += [*decoder(node), *encoder(node), *predicates.functions, *checks]
+            functions += [*predicates.functions, *checks]
             predicates.functions = []
     others = sorted({child.module for node in nodes for child in node.children()} - {module.key})
     includes = [f'#include "{key}.h"' for key in (module.key, *others)]

@@ -15,9 +15,14 @@ class Body:
         self.lines: list[str] = []
         self.depth = 1
         self.names = 0
+        self.exits: dict[str, str] = {}
 
     def put(self, *lines: str) -> None:
         self.lines += [f"{'    ' * self.depth}{line}" for line in lines]
+
+    def exit(self, status: str) -> str:
+        """The label of the one place in the function that fails with this status."""
+        return self.exits.setdefault(status, status.removeprefix("CAPTAIN_").lower())
 
     def name(self, stem: str) -> str:
         self.names += 1

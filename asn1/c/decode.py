@@ -23,7 +23,7 @@ def decoder(node: Node) -> list[str]:
     name = node.c_name
     body.put(f"{name} *v = to;" if node.kind in STRUCTS else f"{value_type(node)} *v = to;")
     if node.recurs and node.kind is Kind.SEQUENCE:
-        body.put("if (++r->depth > CAPTAIN_MAX_RECURSION)", "    return captain_fail(r, at, CAPTAIN_DEPTH);")
+        body.put("if (++r->depth > CAPTAIN_MAX_RECURSION)", f"    goto {body.exit('CAPTAIN_DEPTH')};")
     match node.kind:
         case Kind.SEQUENCE:
             body.sequence(node, "v->")
@@ -60,7 +60,12 @@ def _item_function(node: Node) -> list[str]:
 def _function(head: str, body: "_Decoder") -> list[str]:
     variables = [f"    {type_} {name};" for type_, name in (("uint64_t", "word"), ("uint64_t", "x")) if body.uses(name)]
     unused = [f"    (void){name};" for name in ("v", "r") if not body.uses(name)]
-    return [head, "{", *body.lines[:1], *variables, *unused, *body.lines[1:], "    return at;", "}", ""]
+    exits = [
+        line
+        for status, label in body.exits.items()
+        for line in (f"{label}:", f"    return captain_fail(r, at, {status});")
+    ]
+    return [head, "{", *body.lines[:1], *variables, *unused, *body.lines[1:], "    return at;", *exits, "}", ""]
 
 
 class _Decoder(Body):
@@ -79,9 +84,7 @@ class _Decoder(Body):
         total = sum(bits for bits, _ in self.run)
         run, self.run = self.run, []
         if total:
-            self.put(
-                f"if (CAPTAIN_UNLIKELY(r->end - at < {total}))", "    return captain_fail(r, at, CAPTAIN_TRUNCATED);"
-            )
+            self.put(f"if (CAPTAIN_UNLIKELY(r->end - at < {total}))", f"    goto {self.exit('CAPTAIN_TRUNCATED')};")
             self.put("word = captain_load(r, at);", f"at += {total};")
         done = 0
         for width, use in run:
@@ -94,7 +97,7 @@ class _Decoder(Body):
 
     def limit(self, name: str, most: int, width: int, status: str) -> None:
         if most < (1 << width) - 1:
-            self.put(f"if ({name} > {unsigned(most)})", f"    return captain_fail(r, at, {status});")
+            self.put(f"if ({name} > {unsigned(most)})", f"    goto {self.exit(status)};")
 
     # ------------------------------------------------------------ values
 
@@ -170,7 +173,7 @@ class _Decoder(Body):
         else:
             self.call(f"captain_get_unconstrained(r, at, &{to})")
             if node.bounds.high is not None:
-                self.put(f"if ({to} > {literal(node.bounds.high)})", "    return captain_fail(r, at, CAPTAIN_RANGE);")
+                self.put(f"if ({to} > {literal(node.bounds.high)})", f"    goto {self.exit('CAPTAIN_RANGE')};")
 
     def extensible(self, width: int | None, spare: int, use: Use, slow: str, root: Callable[[], None]) -> None:
         """An extension bit and what it decides about: `slow` where it is set.
@@ -424,7 +427,7 @@ class _Decoder(Body):
         if is_root and node.bounds.high is not None:
             wrong.append(f"v->count > {node.bounds.high}")
         if wrong:
-            self.put(f"if ({' || '.join(wrong)})", "    return captain_fail(r, at, CAPTAIN_SIZE);")
+            self.put(f"if ({' || '.join(wrong)})", f"    goto {self.exit('CAPTAIN_SIZE')};")
 
     def items(self, node: Node) -> None:
         self.put(f"v->items = captain_take_items(r, at, v->count, sizeof *v->items, {minimal_bits(node.item, {})});")

@@ -18,7 +18,7 @@ def encoder(node: Node) -> list[str]:
     lines = _item_function(node) if node.kind is Kind.LIST and node.item.kind not in STRUCTS else []
     body.put(f"const {node.c_name if node.kind in STRUCTS else value_type(node)} *v = from;")
     if node.recurs and node.kind is Kind.SEQUENCE:
-        body.put("if (++w->depth > CAPTAIN_MAX_RECURSION)", "    return captain_refuse(w, CAPTAIN_DEPTH);")
+        body.put("if (++w->depth > CAPTAIN_MAX_RECURSION)", f"    goto {body.exit('CAPTAIN_DEPTH')};")
     match node.kind:
         case Kind.SEQUENCE:
             body.sequence(node, "v->")
@@ -48,7 +48,12 @@ def _item_function(node: Node) -> list[str]:
 
 def _function(head: str, body: "_Encoder") -> list[str]:
     unused = [f"    (void){name};" for name in ("v", "w") if not body.uses(name)]
-    return [head, "{", *body.lines[:1], *unused, *body.lines[1:], "    return at;", "}", ""]
+    exits = [
+        line
+        for status, label in body.exits.items()
+        for line in (f"{label}:", f"    return captain_refuse(w, {status});")
+    ]
+    return [head, "{", *body.lines[:1], *unused, *body.lines[1:], "    return at;", *exits, "}", ""]
 
 
 class _Encoder(Body):
@@ -74,7 +79,13 @@ class _Encoder(Body):
                 parts.append(f"{bits} << {left}" if left else bits)
         self.run = []
         if total:
-            self.call(f"captain_put(w, at, {' | '.join(parts) or '0'}, {total})")
+            self.step(f"captain_put(w, at, {' | '.join(parts) or '0'}, {total})")
+
+    def step(self, expression: str) -> None:
+        """What cannot fail."""
+        if self.run:
+            self.flush()
+        self.put(f"at = {expression};")
 
     def call(self, expression: str) -> None:
         if self.run:
@@ -87,7 +98,7 @@ class _Encoder(Body):
         return name
 
     def refuse_if(self, condition: str, status: str) -> None:
-        self.put(f"if ({condition})", f"    return captain_refuse(w, {status});")
+        self.put(f"if ({condition})", f"    goto {self.exit(status)};")
 
     # ------------------------------------------------------------ values
 
@@ -107,7 +118,7 @@ class _Encoder(Body):
                     self.refuse_if(f"{of} >> {node.size} != 0", "CAPTAIN_SIZE")
                 self.number(node.size, f"(uint64_t){of}")
             case Kind.FIXED_OCTETS:
-                self.call(f"captain_put_octets(w, at, {of}, {node.size})")
+                self.step(f"captain_put_octets(w, at, {of}, {node.size})")
             case Kind.SEQUENCE if is_flat(node):
                 self.sequence(node, f"{of}.")
             case kind if kind in STRUCTS:
@@ -121,7 +132,7 @@ class _Encoder(Body):
         if width <= RUN_MAX:
             self.add(width, bits)
         else:
-            self.call(f"captain_put_long(w, at, {bits}, {width})")
+            self.step(f"captain_put_long(w, at, {bits}, {width})")
 
     def integer(self, node: Node, of: str) -> None:
         low, high, width = node.bounds.low, node.bounds.high, node.bounds.width
@@ -129,8 +140,8 @@ class _Encoder(Body):
             self.flush()
             wrong = " || ".join(_outside(node, of))
             with self.block(f"if ({wrong or '0'})"):
-                self.call("captain_put(w, at, 1, 1)")
-                self.call(f"captain_put_unconstrained(w, at, {of})")
+                self.step("captain_put(w, at, 1, 1)")
+                self.step(f"captain_put_unconstrained(w, at, {of})")
             with self.block("else"):
                 self.add(1, "0")
                 self.root_integer(node, of)
@@ -161,9 +172,9 @@ class _Encoder(Body):
         if width is not None and low is not None:
             self.number(width, self.offset(low, of))
         elif low is not None:
-            self.call(f"captain_put_semi(w, at, {literal(low)}, {of})")
+            self.step(f"captain_put_semi(w, at, {literal(low)}, {of})")
         else:
-            self.call(f"captain_put_unconstrained(w, at, {of})")
+            self.step(f"captain_put_unconstrained(w, at, {of})")
 
     def enumerated(self, node: Node, of: str) -> None:
         width, first = (node.root_count - 1).bit_length(), contiguous(node)
@@ -177,10 +188,10 @@ class _Encoder(Body):
             return
         self.flush()
         with self.block(f"if ({bits} >= {node.root_count})"):
-            self.call("captain_put(w, at, 1, 1)")
-            self.call(f"captain_put_item(w, at, &{node.c_name}_type, {of})")
+            self.step("captain_put(w, at, 1, 1)")
+            self.call(f"captain_encode_item(w, at, &{node.c_name}_type, {of})")
         with self.block("else"):
-            self.call(f"captain_put(w, at, {bits}, {1 + width})")
+            self.step(f"captain_put(w, at, {bits}, {1 + width})")
 
     # ------------------------------------------------------------ SEQUENCE
 
@@ -197,11 +208,11 @@ class _Encoder(Body):
         if node.is_extensible:
             self.flush()
             with self.block("if (extended)"):
-                self.call(f"captain_put_bitmap(w, at, {node.additions}, {known}, v->additions)")
+                self.call(f"captain_encode_bitmap(w, at, {node.additions}, {known}, v->additions)")
                 for index, group in enumerate(node.groups()):
                     with self.block(f"if (known >> {63 - index} & 1)"):
                         self.addition(node, group, of)
-                self.call("captain_put_additions(w, at, v->additions)")
+                self.step("captain_put_additions(w, at, v->additions)")
 
     def known_additions(self, node: Node, of: str) -> str:
         """Which of the additions go out: a word with the first at its top."""
@@ -249,7 +260,7 @@ class _Encoder(Body):
 
     def addition(self, node: Node, group: list[Field], of: str) -> None:
         self.put("const size_t start = at;")
-        self.call("captain_open_put(w, at)")
+        self.step("captain_put_open(w, at)")
         if group[0].in_group:
             missing = [f"!{of}has_{member(f.name)}" for f in group if f.is_mandatory]
             if missing and len(group) > 1:
@@ -260,7 +271,7 @@ class _Encoder(Body):
         else:
             self.held(node, group[0], of)
         self.flush()
-        self.call("captain_open_close(w, start, at)")
+        self.step("captain_put_close(w, start, at)")
 
     # ------------------------------------------------------------ CHOICE and SEQUENCE OF
 
@@ -279,22 +290,22 @@ class _Encoder(Body):
             with self.block("default:"):
                 if node.is_extensible:
                     self.refuse_if("v->choice < CAPTAIN_UNKNOWN", "CAPTAIN_ALTERNATIVE")
-                    self.call("captain_put(w, at, 1, 1)")
-                    self.call("captain_put_small(w, at, v->choice - CAPTAIN_UNKNOWN)")
-                    self.call("captain_put_unknown(w, at, &v->u.unknown)")
+                    self.step("captain_put(w, at, 1, 1)")
+                    self.step("captain_put_small(w, at, v->choice - CAPTAIN_UNKNOWN)")
+                    self.step("captain_put_unknown(w, at, &v->u.unknown)")
                     self.put("break;")
                 else:
                     self.put("return captain_refuse(w, CAPTAIN_ALTERNATIVE);")
 
     def extension(self, f: Field, index: int) -> None:
         self.put("size_t start;")
-        self.call("captain_put(w, at, 1, 1)")
-        self.call(f"captain_put_small(w, at, {index})")
+        self.step("captain_put(w, at, 1, 1)")
+        self.step(f"captain_put_small(w, at, {index})")
         self.put("start = at;")
-        self.call("captain_open_put(w, at)")
+        self.step("captain_put_open(w, at)")
         self.choose(f)
         self.flush()
-        self.call("captain_open_close(w, start, at)")
+        self.step("captain_put_close(w, start, at)")
 
     def choose(self, f: Field) -> None:
         name = f"v->u.{member(f.name)}"
@@ -309,7 +320,7 @@ class _Encoder(Body):
         general = f"captain_encode_items(w, at, v->items, v->count, sizeof *v->items, {item_function(node)})"
         if node.is_extensible:
             with self.block(f"if ({' || '.join(wrong) or '0'})"):
-                self.call("captain_put(w, at, 1, 1)")
+                self.step("captain_put(w, at, 1, 1)")
                 self.put(f"return {general};")
             self.add(1, "0")
         elif wrong:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from asn1.c.names import declaration, field_declaration, has_public_table, literal, member, needs_functions
+from asn1.c.names import declaration, field_declaration, has_check, has_public_table, literal, member, needs_functions
 from asn1.nodes import STRUCTS, Kind, Node
 from asn1.types import Module
 
@@ -52,7 +52,7 @@ def private_header(module: Module, nodes: list[Node]) -> str:
             f"#include <captain/{module.key}.h>",
             "",
             *(f"CAPTAIN_HIDDEN extern const captain_type {n.c_name}_type;" for n in nodes if not has_public_table(n)),
-            *(line for node in nodes if needs_functions(node) for line in _private_functions(node)),
+            *(line for node in nodes for line in _private_functions(node)),
             "#endif",
             "",
         ]
@@ -143,11 +143,11 @@ def _functions(node: Node) -> Iterator[str]:
     name = node.c_name
     read = f"{name} *value, const void *octets, size_t size, captain_arena *arena, size_t *bits"
     write = f"const {name} *value, void *octets, size_t size, size_t *bits"
-    for way, parameters, arguments in (
-        ("decode", read, "value, octets, size, arena, bits"),
-        ("encode", write, "value, octets, size, bits"),
-        ("validate", f"const {name} *value", "value"),
-    ):
+    ways = [("validate", f"const {name} *value", "value")]
+    if needs_functions(node):
+        ways.insert(0, ("encode", write, "value, octets, size, bits"))
+        ways.insert(0, ("decode", read, "value, octets, size, arena, bits"))
+    for way, parameters, arguments in ways:
         yield f"static inline captain_status {name}_{way}({parameters})"
         yield "{"
         yield f"    return captain_{way}(&{name}_type, {arguments});"
@@ -156,6 +156,8 @@ def _functions(node: Node) -> Iterator[str]:
 
 
 def _private_functions(node: Node) -> Iterator[str]:
-    yield f"CAPTAIN_HIDDEN size_t {node.c_name}_read(captain_reader *r, size_t at, void *to);"
-    yield f"CAPTAIN_HIDDEN size_t {node.c_name}_write(captain_writer *w, size_t at, const void *from);"
-    yield f"CAPTAIN_HIDDEN captain_status {node.c_name}_check(const void *from);"
+    if needs_functions(node):
+        yield f"CAPTAIN_HIDDEN size_t {node.c_name}_read(captain_reader *r, size_t at, void *to);"
+        yield f"CAPTAIN_HIDDEN size_t {node.c_name}_write(captain_writer *w, size_t at, const void *from);"
+    if has_check(node):
+        yield f"CAPTAIN_HIDDEN captain_status {node.c_name}_check(const void *from);"

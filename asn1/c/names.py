@@ -2,6 +2,7 @@
 
 from asn1.memory import number_octets
 from asn1.nodes import STRUCTS, Field, Kind, Node
+from asn1.widths import is_flat
 
 # Words of C11 and C++20, and members that the structs have themselves.
 _TAKEN = frozenset(
@@ -75,8 +76,13 @@ def unsigned(number: int) -> str:
 
 
 def needs_functions(node: Node) -> bool:
-    """Structs, PDUs and what stands in an object set are read and written by functions of their own; others inline."""
-    return node.kind in STRUCTS or node.is_entry
+    """Whether functions read and write it; numbers and flat SEQUENCEs are part of what holds them."""
+    return node.is_entry or (node.kind in STRUCTS and not is_flat(node))
+
+
+def has_check(node: Node) -> bool:
+    """Whether a function validates it."""
+    return node.is_entry or node.kind in STRUCTS
 
 
 def has_public_table(node: Node) -> bool:

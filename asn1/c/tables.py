@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from asn1.c.decode import default_lines
 from asn1.c.header import title
-from asn1.c.names import has_public_table, literal, member, needs_functions, value_type
+from asn1.c.names import has_check, has_public_table, literal, member, needs_functions, value_type
 from asn1.constraints import Ranges
 from asn1.memory import number_octets
 from asn1.nodes import Field, Kind, Node
@@ -101,10 +101,10 @@ def _members(node: Node) -> Iterator[tuple[str, str]]:
     if node.additions:
         yield "additions_count", str(node.additions)
     if needs_functions(node):
-        yield from ((way, f"{node.c_name}_{name}") for way, name in _WAYS)
-
-
-_WAYS = (("decode", "read"), ("encode", "write"), ("validate", "check"))
+        yield "decode", f"{node.c_name}_read"
+        yield "encode", f"{node.c_name}_write"
+    if has_check(node):
+        yield "validate", f"{node.c_name}_check"
 
 
 def _flags(node: Node) -> Iterator[str]:

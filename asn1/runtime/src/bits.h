@@ -1,7 +1,8 @@
 /* What generated code is made of: a reader and a writer of bits, and the rarer parts of X.691 as functions.
  *
  * Offsets count bits from the first octet. Every function takes the offset and returns the one behind what it read or
- * wrote, or CAPTAIN_FAILED with the reason in `status`. Clauses are those of X.691 (02/2021).
+ * wrote, or CAPTAIN_FAILED with the reason in `status`. What is called captain_put_... does not fail: where the buffer
+ * ends, it goes on counting and leaves CAPTAIN_NO_SPACE in `status`. Clauses are those of X.691 (02/2021).
  */
 #ifndef CAPTAIN_BITS_H
 #define CAPTAIN_BITS_H
@@ -83,6 +84,9 @@ static inline size_t captain_put(captain_writer *writer, size_t at, uint64_t bit
 
 /* ---------------------------------------------------------------- numbers */
 
+/* captain_load and captain_put as functions, where size counts for more. */
+CAPTAIN_HIDDEN uint64_t captain_peek(const captain_reader *reader, size_t at);
+CAPTAIN_HIDDEN size_t captain_put_bits(captain_writer *writer, size_t at, uint64_t bits, unsigned count);
 /* 1 to 64 bits. */
 CAPTAIN_HIDDEN size_t captain_get_long(captain_reader *reader, size_t at, unsigned count, uint64_t *bits);
 CAPTAIN_HIDDEN size_t captain_put_long(captain_writer *writer, size_t at, uint64_t bits, unsigned count);
@@ -96,7 +100,7 @@ CAPTAIN_HIDDEN size_t captain_get_small(captain_reader *reader, size_t at, uint3
 CAPTAIN_HIDDEN size_t captain_put_small(captain_writer *writer, size_t at, uint32_t value);
 /* ENUMERATED: the item of a root's index; what follows the extension bit; the index of an item, or -1. */
 CAPTAIN_HIDDEN size_t captain_get_item(captain_reader *reader, size_t at, const captain_type *type, int32_t *value);
-CAPTAIN_HIDDEN size_t captain_put_item(captain_writer *writer, size_t at, const captain_type *type, int32_t value);
+CAPTAIN_HIDDEN size_t captain_encode_item(captain_writer *writer, size_t at, const captain_type *type, int32_t value);
 CAPTAIN_HIDDEN int32_t captain_item_index(const captain_type *type, int32_t value);
 
 /* ---------------------------------------------------------------- strings */
@@ -146,11 +150,8 @@ typedef struct captain_outside {
 CAPTAIN_HIDDEN size_t captain_open_begin(captain_reader *reader, size_t at, captain_outside *outside);
 CAPTAIN_HIDDEN size_t captain_open_end(captain_reader *reader, size_t at, const captain_outside *outside);
 /* The writer leaves 8 bits for the length and moves the content where that was not enough. */
-static inline size_t captain_open_put(captain_writer *writer, size_t at)
-{
-    return captain_put(writer, at, 0, 8);
-}
-CAPTAIN_HIDDEN size_t captain_open_close(captain_writer *writer, size_t start, size_t at);
+CAPTAIN_HIDDEN size_t captain_put_open(captain_writer *writer, size_t at);
+CAPTAIN_HIDDEN size_t captain_put_close(captain_writer *writer, size_t start, size_t at);
 /* Of unknown content: its octets. */
 CAPTAIN_HIDDEN size_t captain_get_unknown(captain_reader *reader, size_t at, captain_octets *octets);
 CAPTAIN_HIDDEN size_t captain_put_unknown(captain_writer *writer, size_t at, const captain_octets *octets);
@@ -175,8 +176,8 @@ CAPTAIN_HIDDEN size_t captain_get_additions(captain_reader *reader, size_t at, c
 /* Of a type that knows no additions: both. */
 CAPTAIN_HIDDEN size_t captain_get_all_additions(captain_reader *reader, size_t at, const captain_additions **additions);
 /* known: as in captain_bitmap. The unknown ones follow by captain_put_additions. */
-CAPTAIN_HIDDEN size_t captain_put_bitmap(captain_writer *writer, size_t at, uint32_t count, uint64_t known,
-                                         const captain_additions *additions);
+CAPTAIN_HIDDEN size_t captain_encode_bitmap(captain_writer *writer, size_t at, uint32_t count, uint64_t known,
+                                            const captain_additions *additions);
 CAPTAIN_HIDDEN size_t captain_put_additions(captain_writer *writer, size_t at, const captain_additions *additions);
 
 /* Is there something kept that asks for the extension bit? */

@@ -107,12 +107,10 @@ captain_status captain_encode(const captain_type *type, const void *value, void 
         return CAPTAIN_SYNTAX;
     at = type->encode(&writer, 0, value);
     if (at == 0)
-        at = captain_put(&writer, 0, 0, 8);
-    if (at == CAPTAIN_FAILED)
-        return writer.status;
-    if (bits != NULL)
+        at = captain_put_bits(&writer, 0, 0, 8);
+    if (bits != NULL && at != CAPTAIN_FAILED)
         *bits = at;
-    return CAPTAIN_OK;
+    return writer.status;
 }
 
 captain_status captain_validate(const captain_type *type, const void *value)

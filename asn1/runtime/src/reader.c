@@ -20,14 +20,19 @@ uint64_t captain_load_end(const captain_reader *reader, size_t at)
     return word << (at & 7);
 }
 
+uint64_t captain_peek(const captain_reader *reader, size_t at)
+{
+    return captain_load(reader, at);
+}
+
 size_t captain_get_long(captain_reader *reader, size_t at, unsigned count, uint64_t *bits)
 {
     if (reader->end - at < count)
         return captain_fail(reader, at, CAPTAIN_TRUNCATED);
     if (count <= 32)
-        *bits = captain_load(reader, at) >> (64 - count);
+        *bits = captain_peek(reader, at) >> (64 - count);
     else
-        *bits = (captain_load(reader, at) >> 32) << (count - 32) | captain_load(reader, at + 32) >> (96 - count);
+        *bits = (captain_peek(reader, at) >> 32) << (count - 32) | captain_peek(reader, at + 32) >> (96 - count);
     return at + count;
 }
 
@@ -38,7 +43,7 @@ static size_t get_length(captain_reader *reader, size_t at, uint32_t *length, bo
     *more = false;
     if (reader->end - at < 8)
         return captain_fail(reader, at, CAPTAIN_TRUNCATED);
-    bits = captain_load(reader, at);
+    bits = captain_peek(reader, at);
     if (bits >> 63 == 0) {
         *length = (uint32_t)(bits >> 56);
         return at + 8;
@@ -99,8 +104,8 @@ size_t captain_get_small(captain_reader *reader, size_t at, uint32_t *value)
     size_t start = at;
     if (reader->end - at < 7)
         return captain_fail(reader, at, CAPTAIN_TRUNCATED);
-    if (captain_load(reader, at) >> 63 == 0) {
-        *value = (uint32_t)(captain_load(reader, at) >> 57);
+    if (captain_peek(reader, at) >> 63 == 0) {
+        *value = (uint32_t)(captain_peek(reader, at) >> 57);
         return at + 7;
     }
     at = captain_get_semi(reader, at + 1, 0, &large);
@@ -187,7 +192,7 @@ size_t captain_decode_items(captain_reader *reader, size_t at, captain_list *lis
 static void copy_bits(const captain_reader *reader, size_t at, uint8_t *to, size_t bits)
 {
     for (; bits >= 32; bits -= 32, at += 32, to += 4) {
-        uint64_t word = captain_load(reader, at);
+        uint64_t word = captain_peek(reader, at);
         to[0] = (uint8_t)(word >> 56);
         to[1] = (uint8_t)(word >> 48);
         to[2] = (uint8_t)(word >> 40);
@@ -195,7 +200,7 @@ static void copy_bits(const captain_reader *reader, size_t at, uint8_t *to, size
     }
     for (; bits != 0; at += 8, to++) {
         size_t part = bits < 8 ? bits : 8;
-        *to = (uint8_t)((captain_load(reader, at) >> 56) & (0xff00u >> part));
+        *to = (uint8_t)((captain_peek(reader, at) >> 56) & (0xff00u >> part));
         bits -= part;
     }
 }
@@ -305,7 +310,7 @@ size_t captain_open_end(captain_reader *reader, size_t at, const captain_outside
     size_t rest = reader->end - at;
     if (rest > 8 || (rest == 8 && at != outside->start))
         return captain_fail(reader, at, CAPTAIN_LENGTH);
-    if (rest != 0 && captain_load(reader, at) >> (64 - rest) != 0)
+    if (rest != 0 && captain_peek(reader, at) >> (64 - rest) != 0)
         return captain_fail(reader, at, CAPTAIN_LENGTH);
     reader->octets = outside->octets;
     reader->size = outside->size;
@@ -353,8 +358,8 @@ size_t captain_get_bitmap(captain_reader *reader, size_t at, captain_bitmap *bit
     size_t start = at;
     if (reader->end - at < 7)
         return captain_fail(reader, at, CAPTAIN_TRUNCATED);
-    if (captain_load(reader, at) >> 63 == 0) {
-        bitmap->count = (uint32_t)(captain_load(reader, at) >> 57) + 1;
+    if (captain_peek(reader, at) >> 63 == 0) {
+        bitmap->count = (uint32_t)(captain_peek(reader, at) >> 57) + 1;
         at += 7;
     } else {
         at = get_length(reader, at + 1, &bitmap->count, &more);
@@ -367,9 +372,9 @@ size_t captain_get_bitmap(captain_reader *reader, size_t at, captain_bitmap *bit
         return captain_fail(reader, at, CAPTAIN_TRUNCATED);
     bitmap->at = at;
     if (bitmap->count > 32)
-        bitmap->known = (captain_load(reader, at) >> 32) << 32 | captain_load(reader, at + 32) >> 32;
+        bitmap->known = (captain_peek(reader, at) >> 32) << 32 | captain_peek(reader, at + 32) >> 32;
     else
-        bitmap->known = captain_load(reader, at);
+        bitmap->known = captain_peek(reader, at);
     if (bitmap->count < 64)
         bitmap->known &= ~(UINT64_MAX >> bitmap->count);
     return at + bitmap->count;

@@ -136,7 +136,7 @@ static size_t get_characters(captain_reader *reader, size_t at, const characters
     if (to == NULL)
         return captain_fail(reader, at, CAPTAIN_NO_MEMORY);
     for (size_t i = 0; i < count; i++, at += set->bits) {
-        int point = character(set, set->bits == 0 ? 0 : (unsigned)(captain_load(reader, at) >> (64 - set->bits)));
+        int point = character(set, set->bits == 0 ? 0 : (unsigned)(captain_peek(reader, at) >> (64 - set->bits)));
         if (point < 0)
             return captain_fail(reader, at, CAPTAIN_ALPHABET);
         to[i] = (char)point;
@@ -223,7 +223,7 @@ size_t captain_decode_string(captain_reader *reader, size_t at, const captain_ty
     if (type->flags & CAPTAIN_EXTENSIBLE) {
         if (reader->end == at)
             return captain_fail(reader, at, CAPTAIN_TRUNCATED);
-        is_root = captain_load(reader, at++) >> 63 == 0;
+        is_root = captain_peek(reader, at++) >> 63 == 0;
     }
     counted = is_root && is_counted(type);
     if (is_text(type))
@@ -258,12 +258,12 @@ static size_t trimmed(const captain_type *type, const captain_bits *bits)
 
 static size_t put_characters(captain_writer *writer, size_t at, const characters *set, const captain_text *text, size_t from, size_t count)
 {
-    for (size_t i = from; i < from + count && at != CAPTAIN_FAILED; i++) {
+    for (size_t i = from; i < from + count; i++) {
         int code = code_of(set, (unsigned char)text->text[i]);
         if (code < 0)
             return captain_refuse(writer, CAPTAIN_ALPHABET);
         if (set->bits != 0)
-            at = captain_put(writer, at, (uint64_t)code, set->bits);
+            at = captain_put_bits(writer, at, (uint64_t)code, set->bits);
     }
     return at;
 }
@@ -285,8 +285,7 @@ static size_t put_general(captain_writer *writer, size_t at, const captain_type 
     bool more;
     do {
         at = captain_put_fragment(writer, at, count - done, &length, &more);
-        if (at != CAPTAIN_FAILED)
-            at = put_units(writer, at, type, set, value, done, length);
+        at = put_units(writer, at, type, set, value, done, length);
         done += length;
     } while (more && at != CAPTAIN_FAILED);
     return at;
@@ -311,14 +310,12 @@ size_t captain_encode_string(captain_writer *writer, size_t at, const captain_ty
     if (type->kind >= CAPTAIN_OID && !is_oid(((const captain_octets *)value)->octets, count))
         return captain_refuse(writer, CAPTAIN_RANGE);
     if (type->flags & CAPTAIN_EXTENSIBLE)
-        at = captain_put(writer, at, !is_root, 1);
-    if (at == CAPTAIN_FAILED)
-        return at;
+        at = captain_put_bits(writer, at, !is_root, 1);
     if (!is_root || !is_counted(type))
         return put_general(writer, at, type, &set, value, count);
     if (type->high != type->low)
-        at = captain_put(writer, at, (uint64_t)count - (uint64_t)type->low, bits_of((uint64_t)(type->high - type->low)));
-    return at == CAPTAIN_FAILED ? at : put_units(writer, at, type, &set, value, 0, count);
+        at = captain_put_bits(writer, at, (uint64_t)count - (uint64_t)type->low, bits_of((uint64_t)(type->high - type->low)));
+    return put_units(writer, at, type, &set, value, 0, count);
 }
 
 /* ---------------------------------------------------------------- validate */

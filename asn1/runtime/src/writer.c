@@ -15,52 +15,56 @@ size_t captain_put_end(captain_writer *writer, size_t at, uint64_t bits, unsigne
     size_t octet = at >> 3;
     unsigned used = (unsigned)(at & 7);
     uint64_t word = bits << (64 - count - used);
-    if ((at + count + 7) >> 3 > writer->size)
-        return captain_refuse(writer, CAPTAIN_NO_SPACE);
+    at += count;
+    if ((at + 7) >> 3 > writer->size) {
+        writer->status = CAPTAIN_NO_SPACE;
+        return at;
+    }
     if (used != 0)
         word |= (uint64_t)(writer->octets[octet] & (0xff00u >> used)) << 56;
-    for (size_t last = (at + count - 1) >> 3; octet <= last; octet++, word <<= 8)
+    for (; octet < (at + 7) >> 3; octet++, word <<= 8)
         writer->octets[octet] = (uint8_t)(word >> 56);
-    return at + count;
+    return at;
+}
+
+size_t captain_put_bits(captain_writer *writer, size_t at, uint64_t bits, unsigned count)
+{
+    return captain_put(writer, at, bits, count);
 }
 
 size_t captain_put_long(captain_writer *writer, size_t at, uint64_t bits, unsigned count)
 {
     if (count > 32) {
-        at = captain_put(writer, at, bits >> 32, count - 32);
+        at = captain_put_bits(writer, at, bits >> 32, count - 32);
         count = 32;
         bits &= 0xffffffffu;
-        if (at == CAPTAIN_FAILED)
-            return at;
     }
-    return captain_put(writer, at, bits, count);
+    return captain_put_bits(writer, at, bits, count);
 }
 
 /* 11.9.3.6, 11.9.3.7: below 16384. */
 static size_t put_length(captain_writer *writer, size_t at, size_t length)
 {
-    return length < 128 ? captain_put(writer, at, length, 8) : captain_put(writer, at, 0x8000u | length, 16);
+    return length < 128 ? captain_put_bits(writer, at, length, 8) : captain_put_bits(writer, at, 0x8000u | length, 16);
 }
 
 size_t captain_put_fragment(captain_writer *writer, size_t at, size_t left, size_t *length, bool *more)
 {
     *more = left >= 16384;
     *length = *more ? (left < FRAGMENT ? left & ~(size_t)16383 : FRAGMENT) : left;
-    return *more ? captain_put(writer, at, 0xc0u | *length >> 14, 8) : put_length(writer, at, left);
+    return *more ? captain_put_bits(writer, at, 0xc0u | *length >> 14, 8) : put_length(writer, at, left);
 }
 
 static size_t put_number(captain_writer *writer, size_t at, unsigned octets, uint64_t bits)
 {
-    at = captain_put(writer, at, octets, 8);
-    return at == CAPTAIN_FAILED ? at : captain_put_long(writer, at, octets == 8 ? bits : bits & ((UINT64_C(1) << octets * 8) - 1), octets * 8);
+    at = captain_put_bits(writer, at, octets, 8);
+    return captain_put_long(writer, at, octets == 8 ? bits : bits & ((UINT64_C(1) << octets * 8) - 1), octets * 8);
 }
 
 size_t captain_put_semi(captain_writer *writer, size_t at, int64_t low, int64_t value)
 {
     uint64_t bits = (uint64_t)value - (uint64_t)low;
     unsigned octets = 1;
-    if (value < low)
-        return captain_refuse(writer, CAPTAIN_RANGE);
     while (octets < 8 && bits >> octets * 8 != 0)
         octets++;
     return put_number(writer, at, octets, bits);
@@ -77,10 +81,7 @@ size_t captain_put_unconstrained(captain_writer *writer, size_t at, int64_t valu
 
 size_t captain_put_small(captain_writer *writer, size_t at, uint32_t value)
 {
-    if (value < 64)
-        return captain_put(writer, at, value, 7);
-    at = captain_put(writer, at, 1, 1);
-    return at == CAPTAIN_FAILED ? at : captain_put_semi(writer, at, 0, value);
+    return value < 64 ? captain_put_bits(writer, at, value, 7) : captain_put_semi(writer, captain_put_bits(writer, at, 1, 1), 0, value);
 }
 
 int32_t captain_item_index(const captain_type *type, int32_t value)
@@ -91,7 +92,7 @@ int32_t captain_item_index(const captain_type *type, int32_t value)
     return -1;
 }
 
-size_t captain_put_item(captain_writer *writer, size_t at, const captain_type *type, int32_t value)
+size_t captain_encode_item(captain_writer *writer, size_t at, const captain_type *type, int32_t value)
 {
     int32_t index = captain_item_index(type, value) - (int32_t)type->root_count;
     if (index < 0)
@@ -110,21 +111,22 @@ size_t captain_encode_items(captain_writer *writer, size_t at, const void *items
     do {
         at = captain_put_fragment(writer, at, left, &length, &more);
         left -= length;
-        for (; length != 0 && at != CAPTAIN_FAILED; length--, next += size)
+        for (; length != 0; length--, next += size) {
             at = item(writer, at, next);
-    } while (more && at != CAPTAIN_FAILED);
+            if (at == CAPTAIN_FAILED)
+                return at;
+        }
+    } while (more);
     return at;
 }
 
 size_t captain_put_sized(captain_writer *writer, size_t at, const uint8_t *octets, size_t bits)
 {
-    for (; bits >= 32 && at != CAPTAIN_FAILED; bits -= 32, octets += 4)
-        at = captain_put(writer, at, (uint32_t)octets[0] << 24 | (uint32_t)octets[1] << 16 | (uint32_t)octets[2] << 8 | octets[3], 32);
-    for (; bits >= 8 && at != CAPTAIN_FAILED; bits -= 8, octets++)
-        at = captain_put(writer, at, *octets, 8);
-    if (bits != 0 && at != CAPTAIN_FAILED)
-        at = captain_put(writer, at, (uint64_t)*octets >> (8 - bits), (unsigned)bits);
-    return at;
+    for (; bits >= 32; bits -= 32, octets += 4)
+        at = captain_put_bits(writer, at, (uint32_t)octets[0] << 24 | (uint32_t)octets[1] << 16 | (uint32_t)octets[2] << 8 | octets[3], 32);
+    for (; bits >= 8; bits -= 8, octets++)
+        at = captain_put_bits(writer, at, *octets, 8);
+    return bits == 0 ? at : captain_put_bits(writer, at, (uint64_t)*octets >> (8 - bits), (unsigned)bits);
 }
 
 size_t captain_put_octets(captain_writer *writer, size_t at, const uint8_t *octets, size_t count)
@@ -134,8 +136,13 @@ size_t captain_put_octets(captain_writer *writer, size_t at, const uint8_t *octe
 
 /* ---------------------------------------------------------------- open types */
 
+size_t captain_put_open(captain_writer *writer, size_t at)
+{
+    return captain_put_bits(writer, at, 0, 8);
+}
+
 /* Bits in the midst of others, within what has been written. */
-static void patch(captain_writer *writer, size_t at, uint32_t bits, unsigned count)
+static void patch(captain_writer *writer, size_t at, size_t bits, unsigned count)
 {
     while (count-- != 0) {
         uint8_t mask = (uint8_t)(0x80u >> (at & 7));
@@ -151,15 +158,13 @@ static void move_bits(captain_writer *writer, size_t from, size_t bits, size_t o
     memmove(first + octets, first, ((from + bits + 7) >> 3) - (from >> 3));
 }
 
-/* Content of 16384 octets and more: its fragments move from the last to the first, then the lengths go between them. */
-static size_t close_fragments(captain_writer *writer, size_t start, size_t length)
+/* Content of 16384 octets and more: whole fragments, a smaller one, the rest. They move from the last to the first, and then
+ * the lengths go between them. */
+static void put_fragments(captain_writer *writer, size_t start, size_t length)
 {
-    size_t whole = length / FRAGMENT, rest = length % FRAGMENT, tail = rest & 16383;
-    size_t middle = rest - tail, tail_at = whole + (middle != 0), lengths = tail_at + (tail < 128 ? 1 : 2);
-    size_t from = start + 8, end = from + (length + lengths - 1) * 8;
-    if ((end + 7) >> 3 > writer->size)
-        return captain_refuse(writer, CAPTAIN_NO_SPACE);
-    move_bits(writer, from + (length - tail) * 8, tail * 8, lengths - 1);
+    size_t whole = length / FRAGMENT, tail = length % 16384, middle = length % FRAGMENT - tail, before = whole + (middle != 0);
+    size_t from = start + 8, behind = tail < 128 ? before : before + 1;
+    move_bits(writer, from + (length - tail) * 8, tail * 8, behind);
     if (middle != 0)
         move_bits(writer, from + whole * FRAGMENT * 8, middle * 8, whole);
     for (size_t i = whole; i-- > 1;)
@@ -167,33 +172,33 @@ static size_t close_fragments(captain_writer *writer, size_t start, size_t lengt
     for (size_t i = 0; i < whole; i++)
         patch(writer, start + i * (FRAGMENT + 1) * 8, 0xc4, 8);
     if (middle != 0)
-        patch(writer, start + whole * (FRAGMENT + 1) * 8, 0xc0u | (uint32_t)(middle >> 14), 8);
-    patch(writer, start + (length - tail + tail_at) * 8, tail < 128 ? (uint32_t)tail : 0x8000u | (uint32_t)tail, tail < 128 ? 8 : 16);
-    return captain_put(writer, end - 1, writer->octets[(end - 1) >> 3] >> (7 - ((end - 1) & 7)) & 1u, 1);
+        patch(writer, start + whole * (FRAGMENT + 1) * 8, 0xc0u | middle >> 14, 8);
+    patch(writer, start + (length - tail + before) * 8, tail < 128 ? tail : 0x8000u | tail, tail < 128 ? 8 : 16);
 }
 
-size_t captain_open_close(captain_writer *writer, size_t start, size_t at)
+size_t captain_put_close(captain_writer *writer, size_t start, size_t at)
 {
-    size_t length = (at - start - 1) / 8; /* the 8 bits of the length left out, rounded up */
-    if (at == CAPTAIN_FAILED)
-        return at;
-    if (length == 0)
-        length = 1; /* 11.1.3 */
-    if (start + 8 + length * 8 != at)
-        at = captain_put(writer, at, 0, (unsigned)(start + 8 + length * 8 - at));
-    if (at == CAPTAIN_FAILED)
-        return at;
-    if (length >= 16384)
-        return close_fragments(writer, start, length);
-    if (length < 128) {
-        patch(writer, start, (uint32_t)length, 8);
-        return at;
+    size_t length = at == start + 8 ? 1 : (at - start - 1) / 8; /* 11.1.3: nothing is one octet; the rest rounded up */
+    size_t end = start + 8 + length * 8, more;
+    if (end != at)
+        at = captain_put_bits(writer, at, 0, (unsigned)(end - at));
+    more = length < 128 ? 0 : length < 16384 ? 1 : (length + FRAGMENT - 1 - length % 16384) / FRAGMENT + (length % 16384 < 128 ? 0 : 1);
+    if ((at + more * 8 + 7) >> 3 > writer->size)
+        writer->status = CAPTAIN_NO_SPACE;
+    if (writer->status != CAPTAIN_OK)
+        return at + more * 8;
+    if (length >= 16384) {
+        put_fragments(writer, start, length);
+    } else if (length >= 128) {
+        move_bits(writer, start + 8, length * 8, 1);
+        patch(writer, start, 0x8000u | length, 16);
+    } else {
+        patch(writer, start, length, 8);
     }
-    if ((at + 8 + 7) >> 3 > writer->size)
-        return captain_refuse(writer, CAPTAIN_NO_SPACE);
-    move_bits(writer, start + 8, length * 8, 1);
-    patch(writer, start, 0x8000u | (uint32_t)length, 16);
-    return at + 8;
+    at += more * 8;
+    if ((at & 7) != 0)
+        writer->octets[at >> 3] &= (uint8_t)(0xff00u >> (at & 7));
+    return at;
 }
 
 size_t captain_put_unknown(captain_writer *writer, size_t at, const captain_octets *octets)
@@ -202,10 +207,9 @@ size_t captain_put_unknown(captain_writer *writer, size_t at, const captain_octe
     bool more;
     do {
         at = captain_put_fragment(writer, at, octets->count - done, &length, &more);
-        if (at != CAPTAIN_FAILED)
-            at = captain_put_octets(writer, at, octets->octets + done, length);
+        at = captain_put_octets(writer, at, octets->octets + done, length);
         done += length;
-    } while (more && at != CAPTAIN_FAILED);
+    } while (more);
     return at;
 }
 
@@ -225,10 +229,8 @@ size_t captain_encode_open(captain_writer *writer, size_t at, const captain_type
         return captain_put_unknown(writer, at, &value->octets);
     if (value->type != content || value->value == NULL)
         return captain_refuse(writer, CAPTAIN_ALTERNATIVE);
-    at = captain_open_put(writer, at);
-    if (at != CAPTAIN_FAILED)
-        at = content->encode(writer, at, value->value);
-    return captain_open_close(writer, start, at);
+    at = content->encode(writer, captain_put_open(writer, at), value->value);
+    return at == CAPTAIN_FAILED ? at : captain_put_close(writer, start, at);
 }
 
 captain_status captain_validate_open(const captain_type *type, int64_t id, const captain_open *value)
@@ -254,35 +256,24 @@ static uint32_t bitmap_count(uint32_t count, uint64_t known, const captain_addit
     return bits;
 }
 
-size_t captain_put_bitmap(captain_writer *writer, size_t at, uint32_t count, uint64_t known, const captain_additions *additions)
+size_t captain_encode_bitmap(captain_writer *writer, size_t at, uint32_t count, uint64_t known, const captain_additions *additions)
 {
-    uint32_t bits = bitmap_count(count, known, additions), next = 0;
-    if (bits > CAPTAIN_MAX_ADDITIONS)
+    uint32_t bits = bitmap_count(count, known, additions), unknown = additions == NULL ? 0 : additions->count, next = 0;
+    if (bits - 1 >= CAPTAIN_MAX_ADDITIONS)
         return captain_refuse(writer, CAPTAIN_SIZE);
-    if (bits <= 64) {
-        at = captain_put(writer, at, bits - 1, 7);
-    } else {
-        at = captain_put(writer, at, 1, 1);
-        if (at != CAPTAIN_FAILED)
-            at = put_length(writer, at, bits);
-    }
-    for (uint32_t i = 0; i < bits && at != CAPTAIN_FAILED; i++) {
-        bool is_set = i < 64 && known << i >> 63 != 0;
-        if (additions != NULL && next < additions->count && additions->unknown[next].index == i) {
-            if (i < count)
-                break;
-            is_set = true;
-            next++;
-        }
-        at = captain_put(writer, at, is_set, 1);
+    at = bits <= 64 ? captain_put_bits(writer, at, bits - 1, 7) : put_length(writer, captain_put_bits(writer, at, 1, 1), bits);
+    for (uint32_t i = 0; i < bits; i++) {
+        bool is_unknown = i >= count && next < unknown && additions->unknown[next].index == i;
+        next += is_unknown;
+        at = captain_put_bits(writer, at, is_unknown || (i < 64 && known << i >> 63 != 0), 1);
     }
     /* Unknown ones out of order, or known ones among them. */
-    return additions != NULL && next != additions->count && at != CAPTAIN_FAILED ? captain_refuse(writer, CAPTAIN_PRESENCE) : at;
+    return next == unknown ? at : captain_refuse(writer, CAPTAIN_PRESENCE);
 }
 
 size_t captain_put_additions(captain_writer *writer, size_t at, const captain_additions *additions)
 {
-    for (uint32_t i = 0; additions != NULL && i < additions->count && at != CAPTAIN_FAILED; i++)
+    for (uint32_t i = 0; additions != NULL && i < additions->count; i++)
         at = captain_put_unknown(writer, at, &additions->unknown[i].octets);
     return at;
 }

@@ -223,7 +223,8 @@ const captain_message *captain_find_message(const char *name); /* "cam-1.4.1", o
 captain_status captain_decode(const captain_type *type, void *value, const void *octets, size_t size, captain_arena *arena, size_t *bits);
 /* The same, and CAPTAIN_TRAILING where more than the padding of the last octet follows, or the padding is not zero. */
 captain_status captain_decode_exact(const captain_type *type, void *value, const void *octets, size_t size, captain_arena *arena);
-/* bits: number of bits written; the last octet is filled up with zeros, and an empty encoding is one zero octet (X.691 11.1.3). */
+/* bits: number of bits written; the last octet is filled up with zeros, and an empty encoding is one zero octet (X.691 11.1.3).
+ * With CAPTAIN_NO_SPACE it is the number of bits that the value takes, and what the buffer holds is nothing. */
 captain_status captain_encode(const captain_type *type, const void *value, void *octets, size_t size, size_t *bits);
 /* Every constraint of the standard, those that the encoding does not see included. */
 captain_status captain_validate(const captain_type *type, const void *value);
