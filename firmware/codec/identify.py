@@ -135,7 +135,8 @@ class Identifier:
             yield Group(f"messageID {number}", _ranked(announced, octets), is_announced=True)
         by_port = [one for one in self._known if one.btp_port == port and one not in announced]
         if by_port:
-            yield Group(f"BTP port {port} carries it, though messageID is {number}", _ranked(by_port, octets))
+            why = f"BTP port {port} carries it, though messageID is {number}"
+            yield Group(why, _ranked(by_port, octets), is_guess=bool(announced))
         if any(octets[0] in message.versions for message in announced):
             return  # it has an ITS PDU header, and that does not lie
         nameless = [message for message in self._known if not message.ids]

@@ -36,7 +36,7 @@ def test_the_wrong_port_is_told_with_both_types():
 
 
 def test_a_message_by_the_wrong_port_that_was_cut_off_as_well_is_told_both():
-    told = cause(octets(DOOR, 1), port=3001)
+    told = cause(octets(DOOR, 1), port=3001, known=[NEW, DOOR])
     assert told.startswith("it came by the wrong port: ")
     assert told.endswith("; or it is truncated: its 7 octets end inside body.height")
 

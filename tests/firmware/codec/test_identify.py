@@ -75,6 +75,11 @@ def test_the_port_says_it_where_what_the_header_announces_does_not_decode():
     assert identity(octets(DOOR, 1, 2, 3, number=66), port=3002).message is DOOR
 
 
+def test_the_port_is_only_a_guess_where_the_header_announces_another():
+    lossy = Message("ball-9", ids=(66,), versions=(2,), fields={"size": 200}, mask=0x0F, btp_port=3001)
+    assert unknown(octets(DOOR, 0x33), [lossy, DOOR], port=3001).nearest.message is DOOR
+
+
 def test_a_port_of_another_type_is_told():
     assert identity(octets(DOOR, 1, 2, 3), port=3001).why.endswith("; BTP port 3001 is that of ball")
     assert "port" not in identity(octets(DOOR, 1, 2, 3), port=3002).why
