@@ -18,8 +18,6 @@
 #define TUPLE_ITEM(tuple, index) PyTuple_GetItem(tuple, index)
 #define TUPLE_COUNT(tuple) PyTuple_Size(tuple)
 #define TUPLE_SET(tuple, index, value) ((void)PyTuple_SetItem(tuple, index, value))
-#define DICT_NEW(count) PyDict_New()
-#define DICT_SET(dict, key, hash, value) ((void)(hash), PyDict_SetItem(dict, key, value))
 #define BYTES_DATA(bytes) PyBytes_AsString(bytes)
 #define BYTES_COUNT(bytes) PyBytes_Size(bytes)
 #else
@@ -29,23 +27,33 @@
 #define TUPLE_ITEM(tuple, index) PyTuple_GET_ITEM(tuple, index)
 #define TUPLE_COUNT(tuple) PyTuple_GET_SIZE(tuple)
 #define TUPLE_SET(tuple, index, value) PyTuple_SET_ITEM(tuple, index, value)
-#define DICT_NEW(count) _PyDict_NewPresized(count)
-#define DICT_SET(dict, key, hash, value) _PyDict_SetItem_KnownHash(dict, key, value, hash)
 #define BYTES_DATA(bytes) PyBytes_AS_STRING(bytes)
 #define BYTES_COUNT(bytes) PyBytes_GET_SIZE(bytes)
 #endif
 
-/* The value of an int that fits one digit, without a call; false: ask the C API. */
+/* The value of an int of one or two digits (60 bits), without a call; false: ask the C API. */
 static inline bool small_integer(PyObject *value, int64_t *number)
 {
 #if !defined(Py_LIMITED_API) && PY_VERSION_HEX < 0x030C0000
     if (Py_TYPE(value) != &PyLong_Type)
         return false;
-    Py_ssize_t digits = Py_SIZE(value);
-    if (digits < -1 || digits > 1)
+    const digit *digits = ((PyLongObject *)value)->ob_digit;
+    switch (Py_SIZE(value)) {
+    case 0:
+        *number = 0;
+        return true;
+    case 1:
+        *number = digits[0];
+        return true;
+    case -1:
+        *number = -(int64_t)digits[0];
+        return true;
+    case 2:
+        *number = (int64_t)digits[0] | (int64_t)digits[1] << PyLong_SHIFT;
+        return true;
+    default:
         return false;
-    *number = digits * (int64_t)((PyLongObject *)value)->ob_digit[0];
-    return true;
+    }
 #elif !defined(Py_LIMITED_API)
     if (Py_TYPE(value) != &PyLong_Type || !PyUnstable_Long_IsCompact((PyLongObject *)value))
         return false;

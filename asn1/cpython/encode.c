@@ -3,8 +3,6 @@
 
 #include <string.h>
 
-#define PUT(type, at, value) (*(type *)(void *)(at) = (type)(value))
-
 /* ---------------------------------------------------------------- numbers */
 
 static bool refuse_range(maker *maker, const shape *shape, PyObject *value)
@@ -27,6 +25,7 @@ static PyObject *as_int(maker *maker, PyObject *value)
         return NULL;
     }
     Py_INCREF(value);
+    maker->foreign++;
     PyObject *number = PyNumber_Index(value);
     if (number == NULL)
         refuse_error(maker, "__index__");
@@ -54,32 +53,15 @@ static bool large_integer(maker *maker, const shape *shape, PyObject *value, int
     return fits || refuse_range(maker, shape, value);
 }
 
-bool integer_from(maker *maker, const shape *shape, PyObject *value, unsigned char *at)
+bool other_integer_from(maker *maker, const shape *shape, PyObject *value, unsigned char *at)
 {
     int64_t number;
-    if (small_integer(value, &number)) {
-        if (number < shape->low || number > shape->high)
-            return refuse_range(maker, shape, value);
-    } else if (!large_integer(maker, shape, value, &number)) {
+    if (small_integer(value, &number)) /* it was looked at before: out of range */
+        return refuse_range(maker, shape, value);
+    if (!large_integer(maker, shape, value, &number))
         return false;
-    }
-    switch (shape->op) {
-    case OP_U8:
-    case OP_I8:
-        *at = (unsigned char)number;
-        return true;
-    case OP_U16:
-    case OP_I16:
-        PUT(uint16_t, at, number);
-        return true;
-    case OP_U32:
-    case OP_I32:
-        PUT(uint32_t, at, number);
-        return true;
-    default:
-        PUT(int64_t, at, number);
-        return true;
-    }
+    put_integer(shape, number, at);
+    return true;
 }
 
 static bool boolean_from(maker *maker, PyObject *value, unsigned char *at)
@@ -154,7 +136,7 @@ static bool items_from(maker *maker, const shape *shape, PyObject *list, Py_ssiz
         if (is_list && index >= LIST_COUNT(list))
             return refuse(maker, "the list became shorter while it was encoded");
         PyObject *item = is_list ? LIST_ITEM(list, index) : TUPLE_ITEM(list, index);
-        if (!value_from(maker, shape->element, item, at))
+        if (!quick_from(maker, shape->element, item, at))
             return under_index(maker, index);
     }
     return true;
@@ -216,7 +198,7 @@ static bool alternative_from(maker *maker, const shape *shape, PyObject *name, P
         PUT(void *, inner, memory);
         inner = memory;
     }
-    return value_from(maker, slot->shape, value, inner) || under_name(maker, slot->field->name);
+    return quick_from(maker, slot->shape, value, inner) || under_name(maker, slot->field->name);
 }
 
 bool choice_from(maker *maker, const shape *shape, PyObject *value, unsigned char *at)

@@ -10,12 +10,15 @@
 
 enum { MAX_PATH = 512 };
 
+#define PUT(type, at, value) (*(type *)(void *)(at) = (type)(value))
+
 typedef struct maker {
     memory memory;
     struct held *held;  /* views whose memory the value points into */
     PyObject *reason;   /* of the failure */
     PyObject *cause;    /* the exception behind it, or NULL */
     int depth;
+    unsigned foreign;   /* how often code of the value's own has run, which may have changed any dict or list */
     size_t path_start;  /* the path is written from its end: each level puts its name in front */
     char path[MAX_PATH];
 } maker;
@@ -30,9 +33,15 @@ void *maker_take(maker *maker, size_t octets);
 
 /* The hot one; value may be a dict, list, ... or a view of the same type. */
 bool value_from(maker *maker, const shape *shape, PyObject *value, unsigned char *at);
-bool integer_from(maker *maker, const shape *shape, PyObject *value, unsigned char *at);
+/* INTEGER; the longer way for what is no small int in its range. */
+bool other_integer_from(maker *maker, const shape *shape, PyObject *value, unsigned char *at);
 bool enumerated_from(maker *maker, const shape *shape, PyObject *value, unsigned char *at);
 bool record_from(maker *maker, const shape *shape, PyObject *value, unsigned char *at);
+bool slot_from(maker *maker, const shape *shape, const slot *slot, PyObject *value, unsigned char *record);
+/* A component that the dict has not; false: it may not be left out. */
+bool leave_out(const slot *slot, unsigned char *record);
+bool refuse_missing(maker *maker, const slot *slot);
+bool any_order(maker *maker, const shape *shape, PyObject *dict, unsigned char *record); /* record_any.c */
 bool choice_from(maker *maker, const shape *shape, PyObject *value, unsigned char *at);
 bool list_from(maker *maker, const shape *shape, PyObject *value, unsigned char *at);
 bool open_from(maker *maker, const shape *owner, const slot *slot, PyObject *value, unsigned char *record);
@@ -49,6 +58,51 @@ bool refuse_error(maker *maker, const char *what); /* an exception of the object
 bool under_name(maker *maker, const char *name);   /* the failure was inside this component */
 bool under_index(maker *maker, Py_ssize_t index);
 bool under_addition(maker *maker, uint32_t index); /* "[3]" of a SEQUENCE: ".[3]", as the runtime writes it */
+
+static inline void put_integer(const shape *shape, int64_t number, unsigned char *at)
+{
+    switch (shape->op) {
+    case OP_U8:
+    case OP_I8:
+        *at = (unsigned char)number;
+        return;
+    case OP_U16:
+    case OP_I16:
+        PUT(uint16_t, at, number);
+        return;
+    case OP_U32:
+    case OP_I32:
+        PUT(uint32_t, at, number);
+        return;
+    default:
+        PUT(int64_t, at, number);
+    }
+}
+
+static inline bool integer_from(maker *maker, const shape *shape, PyObject *value, unsigned char *at)
+{
+    int64_t number;
+    if (!small_integer(value, &number) || number < shape->low || number > shape->high)
+        return other_integer_from(maker, shape, value, at);
+    put_integer(shape, number, at);
+    return true;
+}
+
+/* value_from with the commonest kinds in line. */
+static inline bool quick_from(maker *maker, const shape *shape, PyObject *value, unsigned char *at)
+{
+    if (shape->op >= OP_U8 && shape->op <= OP_I64)
+        return integer_from(maker, shape, value, at);
+    if (shape->op == OP_SEQUENCE)
+        return record_from(maker, shape, value, at);
+    if (shape->op == OP_ENUMERATED)
+        for (uint16_t index = 0; index < shape->type->names_count; index++)
+            if (shape->names[index] == value) {
+                PUT(int32_t, at, shape->type->names[index].value);
+                return true;
+            }
+    return value_from(maker, shape, value, at);
+}
 
 /* "[3]" to 3; false: no such text. */
 bool index_of(PyObject *name, uint32_t *index);

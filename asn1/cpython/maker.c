@@ -18,6 +18,7 @@ void maker_open(maker *maker, void *first, size_t octets)
     maker->held = NULL;
     maker->reason = maker->cause = NULL;
     maker->depth = 0;
+    maker->foreign = 0;
     maker->path_start = MAX_PATH - 1;
     maker->path[MAX_PATH - 1] = 0;
 }

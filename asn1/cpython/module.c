@@ -1,4 +1,5 @@
 /* The module captain_messages. Its functions and classes are added by the files that hold them. */
+#include "dict_layout.h"
 #include "errors.h"
 #include "message.h"
 #include "view.h"
@@ -14,7 +15,7 @@ PyMODINIT_FUNC PyInit_captain_messages(void)
 {
     PyObject *module = PyModule_Create(&MODULE);
     if (module != NULL
-        && !(errors_add(module) && views_add(module) && describe_add(module) && tree_add(module) && messages_add(module)))
+        && !(dicts_look() && errors_add(module) && views_add(module) && describe_add(module) && tree_add(module) && messages_add(module)))
         Py_CLEAR(module);
     return module;
 }

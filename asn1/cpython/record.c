@@ -1,16 +1,13 @@
 /* A SEQUENCE has few patterns of present components. For each one seen a `form` is kept: a finished dict with that pattern's
- * keys. Where the layout of dicts is known (CPython 3.11, full API; looked at once for every form), a new dict is a copy of
- * the form's table of keys, its values written straight into their places: no hashing, 40 ns against 75 to 120 ns for a dict of three
- * values, 50 against 170 to 400 for one of ten. Elsewhere, and for patterns beyond the eighth, keys are set one by one. */
+ * keys. Where the layout of dicts is known a new dict is a copy of the form's table of keys, its values written straight into
+ * their places: no hashing, 40 ns against 75 to 120 ns for a dict of three values, 50 against 170 to 400 for one of ten.
+ * Elsewhere, and for patterns beyond the eighth, keys are set one by one. */
 #include "decode.h"
+#include "dict_layout.h"
 
 #include <string.h>
 
 enum { MAX_FORMS = 8, MAX_MASK = 64 };
-
-#if !defined(Py_LIMITED_API) && PY_VERSION_HEX >= 0x030B0000 && PY_VERSION_HEX < 0x030C0000
-#define KNOWN_LAYOUT 1
-#endif
 
 /* ---------------------------------------------------------------- any Python */
 
@@ -28,7 +25,7 @@ static PyObject *slot_python(const slot *slot, const unsigned char *record)
 
 static PyObject *by_items(const shape *shape, const unsigned char *record)
 {
-    PyObject *dict = DICT_NEW(shape->slots_count);
+    PyObject *dict = PyDict_New();
     for (uint16_t index = 0; dict != NULL && index < shape->slots_count; index++) {
         const slot *slot = &shape->slots[index];
         if (!has_key(slot, record))
@@ -43,35 +40,32 @@ static PyObject *by_items(const shape *shape, const unsigned char *record)
 
 /* ---------------------------------------------------------------- known layout */
 
-#ifdef KNOWN_LAYOUT
+#ifdef MAY_KNOW_DICTS
 
-/* Objects/dictobject.c and Include/internal/pycore_dict.h of CPython 3.11: the table of keys of a dict with str keys, its
- * indices, then its entries. */
-typedef struct keys_table {
-    Py_ssize_t references;
-    uint8_t log2_size, log2_index_octets, kind;
-    uint32_t version;
-    Py_ssize_t usable, count;
-    char indices[];
-} keys_table;
-
-typedef struct entry {
-    PyObject *key, *value;
-} entry;
-
-enum { STR_KEYS = 1 };
+/* Where a value of the form lies, and what it is. */
+typedef struct part {
+    const slot *slot;
+    const shape *shape;
+    uint32_t offset;
+    bool is_plain; /* not behind a pointer, no default */
+} part;
 
 typedef struct form {
-    uint64_t mask; /* of the components that may be absent, in their order */
+    uint64_t mask; /* of the components that may be absent, by their number */
     struct form *next;
-    PyObject *dict;
-    const keys_table *keys;
+    PyObject *dict; /* all values are None */
+    const keys_table *table;
     size_t entries; /* offset in the table */
     size_t octets;  /* of the table */
     uint16_t count;
     bool has_containers;
-    const slot *slots[];
+    part parts[];
 } form;
+
+static bool may_be_absent(const slot *slot)
+{
+    return slot->present != CAPTAIN_NOWHERE && !slot->has_default;
+}
 
 static uint64_t mask_of(const shape *shape, const unsigned char *record)
 {
@@ -80,62 +74,42 @@ static uint64_t mask_of(const shape *shape, const unsigned char *record)
         return 0;
     for (uint16_t index = 0; index < shape->slots_count; index++) {
         const slot *slot = &shape->slots[index];
-        if (slot->present != CAPTAIN_NOWHERE && !slot->has_default)
+        if (may_be_absent(slot))
             mask |= (uint64_t)*(const bool *)(record + slot->present) << index;
     }
     return mask;
 }
 
-static entry *entries_of(const form *form, keys_table *keys)
+static void add_part(form *form, const slot *slot)
 {
-    return (entry *)(void *)((char *)keys + form->entries);
+    form->parts[form->count++] = (part){
+        .slot = slot, .shape = slot->shape, .offset = slot->offset, .is_plain = !slot->is_pointer && !slot->has_default};
+    form->has_containers = form->has_containers || slot->shape->op >= OP_SEQUENCE;
 }
 
-/* Whether the form's dict lies in memory as this file believes. */
-static bool is_as_believed(const form *form)
-{
-    const PyDictObject *dict = (const PyDictObject *)form->dict;
-    const keys_table *keys = form->keys;
-    if (dict->ma_values != NULL || dict->ma_used != form->count || keys->references != 1 || keys->kind != STR_KEYS
-        || keys->count != form->count || keys->version != 0
-        || keys->usable + keys->count != ((Py_ssize_t)2 << keys->log2_size) / 3)
-        return false;
-    const entry *entries = entries_of(form, (keys_table *)(uintptr_t)keys);
-    for (uint16_t index = 0; index < form->count; index++)
-        if (entries[index].key != form->slots[index]->key || entries[index].value != Py_None)
-            return false;
-    return true;
-}
-
-/* NULL: no memory, or not as believed; then the dict is made the plain way. */
+/* NULL: no memory; then the dict is made the plain way. */
 static form *form_new(const shape *shape, uint64_t mask)
 {
-    form *form = PyMem_Calloc(1, sizeof *form + shape->slots_count * sizeof *form->slots);
+    form *form = PyMem_Calloc(1, sizeof *form + shape->slots_count * sizeof *form->parts);
     if (form == NULL)
         return NULL;
     form->mask = mask;
-    for (uint16_t index = 0; index < shape->slots_count; index++) {
-        const slot *slot = &shape->slots[index];
-        if (slot->present != CAPTAIN_NOWHERE && !slot->has_default && !(mask >> index & 1))
-            continue;
-        form->slots[form->count++] = slot;
-        form->has_containers = form->has_containers || slot->shape->op >= OP_SEQUENCE;
-    }
-    form->dict = _PyDict_NewPresized(form->count);
+    for (uint16_t index = 0; index < shape->slots_count; index++)
+        if (!may_be_absent(&shape->slots[index]) || (mask >> index & 1))
+            add_part(form, &shape->slots[index]);
+    form->dict = PyDict_New(); /* not presized: that makes a table for keys of any class */
     for (uint16_t index = 0; form->dict != NULL && index < form->count; index++)
-        if (PyDict_SetItem(form->dict, form->slots[index]->key, Py_None) < 0)
+        if (PyDict_SetItem(form->dict, form->parts[index].slot->key, Py_None) < 0)
             Py_CLEAR(form->dict);
-    if (form->dict != NULL) {
-        form->keys = (const keys_table *)(const void *)((PyDictObject *)form->dict)->ma_keys;
-        form->entries = sizeof(keys_table) + ((size_t)1 << form->keys->log2_index_octets);
-        form->octets = form->entries + (size_t)(form->keys->usable + form->keys->count) * sizeof(entry);
-    }
-    if (form->dict == NULL || !is_as_believed(form)) {
+    if (form->dict == NULL || form->count == 0) {
         PyErr_Clear();
         Py_CLEAR(form->dict);
         PyMem_Free(form);
         return NULL;
     }
+    form->table = table_of(form->dict);
+    form->entries = entries_offset(form->table);
+    form->octets = form->entries + (size_t)(form->table->usable + form->table->count) * sizeof(entry);
     return form;
 }
 
@@ -145,7 +119,7 @@ static const form *find_form(const shape *shape, uint64_t mask)
     for (const form *form = shape->forms; form != NULL; form = form->next, count++)
         if (form->mask == mask)
             return form;
-    if (count >= MAX_FORMS || shape->slots_count == 0 || shape->slots_count > MAX_MASK)
+    if (!dicts_are_known || count >= MAX_FORMS || shape->slots_count > MAX_MASK)
         return NULL;
     form *form = form_new(shape, mask);
     if (form != NULL) {
@@ -155,35 +129,39 @@ static const form *find_form(const shape *shape, uint64_t mask)
     return form;
 }
 
-/* An empty dict whose shared table of no keys is replaced by a copy of the form's; its values are still the form's None. */
-static PyDictObject *dict_with_keys(const form *form, keys_table **keys)
+/* An empty dict whose shared table of no keys is replaced by a copy of the form's. */
+static PyObject *dict_with_keys(const form *form, entry **entries)
 {
     PyDictObject *dict = (PyDictObject *)PyDict_New();
     if (dict == NULL)
         return NULL;
-    *keys = PyObject_Malloc(form->octets);
-    if (*keys == NULL) {
+    keys_table *table = PyObject_Malloc(form->octets);
+    if (table == NULL) {
         Py_DECREF(dict);
-        PyErr_NoMemory();
-        return NULL;
+        return PyErr_NoMemory();
     }
-    memcpy(*keys, form->keys, form->octets);
+    memcpy(table, form->table, form->octets);
     ((keys_table *)(void *)dict->ma_keys)->references--;
-    dict->ma_keys = (PyDictKeysObject *)(void *)*keys;
+    dict->ma_keys = (PyDictKeysObject *)(void *)table;
     dict->ma_used = form->count;
-    return dict;
+    *entries = (entry *)(void *)((char *)table + form->entries);
+    return (PyObject *)dict;
+}
+
+static PyObject *part_python(const part *part, const unsigned char *record)
+{
+    return part->is_plain ? quick_value(part->shape, record + part->offset) : slot_python(part->slot, record);
 }
 
 static PyObject *by_form(const form *form, const unsigned char *record)
 {
-    keys_table *keys;
-    PyDictObject *dict = dict_with_keys(form, &keys);
+    entry *entries = NULL;
+    PyObject *dict = dict_with_keys(form, &entries);
     if (dict == NULL)
         return NULL;
-    entry *entries = entries_of(form, keys);
     bool is_good = true;
     for (uint16_t index = 0; index < form->count; index++) {
-        PyObject *value = is_good ? slot_python(form->slots[index], record) : NULL;
+        PyObject *value = is_good ? part_python(&form->parts[index], record) : NULL;
         is_good = value != NULL;
         entries[index].value = is_good ? value : Py_NewRef(Py_None);
         Py_INCREF(entries[index].key);
@@ -192,7 +170,7 @@ static PyObject *by_form(const form *form, const unsigned char *record)
         Py_CLEAR(dict);
     else if (form->has_containers)
         PyObject_GC_Track(dict);
-    return (PyObject *)dict;
+    return dict;
 }
 
 static PyObject *components(const shape *shape, const unsigned char *record)

@@ -112,6 +112,10 @@ static bool fill_slots(shape *shape)
         slot->shape = slot->attribute == NULL ? NULL : shape_of(field->type);
         if (slot->shape == NULL)
             return false;
+        slot->op = slot->shape->op;
+        slot->low = slot->shape->low;
+        slot->high = slot->shape->high;
+        slot->is_early = slot->op == OP_OPEN && slot->shape->type->selector >= index;
         shape->slots_count++;
         shape->may_be_absent = shape->may_be_absent || (slot->present != CAPTAIN_NOWHERE && !slot->has_default);
     }
@@ -163,7 +167,6 @@ static bool fill(shape *shape)
     case OP_LIST:
         return (shape->element = shape_of(shape->type->element)) != NULL;
     default:
-        set_range(shape);
         return true;
     }
 }
@@ -182,6 +185,7 @@ const shape *shape_of(const captain_type *type)
     }
     shape->type = type;
     shape->op = op_of(type);
+    set_range(shape);
     *place = shape;
     table_used++;
     return fill(shape) ? shape : NULL;

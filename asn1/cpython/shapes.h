@@ -17,16 +17,19 @@ typedef enum shape_op {
 
 typedef struct shape shape;
 
-/* A component of a SEQUENCE or an alternative of a CHOICE. */
+/* A component of a SEQUENCE or an alternative of a CHOICE: 64 octets, what decode and encode look at first. */
 typedef struct slot {
     PyObject *key;       /* interned: as in the ASN.1 */
-    PyObject *attribute; /* interned: the same object, or where that is no Python name: a-b is a_b, class is class_ */
     const shape *shape;
-    const captain_field *field;
+    int64_t low, high;   /* as in shape */
     uint32_t offset;
     uint32_t present;    /* offset of the bool, or CAPTAIN_NOWHERE */
+    uint8_t op;          /* as in shape */
     bool is_pointer;
     bool has_default;    /* absent, it has its default; an addition has not: its sender may not know it */
+    bool is_early;       /* an open type in front of the identifier that tells its type */
+    PyObject *attribute; /* interned: the key, or where that is no Python name: a-b is a_b, class is class_ */
+    const captain_field *field;
 } slot;
 
 struct shape {

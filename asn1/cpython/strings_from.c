@@ -29,6 +29,7 @@ bool octets_from(maker *maker, PyObject *value, captain_octets *copied)
     if (!is_buffer(value))
         return refuse_class(maker, value, "bytes");
     Py_INCREF(value);
+    maker->foreign += !PyBytes_CheckExact(value);
     bool is_good = octets_open(&octets, value);
     if (is_good) {
         is_good = copy(maker, octets.data, octets.count, copied);
@@ -52,18 +53,25 @@ static bool is_pair(PyObject *value)
     return (PyTuple_Check(value) && TUPLE_COUNT(value) == 2) || (PyList_Check(value) && LIST_COUNT(value) == 2);
 }
 
+static bool bit_count(maker *maker, PyObject *number, int64_t *count)
+{
+    if (!small_integer(number, count))
+        *count = PyLong_Check(number) && !PyBool_Check(number) ? PyLong_AsLongLong(number) : -1;
+    if (*count >= 0 && *count <= UINT32_MAX)
+        return true;
+    PyErr_Clear();
+    return refuse_class(maker, number, "the number of bits");
+}
+
 /* The octets copied, the spare bits of the last one zero. */
 static bool bits_from(maker *maker, PyObject *value, captain_bits *bits)
 {
     captain_octets octets = {0};
+    int64_t count = 0;
     if (!is_pair(value))
         return refuse_class(maker, value, "a tuple (octets, number of bits)");
-    PyObject *number = item_of(value, 1);
-    int64_t count = PyLong_Check(number) && !PyBool_Check(number) ? PyLong_AsLongLong(number) : -1;
-    if (count < 0 || count > UINT32_MAX) {
-        PyErr_Clear();
-        return refuse_class(maker, number, "the number of bits");
-    }
+    if (!bit_count(maker, item_of(value, 1), &count))
+        return false;
     if (!octets_from(maker, item_of(value, 0), &octets))
         return false;
     if (octets.count != octets_of_bits((size_t)count))

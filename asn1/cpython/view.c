@@ -1,56 +1,44 @@
 /* Views as objects: memory, and the three classes. */
 #include "view.h"
-#include "decode.h"
 
-PyTypeObject *View, *RecordView, *ChoiceView, *ListView;
+PyObject *value_name;
+PyTypeObject *View;
+view_class view_classes[3];
 
-enum { KEPT = 64 };
-static view *spare[KEPT];
-static int spare_count;
-
-static PyTypeObject *class_for(const shape *shape)
+view *view_allocate(view_class *class)
 {
-    return shape->op == OP_SEQUENCE ? RecordView : shape->op == OP_LIST ? ListView : ChoiceView;
-}
-
-PyObject *view_new(const shape *shape, const unsigned char *value, storage *storage)
-{
-    view *new = spare_count > 0 ? spare[--spare_count] : PyObject_Malloc(sizeof *new);
+    view *new = PyObject_Malloc(sizeof *new);
     if (new == NULL)
-        return PyErr_NoMemory();
-    PyObject_Init((PyObject *)new, class_for(shape));
-    new->shape = shape;
-    new->value = value;
-    new->storage = storage_hold(storage);
-    return (PyObject *)new;
+        return (view *)PyErr_NoMemory();
+    return (view *)PyObject_Init((PyObject *)new, class->class);
 }
 
 static void view_dealloc(PyObject *self)
 {
-    PyTypeObject *class = Py_TYPE(self);
-    storage_release(((view *)self)->storage);
-    if (spare_count < KEPT)
-        spare[spare_count++] = (view *)self;
-    else
-        PyObject_Free(self);
-    Py_DECREF(class);
+    view *view = (struct view *)self;
+    view_class *class = &view_classes[view->shape->op - OP_SEQUENCE];
+    storage_release(view->storage);
+    if (class->spare_count < VIEWS_KEPT) {
+        class->spare[class->spare_count++] = view;
+        return;
+    }
+    PyObject_Free(self);
+    Py_DECREF(class->class);
 }
 
-PyObject *view_value(const shape *shape, const unsigned char *value, storage *storage)
+PyObject *view_open(const shape *shape, const unsigned char *value, storage *storage)
 {
-    if (shape->op < OP_SEQUENCE)
-        return quick_value(shape, value);
-    if (shape->op != OP_OPEN)
-        return view_new(shape, value, storage);
-    const captain_open *open = (const captain_open *)(const void *)value;
+    const captain_open *open = &AT(captain_open, value);
     const struct shape *inner = open_shape(shape, open);
     return inner == NULL ? octets_value(open->octets) : view_value(inner, open->value, storage);
 }
 
 const view *view_check(PyObject *object)
 {
-    PyTypeObject *class = Py_TYPE(object);
-    return class == RecordView || class == ChoiceView || class == ListView ? (const view *)object : NULL;
+    for (size_t index = 0; index < sizeof view_classes / sizeof *view_classes; index++)
+        if (Py_TYPE(object) == view_classes[index].class)
+            return (const view *)(const void *)object;
+    return NULL;
 }
 
 /* ---------------------------------------------------------------- classes */
@@ -85,7 +73,7 @@ static PyType_Slot VIEW_SLOTS[] = {COMMON, {Py_tp_methods, VIEW_METHODS},
                                    {Py_tp_doc, "A part of a message, whose values are made when they are touched."}, {0}};
 static PyType_Slot RECORD_SLOTS[] = {COMMON, {Py_tp_methods, RECORD_METHODS}, {Py_tp_getattro, record_getattro},
                                      {Py_tp_doc, "A SEQUENCE: its components are attributes; absent ones are None."}, {0}};
-static PyType_Slot CHOICE_SLOTS[] = {COMMON, {Py_tp_getset, CHOICE_MEMBERS},
+static PyType_Slot CHOICE_SLOTS[] = {COMMON, {Py_tp_getset, CHOICE_MEMBERS}, {Py_tp_getattro, choice_getattro},
                                      {Py_tp_doc, "A CHOICE: the name and the value of its alternative."}, {0}};
 static PyType_Slot LIST_SLOTS[] = {COMMON, {Py_sq_length, list_length}, {Py_sq_item, list_item},
                                    {Py_mp_length, list_length}, {Py_mp_subscript, list_subscript},
@@ -109,11 +97,11 @@ static PyTypeObject *add(PyObject *module, PyType_Spec *spec, const char *name, 
 }
 
 /* A list is what typing and match take for a sequence. */
-static bool register_sequence(void)
+static bool register_sequence(PyTypeObject *class)
 {
     PyObject *abc = PyImport_ImportModule("collections.abc");
     PyObject *sequence = abc == NULL ? NULL : PyObject_GetAttrString(abc, "Sequence");
-    PyObject *done = sequence == NULL ? NULL : PyObject_CallMethod(sequence, "register", "O", (PyObject *)ListView);
+    PyObject *done = sequence == NULL ? NULL : PyObject_CallMethod(sequence, "register", "O", (PyObject *)class);
     Py_XDECREF(abc);
     Py_XDECREF(sequence);
     Py_XDECREF(done);
@@ -122,10 +110,13 @@ static bool register_sequence(void)
 
 bool views_add(PyObject *module)
 {
-    if ((View = add(module, &VIEW_SPEC, "View", NULL)) == NULL)
+    view_class *records = &view_classes[0], *choices = &view_classes[OP_CHOICE - OP_SEQUENCE];
+    view_class *lists = &view_classes[OP_LIST - OP_SEQUENCE];
+    value_name = PyUnicode_InternFromString("value");
+    if (value_name == NULL || (View = add(module, &VIEW_SPEC, "View", NULL)) == NULL)
         return false;
-    RecordView = add(module, &RECORD_SPEC, "RecordView", View);
-    ChoiceView = add(module, &CHOICE_SPEC, "ChoiceView", View);
-    ListView = add(module, &LIST_SPEC, "ListView", View);
-    return RecordView != NULL && ChoiceView != NULL && ListView != NULL && register_sequence();
+    records->class = add(module, &RECORD_SPEC, "RecordView", View);
+    choices->class = add(module, &CHOICE_SPEC, "ChoiceView", View);
+    lists->class = add(module, &LIST_SPEC, "ListView", View);
+    return records->class != NULL && choices->class != NULL && lists->class != NULL && register_sequence(lists->class);
 }

@@ -3,6 +3,7 @@
 #ifndef CAPTAIN_VIEW_H
 #define CAPTAIN_VIEW_H
 
+#include "decode.h"
 #include "memory.h"
 #include "shapes.h"
 
@@ -38,21 +39,59 @@ static inline void storage_release(storage *storage)
         storage_free(storage);
 }
 
+/* Spare views keep their class, so that a new one costs a few stores. */
+enum { VIEWS_KEPT = 64 };
+typedef struct view_class {
+    PyTypeObject *class;
+    int spare_count;
+    view *spare[VIEWS_KEPT];
+} view_class;
+extern view_class view_classes[]; /* by op: OP_SEQUENCE, OP_CHOICE, OP_LIST */
+
+view *view_allocate(view_class *class);
+
 /* A view of a SEQUENCE, CHOICE or list; holds the storage. */
-PyObject *view_new(const shape *shape, const unsigned char *value, storage *storage);
+static inline PyObject *view_new(const shape *shape, const unsigned char *value, storage *storage)
+{
+    view *new;
+    view_class *class = &view_classes[shape->op - OP_SEQUENCE];
+    if (class->spare_count > 0) {
+        new = class->spare[--class->spare_count];
+        Py_SET_REFCNT(new, 1);
+    } else if ((new = view_allocate(class)) == NULL) {
+        return NULL;
+    }
+    new->shape = shape;
+    new->value = value;
+    new->storage = storage_hold(storage);
+    return (PyObject *)new;
+}
+
+/* What an open type holds: a view, what decode gives, or octets. */
+PyObject *view_open(const shape *shape, const unsigned char *value, storage *storage);
+
 /* A view where the value is a container, else what decode gives. */
-PyObject *view_value(const shape *shape, const unsigned char *value, storage *storage);
+static inline PyObject *view_value(const shape *shape, const unsigned char *value, storage *storage)
+{
+    if (shape->op < OP_SEQUENCE)
+        return quick_value(shape, value);
+    return shape->op == OP_OPEN ? view_open(shape, value, storage) : view_new(shape, value, storage);
+}
+
 /* NULL, without an exception: the object is no view. */
 const view *view_check(PyObject *object);
 
 bool views_add(PyObject *module);
 
-/* Of all three classes (view_common.c). */
-extern PyTypeObject *View, *RecordView, *ChoiceView, *ListView;
+extern PyTypeObject *View;    /* the base of all three */
+extern PyObject *value_name;  /* interned "value" */
+
+/* What they answer (view_access.c). */
 PyObject *view_compare(PyObject *left, PyObject *right, int operation);
 PyObject *view_repr(PyObject *self);
 PyObject *record_getattro(PyObject *self, PyObject *name);
 PyObject *record_dir(PyObject *self, PyObject *unused);
+PyObject *choice_getattro(PyObject *self, PyObject *name);
 PyObject *choice_choice(PyObject *self, void *unused);
 PyObject *choice_value(PyObject *self, void *unused);
 Py_ssize_t list_length(PyObject *self);

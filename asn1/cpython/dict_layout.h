@@ -1,0 +1,50 @@
+/* How dicts with str keys lie in memory, where that is known: Objects/dictobject.c and Include/internal/pycore_dict.h of CPython
+ * 3.11, full API. It is looked at once, at import: where it is not as written here, dicts are made and walked by the C API alone. */
+#ifndef CAPTAIN_DICT_LAYOUT_H
+#define CAPTAIN_DICT_LAYOUT_H
+
+#include "compat.h"
+
+#if !defined(Py_LIMITED_API) && PY_VERSION_HEX >= 0x030B0000 && PY_VERSION_HEX < 0x030C0000
+#define MAY_KNOW_DICTS 1
+
+/* The table of a dict: this, the indices, then the entries in the order of insertion; a deleted one has a value of NULL. */
+typedef struct keys_table {
+    Py_ssize_t references;
+    uint8_t log2_size, log2_index_octets, kind;
+    uint32_t version;
+    Py_ssize_t usable, count;
+    char indices[];
+} keys_table;
+
+typedef struct entry {
+    PyObject *key, *value;
+} entry;
+
+enum { STR_KEYS = 1 };
+
+/* NULL where the dict has keys of other classes, or shares them with an instance's __dict__. */
+static inline keys_table *table_of(PyObject *dict)
+{
+    const PyDictObject *known = (const PyDictObject *)dict;
+    keys_table *table = (keys_table *)(void *)known->ma_keys;
+    return known->ma_values == NULL && table->kind == STR_KEYS ? table : NULL;
+}
+
+static inline size_t entries_offset(const keys_table *table)
+{
+    return sizeof(keys_table) + ((size_t)1 << table->log2_index_octets);
+}
+
+static inline entry *entries_of(keys_table *table)
+{
+    return (entry *)(void *)((char *)table + entries_offset(table));
+}
+#endif
+
+extern bool dicts_are_known;
+
+/* False and an exception: no memory. */
+bool dicts_look(void);
+
+#endif
