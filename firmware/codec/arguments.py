@@ -1,13 +1,15 @@
-"""Arguments that decode, encode, convert and explain have in common, and how failures of single messages are told."""
+"""What decode, encode, convert and explain have in common: their arguments, and how they go through messages."""
 
 import argparse
 import io
 import json
 import sys
 from collections import Counter
+from collections.abc import Callable
 
-from board.errors import StationError
-from firmware.codec.reading import FORMS, Reader
+from board.errors import RequestError
+from firmware.codec.decoding import error_record
+from firmware.codec.reading import FORMS, Object, Pdu, Reader
 from firmware.user.table import clean
 
 FORMS_HELP = """\
@@ -25,7 +27,7 @@ may stand in place of a message.
 
 
 def add_input(parser: argparse.ArgumentParser) -> None:
-    """WHAT and how it is to be read; reader() uses them."""
+    """WHAT and how it is to be read; each() uses them."""
     parser.add_argument("what", metavar="WHAT", nargs="*", help="a file, a folder, the message itself, or -")
     parser.add_argument("--from", dest="form", choices=FORMS, help="how to read WHAT, whatever it looks like")
 
@@ -38,23 +40,43 @@ def add_edition(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def reader(arguments: argparse.Namespace) -> Reader:
-    """Whoever asks for nothing means standard input."""
-    arguments.what = arguments.what or ["-"]
+def each(arguments: argparse.Namespace, do: Callable[[Pdu | Object], None], is_json: bool = False) -> int:
+    """Do it with each message of WHAT; one that fails is told, and the next goes on. Returns the exit status.
+
+    is_json  failures are told on standard output, an object a line.
+    """
+    source = _reader(arguments)
+    failed = count = 0
+    for item in source.read(arguments.what or ["-"]):
+        count += 1
+        try:
+            if isinstance(item, RequestError):
+                raise item
+            do(item)
+        except RequestError as error:
+            failed += 1
+            if is_json:
+                print_json(error_record(error))
+            else:
+                _tell(error)
+    _tell_skipped(source.skipped)
+    return 1 if failed or not count else 0
+
+
+def _reader(arguments: argparse.Namespace) -> Reader:
     if sys.stdin is None:  # closed by the caller
         return Reader(arguments.form, io.BytesIO())
-    if "-" in arguments.what and sys.stdin.isatty():
+    if "-" in (arguments.what or ["-"]) and sys.stdin.isatty():
         print("captain: reads standard input until Ctrl-D", file=sys.stderr)
     return Reader(arguments.form, sys.stdin.buffer)
 
 
-def tell(error: StationError) -> None:
-    """A message that failed, on standard error; the next one goes on."""
+def _tell(error: RequestError) -> None:
     sys.stdout.flush()
     print("captain: " + "\n".join(clean(line) for line in str(error).splitlines()), file=sys.stderr, flush=True)
 
 
-def tell_skipped(skipped: Counter[str]) -> None:
+def _tell_skipped(skipped: Counter[str]) -> None:
     """What captures held beside messages."""
     if skipped:
         each = ", ".join(f"{count} {what}" for what, count in sorted(skipped.items()))

@@ -88,8 +88,8 @@ class Identifier:
     is_asked  a user has chosen these: then no header has to announce them.
 
     Editions are preferred in this order: those that give the same octets back, those that the header's
-    protocolVersion announces, those of smaller rank. What no header or port announces is a guess: it has to give
-    the same octets back and to keep every constraint of its standard.
+    protocolVersion announces, those of smaller rank. What neither the header nor, where that says nothing, the port
+    announces is a guess: it has to give the same octets back and to keep every constraint of its standard.
     """
 
     def __init__(self, known: Sequence[Message], is_asked: bool = False) -> None:

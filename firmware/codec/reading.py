@@ -175,8 +175,10 @@ def opened(octets: bytes, origin: str) -> Pdu:
     return Pdu(found.pdu, origin, found.btp_port, None, str(found), octets)
 
 
-def pdu_of(one: Object) -> Pdu:
-    """The octets that an object has as `hex` or `base64`: `captain listen --json` prints such. Raises RequestError."""
+def pdu_of(one: Pdu | Object) -> Pdu:
+    """The octets, of an object its `hex` or `base64`: `captain listen --json` prints such. Raises RequestError."""
+    if isinstance(one, Pdu):
+        return one
     for key, decode in (("hex", hex_octets), ("base64", base64_octets)):
         text = one.value.get(key)
         if isinstance(text, str):

@@ -3,7 +3,7 @@
 import argparse
 import base64
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO, Protocol
@@ -155,9 +155,9 @@ def _framed(pdu: Pdu) -> bytes:
     return frame.wrap(mac, Sender(mac).encode(request, 0.0, _NOWHERE))
 
 
-def add_output(parser: argparse.ArgumentParser, forms: Sequence[str] = FORMS) -> None:
+def add_output(parser: argparse.ArgumentParser) -> None:
     """--to and -o; output() uses them."""
-    parser.add_argument("--to", choices=forms, help="what to write (default: as the name of FILE says)")
+    parser.add_argument("--to", choices=FORMS, help="what to write (default: as the name of FILE says)")
     parser.add_argument("-o", "--output", metavar="FILE", help="where to write (default: standard output)")
 
 

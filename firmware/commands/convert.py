@@ -2,12 +2,11 @@
 
 import argparse
 
-from board.errors import RequestError
 from firmware.codec import library, writing
-from firmware.codec.arguments import FORMS_HELP, add_edition, add_input, reader, tell, tell_skipped
+from firmware.codec.arguments import FORMS_HELP, add_edition, add_input, each
 from firmware.codec.decoding import Decoder
 from firmware.codec.encoding import encode
-from firmware.codec.reading import Item, Object, Pdu, pdu_of, port_of, when_ns
+from firmware.codec.reading import Object, Pdu, pdu_of, port_of, when_ns
 
 DESCRIPTION = f"""\
 Writes messages in another form: hexadecimal, base64, binary, JSON (decoded),
@@ -42,19 +41,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(arguments: argparse.Namespace) -> int:
-    source = reader(arguments)
-    convert = Conversion(arguments.edition)
-    failed = count = 0
+    conversion = Conversion(arguments.edition)
     with writing.output(arguments, "hex") as out:
-        for item in source.read(arguments.what):
-            count += 1
-            try:
-                out.write(convert.octets(item))
-            except RequestError as error:
-                failed += 1
-                tell(error)
-    tell_skipped(source.skipped)
-    return 1 if failed or not count else 0
+        return each(arguments, lambda item: out.write(conversion.octets(item)))
 
 
 class Conversion:
@@ -67,10 +56,8 @@ class Conversion:
         self._edition = edition
         self._decoder: Decoder | None = None
 
-    def octets(self, item: Item) -> Pdu:
+    def octets(self, item: Pdu | Object) -> Pdu:
         """Raises RequestError where there are none, or not of the edition."""
-        if isinstance(item, RequestError):
-            raise item
         pdu = self._from_json(item) if isinstance(item, Object) else item
         if self._edition is not None:
             self._codec().identify(pdu, is_quick=True)

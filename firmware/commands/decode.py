@@ -4,12 +4,11 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from board.errors import RequestError
 from firmware.codec import library
-from firmware.codec.arguments import FORMS_HELP, add_edition, add_input, print_json, reader, tell, tell_skipped
-from firmware.codec.decoding import Decoder, error_record, record
+from firmware.codec.arguments import FORMS_HELP, add_edition, add_input, each, print_json
+from firmware.codec.decoding import Decoder, record
 from firmware.codec.library import Message
-from firmware.codec.reading import Item, Object, Pdu, pdu_of
+from firmware.codec.reading import Object, Pdu, pdu_of
 from firmware.codec.showing import room, tree
 from firmware.user.table import Table, plain, width_of
 
@@ -56,34 +55,17 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(arguments: argparse.Namespace) -> int:
-    codec = library.load()
-    decoder = Decoder(codec, arguments.edition)
+    decoder = Decoder(library.load(), arguments.edition)
     if arguments.list:
         _list(decoder.known, arguments.json)
         return 0
-    source = reader(arguments)
-    failed = count = 0
-    for item in source.read(arguments.what):
-        count += 1
-        try:
-            pdu = _pdu(item)
-            found = decoder.identify(pdu)
-        except RequestError as error:
-            failed += 1
-            if arguments.json:
-                print_json(error_record(error))
-            else:
-                tell(error)
-        else:
-            print(record(pdu, found) if arguments.json else tree(pdu, found, width_of(sys.stdout)), flush=True)
-    tell_skipped(source.skipped)
-    return 1 if failed or not count else 0
 
+    def decode(item: Pdu | Object) -> None:
+        pdu = pdu_of(item)
+        found = decoder.identify(pdu)
+        print(record(pdu, found) if arguments.json else tree(pdu, found, width_of(sys.stdout)), flush=True)
 
-def _pdu(item: Item) -> Pdu:
-    if isinstance(item, RequestError):
-        raise item
-    return pdu_of(item) if isinstance(item, Object) else item
+    return each(arguments, decode, arguments.json)
 
 
 def _list(known: list[Message], is_json: bool) -> None:

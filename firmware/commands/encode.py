@@ -4,9 +4,9 @@ import argparse
 
 from board.errors import RequestError
 from firmware.codec import library, writing
-from firmware.codec.arguments import add_edition, reader, tell
+from firmware.codec.arguments import add_edition, each
 from firmware.codec.encoding import encode
-from firmware.codec.reading import Item, Pdu, port_of, when_ns
+from firmware.codec.reading import Object, Pdu, port_of, when_ns
 
 DESCRIPTION = """\
 Encodes messages: JSON objects {"edition": "cam-1.4.1", "message": {...}} as
@@ -39,27 +39,17 @@ exit codes:
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("what", metavar="WHAT", nargs="*", help="a file, a folder, a JSON object, or -")
     add_edition(parser)
-    writing.add_output(parser, [form for form in writing.FORMS if form != "json"])
+    writing.add_output(parser)
     parser.set_defaults(form="json")
 
 
 def main(arguments: argparse.Namespace) -> int:
     known = library.editions(library.load(), arguments.edition)
-    failed = count = 0
     with writing.output(arguments, "hex") as out:
-        for item in reader(arguments).read(arguments.what):
-            count += 1
-            try:
-                out.write(_encoded(item, known, arguments.edition))
-            except RequestError as error:
-                failed += 1
-                tell(error)
-    return 1 if failed or not count else 0
+        return each(arguments, lambda item: out.write(_encoded(item, known, arguments.edition)))
 
 
-def _encoded(item: Item, known: list[library.Message], asked: str | None) -> Pdu:
-    if isinstance(item, RequestError):
-        raise item
+def _encoded(item: Pdu | Object, known: list[library.Message], asked: str | None) -> Pdu:
     if isinstance(item, Pdu):
         raise RequestError(f"{item.origin}: it is octets already, not JSON")
     _, octets = encode(item, known, asked)

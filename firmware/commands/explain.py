@@ -3,12 +3,11 @@
 import argparse
 from collections.abc import Sequence
 
-from board.errors import RequestError
 from firmware.codec import bits, library
-from firmware.codec.arguments import FORMS_HELP, add_edition, add_input, print_json, reader, tell, tell_skipped
-from firmware.codec.decoding import Decoder, UndecodableError, error_record
+from firmware.codec.arguments import FORMS_HELP, add_edition, add_input, each, print_json
+from firmware.codec.decoding import Decoder, UndecodableError
 from firmware.codec.library import Message
-from firmware.codec.reading import Item, Object, Pdu, pdu_of
+from firmware.codec.reading import Pdu, pdu_of
 from firmware.codec.showing import room
 from firmware.user.table import Table, clean, plain
 
@@ -49,26 +48,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(arguments: argparse.Namespace) -> int:
     decoder = Decoder(library.load(), arguments.edition)
-    source = reader(arguments)
-    failed = count = 0
-    for item in source.read(arguments.what):
-        count += 1
-        try:
-            _explain(_pdu(item), decoder, arguments.json)
-        except RequestError as error:
-            failed += 1
-            if arguments.json:
-                print_json(error_record(error))
-            else:
-                tell(error)
-    tell_skipped(source.skipped)
-    return 1 if failed or not count else 0
-
-
-def _pdu(item: Item) -> Pdu:
-    if isinstance(item, RequestError):
-        raise item
-    return pdu_of(item) if isinstance(item, Object) else item
+    return each(arguments, lambda item: _explain(pdu_of(item), decoder, arguments.json), arguments.json)
 
 
 def _explain(pdu: Pdu, decoder: Decoder, is_json: bool) -> None:
