@@ -8,8 +8,6 @@
 
 #pragma GCC visibility push(hidden)
 
-/* So many SEQUENCEs that contain themselves may stand within one another. */
-enum { EXPLAIN_MAX_RECURSION = 16 };
 /* Lists and strings whose items take no bits: nothing in the octets bounds them, so this does. */
 enum { EXPLAIN_MAX_EMPTY = 65536 };
 

@@ -5,7 +5,7 @@
 
 typedef struct locate {
     bool is_strict;
-    unsigned depth;
+    unsigned depth, recursion;
     captain_path path;
     captain_report *report;
 } locate;
@@ -226,10 +226,14 @@ static captain_status check_value(locate *in, const captain_type *type, const vo
     case CAPTAIN_OPEN: break;
     default: return check_string(in, type, captain_walk_octets(value));
     }
-    if (in->depth == CAPTAIN_WALK_DEPTH)
+    /* What encode refuses, decode would refuse as well. */
+    unsigned again = !in->is_strict && type->kind == CAPTAIN_SEQUENCE && (type->flags & CAPTAIN_RECURS) ? 1 : 0;
+    if (in->depth == CAPTAIN_WALK_DEPTH || in->recursion + again > CAPTAIN_WALK_RECURSION)
         return refuse(in, CAPTAIN_DEPTH, "nested too deeply");
     in->depth++;
+    in->recursion += again;
     TRY(check_known(in, type, value));
+    in->recursion -= again;
     in->depth--;
     return check_generated(in, type, value);
 }

@@ -27,6 +27,12 @@ static uint64_t next_random(void)
 
 static bool chance(unsigned one_in) { return next_random() % one_in == 0; }
 
+/* Now and then a value goes as deep into a type that contains itself as decode and encode allow, and deeper. */
+enum { DEEPEST = 60 };
+static bool is_deep;
+
+static bool goes_deep(const captain_type *type, unsigned depth) { return is_deep && depth < DEEPEST && (type->flags & CAPTAIN_RECURS); }
+
 /* ---------------------------------------------------------------- values */
 
 static void make(const captain_type *type, void *value, captain_arena *arena, unsigned depth);
@@ -134,6 +140,7 @@ static void make_sequence(const captain_type *type, char *structure, captain_are
         if (field->addition > 0 && is_first)
             group = chance(rare);
         bool is_there = field->addition > 0 ? group && ((field->flags & CAPTAIN_MANDATORY) || chance(rare)) : field->present == CAPTAIN_NOWHERE || chance(rare);
+        is_there |= field->addition == 0 && goes_deep(field->type, depth) && !chance(20);
         if (field->present != CAPTAIN_NOWHERE)
             structure[field->present] = (char)is_there;
         if (!is_there)
@@ -160,7 +167,9 @@ static void make_choice(const captain_type *type, char *structure, captain_arena
 {
     uint32_t choice = (uint32_t)(next_random() % (depth > 8 ? 1 : type->fields_count)) + 1;
     memset(structure, 0, type->size);
-    if ((type->flags & CAPTAIN_EXTENSIBLE) && chance(20)) {
+    for (uint32_t i = 0; i < type->root_count; i++)
+        choice = goes_deep(type->fields[i].type, depth) ? i + 1 : choice;
+    if ((type->flags & CAPTAIN_EXTENSIBLE) && chance(is_deep ? 200 : 20)) {
         captain_octets octets = make_octets((uint32_t)(next_random() % 5), arena);
         choice = (uint32_t)CAPTAIN_UNKNOWN + type->fields_count - type->root_count + (uint32_t)(next_random() % 80);
         memcpy(structure + type->fields[0].offset, &octets, sizeof octets);
@@ -172,7 +181,7 @@ static void make_choice(const captain_type *type, char *structure, captain_arena
 
 static void make_list(const captain_type *type, captain_list *list, captain_arena *arena, unsigned depth)
 {
-    uint32_t count = make_count(type, depth);
+    uint32_t count = goes_deep(type, depth) ? (uint32_t)type->low + (type->low == 0) : make_count(type, depth);
     size_t size = type->element->size;
     char *items = take(arena, count * size + 1);
     for (uint32_t i = 0; i < count; i++)
@@ -321,6 +330,7 @@ static unsigned long check_message(const captain_message *message, unsigned long
         captain_arena arena;
         captain_report report;
         captain_arena_init(&arena, memory[0], sizeof memory[0]);
+        is_deep = chance(8);
         make(message->pdu, values[0], &arena, 0);
         size_t bits;
         captain_status status = captain_encode(message->pdu, values[0], encoded, sizeof encoded, &bits);
