@@ -1,5 +1,7 @@
 """What cannot be imported is said with file, line, construct and clause, all of it at once."""
 
+import re
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -175,3 +177,35 @@ def test_any_text_is_taken_or_refused_cleanly(text: str) -> None:
             imported(whole)
         except ImportFault as error:
             assert error.problems
+
+
+SEED = """A ::= SEQUENCE { a [0] B (0..n | 9, ...) DEFAULT 1, ..., [[ 2: b C OPTIONAL ]], c CHOICE { d NULL }, ..., e T {{S}} }
+B ::= INTEGER { x(1) } (MIN..7)
+C ::= SEQUENCE SIZE(1..4) OF D (WITH COMPONENTS {..., p (x), q ABSENT})
+D ::= SEQUENCE { p B, q ENUMERATED { r(3), s, ..., t } OPTIONAL, COMPONENTS OF E }
+E ::= SEQUENCE { u OCTET STRING (CONTAINING B) OPTIONAL, v IA5String (FROM("a".."z"))(SIZE(2)), w U { B, 5 } }
+T {CLS : Set} ::= SEQUENCE { k CLS.&id({Set}), v CLS.&Type({Set}{@k}) }
+U { Type, INTEGER : size } ::= SEQUENCE (SIZE(size)) OF Type
+CLS ::= CLASS { &id B UNIQUE, &Type } WITH SYNTAX { &Type IDENTIFIED BY &id }
+S CLS ::= { {C IDENTIFIED BY x} | {NULL IDENTIFIED BY 2}, ... }
+n B ::= 5"""
+SEED_WORDS = [word + " " for word in re.findall(r'"[^"]*"|[\w&-]+|::=|\.{2,3}|\[\[|\]\]|\n|\S', SEED)]
+
+
+def test_the_seed_of_damaged_texts_is_right() -> None:
+    assert [*imported(module("".join(SEED_WORDS)))["m"].definitions] == ["A", "B", "C", "D", "T-S", "U-B-5"]
+
+
+@given(
+    at=st.integers(0, len(SEED_WORDS)),
+    cut=st.integers(0, 4),
+    words=st.lists(st.sampled_from(SEED_WORDS), max_size=3),
+    more=st.integers(0, len(SEED_WORDS)),
+)
+def test_a_damaged_text_is_taken_or_refused_cleanly(at: int, cut: int, words: list[str], more: int) -> None:
+    damaged = SEED_WORDS[:at] + words + SEED_WORDS[at + cut :]
+    del damaged[more : more + 1]
+    try:
+        imported(module("".join(damaged)))
+    except ImportFault as error:
+        assert error.problems
