@@ -11,7 +11,7 @@ from pathlib import Path
 from asn1.layout import Field, Kind, Layout, Node
 from asn1.types import Message
 
-HEAD = Path(__file__).parent / "head.pyi"
+HEAD = Path(__file__).parent / "head.pyi.in"
 INTEGERS = {Kind.INTEGER: "int", Kind.BOOLEAN: "bool", Kind.NULL: "None"}
 LEAVES = INTEGERS | {
     Kind.SMALL_BITS: "tuple[bytes, int]",
