@@ -4,8 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from asn1 import text
 from asn1 import types as t
-from asn1.importer import ImportFault, check, import_modules, text, write_schema
+from asn1.importer import ImportFault, check, import_modules, write_schema
 from asn1.importer.editions import MODULES, read_editions
 
 EDITIONS = """
