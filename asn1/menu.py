@@ -1,15 +1,19 @@
 """The same as the flags, asked for: numbered questions and plain input, in any terminal."""
 
 import shlex
+import textwrap
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+from asn1 import library, text
+
+WIDTH = 78  # columns of the smallest terminal, and a margin
 Run = Callable[[list[str]], int]
 """Runs a command line without the program's name and returns its exit status."""
 
 
 class Left(Exception):  # noqa: N818 no error: the user has had enough of a question
-    """An empty answer where there is no default, or q."""
+    """An empty answer where there is no default."""
 
 
 class Option(NamedTuple):
@@ -31,13 +35,7 @@ WHICH = (
     Option("all, experimental ones too", ("--all",)),
     Option("some, by name", ()),
 )
-FORM = (
-    Option("C library with CMake package, pkg-config file, C++ headers and examples", ("--form", "cmake")),
-    Option("plain C sources with C++ headers", ("--form", "sources")),
-    Option("Python module, built", ("--form", "python")),
-    Option("pages, a Markdown file per message", ("--form", "docs")),
-    Option("ASN.1 text, for other compilers", ("--form", "asn")),
-)
+FORM = tuple(Option(text, ("--form", form)) for form, text in library.FORMS.items())
 
 
 def run(run_command: Run) -> int:
@@ -75,9 +73,11 @@ def choose(question: str, options: Sequence[Option]) -> tuple[str, ...]:
 
 
 def ask(what: str, default: str = "") -> str:
-    """A line of text; an empty one means the default. Raises Left, and EOFError at the end of input."""
+    """A line of text; an empty one means the default. Raises Left, and EOFError for q and at the end of input."""
     answer = input(f"{what} [{default}]: " if default else f"{what}: ").strip() or default
-    if answer in ("", "q"):
+    if answer == "q":
+        raise EOFError
+    if not answer:
         raise Left
     return answer
 
@@ -89,6 +89,7 @@ def _plain(words: list[str]) -> list[str]:
 def _generate(words: list[str]) -> list[str]:
     which = list(choose("Which messages?", WHICH))
     if not which:
+        print(textwrap.fill("  ".join(text.load_schema().messages), WIDTH))
         which = shlex.split(ask("names, with blanks between (cam, denm-1.3.1, 'cpm-*')"))
     form = choose("In which form?", FORM)
     folder = ask("into which directory", default=f"build/{form[1]}")

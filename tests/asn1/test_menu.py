@@ -44,12 +44,15 @@ def test_the_standard_set_goes_into_a_directory_of_choice(monkeypatch: pytest.Mo
 
 
 def test_an_empty_answer_takes_the_default(monkeypatch: pytest.MonkeyPatch):
-    started, _ = run(monkeypatch, "2", "2", "4", "")
+    started, _ = run(monkeypatch, "2", "2", "5", "")
     assert started == [["generate", "--all", "--form", "docs", "--to", "build/docs"]]
 
 
-def test_messages_can_be_named(monkeypatch: pytest.MonkeyPatch):
+def test_messages_can_be_named_and_their_names_are_shown(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
     started, _ = run(monkeypatch, "2", "3", "cam 'cpm-*'", "2", "out")
+    assert "cam-1.4.1" in capsys.readouterr().out
     assert started == [["generate", "cam", "cpm-*", "--form", "sources", "--to", "out"]]
 
 
@@ -71,8 +74,9 @@ def test_the_command_line_is_shown_so_that_it_can_be_repeated(
     assert "$ captain-asn1 generate 'cpm-*' --form sources --to 'my dir'" in capsys.readouterr().out
 
 
-def test_back_and_quit(monkeypatch: pytest.MonkeyPatch):
-    assert run(monkeypatch, "2", "", "1", "q") == ([["list"]], 0)
+def test_an_empty_answer_goes_back_and_q_ends(monkeypatch: pytest.MonkeyPatch):
+    assert run(monkeypatch, "2", "", "1", "q", "1") == ([["list"]], 0)
+    assert run(monkeypatch, "2", "q", "1") == ([], 0)
 
 
 def test_the_status_of_the_last_command_is_the_menu_s(monkeypatch: pytest.MonkeyPatch):

@@ -1,0 +1,136 @@
+"""What people generate: C sources, the same as a CMake package, the Python module, pages, ASN.1 text."""
+
+import shutil
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+from asn1 import asn, docs, output, selection, wheel
+from asn1.cpython import build, stubs
+from asn1.layout import lay_out
+from asn1.types import Schema
+
+VERSION = "0.1.0"  # of the library; before 1.0 a minor version may change the structs, so the SONAME holds it
+RUNTIME = Path(__file__).parent / "runtime"
+PYTHON = Path(__file__).parent / "cpython"
+TEMPLATE = Path(__file__).parent / "template"
+
+Progress = Callable[[str], None]
+"""Told the name of what is being made."""
+
+FORMS = {
+    "cmake": "C library with CMake package, pkg-config file, C++ headers and examples",
+    "sources": "plain C sources with C++ headers",
+    "python": "Python module captain_messages, built, with typed stubs",
+    "wheel": "the same as a wheel for pip, for CPython 3.10 and later",
+    "docs": "pages, a Markdown file per message",
+    "asn": "ASN.1 text, for other compilers",
+}
+
+NEXT = {
+    "cmake": "cmake -S {folder} -B {folder}/build && cmake --build {folder}/build -j && "
+    "cmake --install {folder}/build --prefix DIR",
+    "sources": "cc -std=c11 -O2 -c -I{folder}/include {folder}/src/*.c",
+    "python": "PYTHONPATH={folder} python3 -c 'import captain_messages as m; print(m.all())'",
+    "wheel": "pip install {folder}/*.whl",
+    "docs": "begin with {folder}/README.md",
+    "asn": "one file per module",
+}
+"""What to do with a form once it is there."""
+
+
+def generate(schema: Schema, messages: tuple[str, ...], form: str, folder: Path, progress: Progress) -> int:
+    """Write one form for some messages; form: a key of FORMS. Returns how many files have changed.
+
+    Raises output.NotOursError where the directory belongs to somebody else, and build.BuildError.
+    """
+    if form in ("python", "wheel"):
+        return _python(schema, messages, form, folder, progress)
+    return output.write(folder, lambda made: _fill(schema, messages, form, made, progress))
+
+
+def differences(left: Schema, right: Schema, messages: tuple[str, ...]) -> list[str]:
+    """Names of the sources that two schemas make differently of some messages."""
+    with tempfile.TemporaryDirectory() as folder:
+        sides = [Path(folder) / "left", Path(folder) / "right"]
+        for side, schema in zip(sides, (left, right), strict=True):
+            side.mkdir()
+            _sources(schema, messages, side)
+        names = {path.relative_to(side) for side in sides for path in side.rglob("*") if path.is_file()}
+        return sorted(str(name) for name in names if not _is_same(sides[0] / name, sides[1] / name))
+
+
+def _is_same(left: Path, right: Path) -> bool:
+    return left.is_file() and right.is_file() and left.read_bytes() == right.read_bytes()
+
+
+def steps(schema: Schema, messages: tuple[str, ...], form: str) -> int:
+    """How many steps `generate` tells of, at most."""
+    match form:
+        case "docs":
+            return len(messages)
+        case "python" | "wheel":
+            runtime = len([*(RUNTIME / "src").glob("*.c"), *PYTHON.glob("*.c")])
+            return 1 + runtime + len(selection.part(schema, messages).modules)
+        case _:
+            return 1
+
+
+def _fill(schema: Schema, messages: tuple[str, ...], form: str, folder: Path, progress: Progress) -> None:
+    """One form into an empty directory."""
+    match form:
+        case "docs":
+            docs.write(schema, messages, folder, progress)
+            return
+        case "asn":
+            progress("ASN.1 text")
+            asn.write(selection.part(schema, messages), folder)
+            return
+        case _:
+            progress("C sources")
+            _sources(schema, messages, folder)
+    if form == "cmake":
+        _package(folder)
+
+
+def _python(schema: Schema, messages: tuple[str, ...], form: str, folder: Path, progress: Progress) -> int:
+    """The module and its stubs; the sources that it is made of lie in .sources, its objects in .objects."""
+    chosen = lay_out(schema, [schema.messages[name] for name in messages])
+    changed = output.write(folder, lambda made: stubs.write(chosen, made))
+    sources = folder / ".sources"
+    changed += output.write(sources, lambda made: _fill(schema, messages, "sources", made, progress))
+    module = build.build_python(sources, folder, is_limited=form == "wheel", progress=progress)
+    if form == "wheel":
+        wheel.write(folder, VERSION, module, stubs.text(chosen))
+    return changed
+
+
+def _sources(schema: Schema, messages: tuple[str, ...], folder: Path) -> None:
+    """include/captain and src: the runtime, and one header, source and C++ header per module."""
+    from asn1 import c, cpp  # only here: the list, pages and ASN.1 text come without them
+
+    shutil.copytree(RUNTIME / "include", folder / "include")
+    shutil.copytree(RUNTIME / "src", folder / "src")
+    c.generate(schema, messages, folder)
+    headers = folder / "include" / "captain"
+    shutil.copy(TEMPLATE / "messages.hpp", headers)
+    cpp.generate(lay_out(schema, [schema.messages[name] for name in messages]), headers)
+
+
+def _package(folder: Path) -> None:
+    """What CMake needs beside the sources."""
+    shutil.copy(TEMPLATE / "README.md", folder)
+    shutil.copy(TEMPLATE / "CMakeLists.txt", folder)
+    shutil.copytree(TEMPLATE / "cmake", folder / "cmake")
+    shutil.copytree(TEMPLATE / "example", folder / "example")
+    if not (folder / "include" / "captain" / "r1_cam.hpp").exists():
+        (folder / "example" / "cam.cpp").unlink()
+    sources = sorted(path.relative_to(folder).as_posix() for path in (folder / "src").glob("*.c"))
+    lines = [
+        f"set(CAPTAIN_MESSAGES_VERSION {VERSION})",
+        f"set(CAPTAIN_MESSAGES_SOVERSION {VERSION.rpartition('.')[0]})",
+        "set(CAPTAIN_MESSAGES_SOURCES",
+        *(f"  {source}" for source in sources),
+        ")",
+    ]
+    (folder / "sources.cmake").write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -1,0 +1,135 @@
+"""The command line: what it prints, what it writes, and how it says that something is wrong."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from asn1 import __main__ as program
+from asn1 import commands, progress
+
+ROOT = Path(__file__).resolve().parents[2]
+ASN = "Mine DEFINITIONS AUTOMATIC TAGS ::= BEGIN Alarm ::= SEQUENCE { level INTEGER (0..7), ... } END\n"
+
+
+def run(*words: object) -> int:
+    """The exit status, argparse's own among them."""
+    try:
+        return program.main([str(word) for word in words])
+    except SystemExit as error:
+        return int(error.code or 0)
+
+
+def test_the_list_names_every_message_with_its_standard(capsys: pytest.CaptureFixture[str]):
+    assert run("list") == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].split() == ["message", "release", "BTP", "port", "standard"]
+    assert any(line.split()[0] == "cam-1.4.1" and line.endswith("ETSI EN 302 637-2 v1.4.1") for line in lines)
+
+
+def test_the_list_as_json_is_an_object_a_line(capsys: pytest.CaptureFixture[str]):
+    assert run("list", "--json") == 0
+    messages = {one["name"]: one for one in map(json.loads, capsys.readouterr().out.splitlines())}
+    assert messages["denm-1.3.1"]["btp_port"] == 2002
+    assert messages["cam-1.4.1"]["ids"] == [2]
+
+
+def test_generating_says_what_was_written_and_what_to_do_next(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    assert run("generate", "cam", "denm-1.3.1", "--form", "docs", "--to", tmp_path / "out") == 0
+    said = capsys.readouterr()
+    assert said.out == f"{tmp_path}/out: 2 messages as docs, 3 files changed\nbegin with {tmp_path}/out/README.md\n"
+    assert said.err == "[1/2] cam-1.4.1\n[2/2] denm-1.3.1\n"
+    assert run("generate", "cam", "denm-1.3.1", "--form", "docs", "--to", tmp_path / "out") == 0
+    assert "0 files changed" in capsys.readouterr().out
+
+
+def test_asn_1_text_of_a_message_holds_the_modules_that_it_needs_and_no_others(tmp_path: Path):
+    assert run("generate", "cam-1.4.1", "--form", "asn", "--to", tmp_path / "out") == 0
+    assert sorted(path.name for path in (tmp_path / "out").glob("*.asn")) == ["r1_cam.asn", "r1_cdd.asn"]
+
+
+@pytest.mark.parametrize(
+    ("words", "status", "says"),
+    [
+        (["generate", "--to", "OUT"], 2, "generate what?"),
+        (["generate", "cam", "--all", "--to", "OUT"], 2, "exclude each other"),
+        (["generate", "cm", "--to", "OUT"], 2, "did you mean"),
+        (["generate", "cam"], 2, "required: --to"),
+        (["generate", "cam", "--form", "rust", "--to", "OUT"], 2, "invalid choice: 'rust'"),
+        (["generate", "cam", "--to", "."], 1, "was not made by captain-asn1"),
+        (["generate", "cam", "--form", "docs", "--to", "/proc/out"], 1, "/proc/"),
+        (["import", "OUT"], 1, "none of the files"),
+        (["import-check", "OUT"], 1, "none of the files"),
+        (["list", "--with", "OUT"], 1, "captain-asn1 add"),
+        (["add", "no.asn", "--pdu", "A", "--name", "b", "--id", "1", "--port", "2"], 1, "no.asn: No such file"),
+        (["compile"], 2, "invalid choice: 'compile'"),
+        ([], 2, "required: COMMAND"),
+    ],
+)
+def test_what_is_wrong_is_said_in_a_line_and_writes_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], status: int, says: str
+):
+    assert run(*(str(tmp_path / "out") if word == "OUT" else word for word in words)) == status
+    said = capsys.readouterr().err
+    assert says in said
+    assert said.splitlines()[-1].startswith("captain-asn1")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_message_of_one_s_own_is_added_with_one_command_and_listed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    (tmp_path / "my.asn").write_text(ASN)
+    assert run("add", tmp_path / "my.asn", "--pdu", "Alarm", "--name", "my-alarm", "--id", 2, "--port", 2999,
+               "--to", tmp_path / "own") == 0  # fmt: skip
+    said = capsys.readouterr().out
+    assert "messageID 2 also announces cam-1.4.1" in said
+    assert "make codec" in said
+    assert run("list", "--with", tmp_path / "own") == 0
+    assert "my-alarm" in capsys.readouterr().out
+
+
+def test_import_check_shows_the_difference(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(commands, "_with_modules", lambda folder: folder)
+    monkeypatch.setattr("asn1.importer.check", lambda folder: ["--- a", "+++ b", "-old", "+new"])
+    assert run("import-check", tmp_path) == 1
+    assert capsys.readouterr().out.splitlines() == ["--- a", "+++ b", "-old", "+new"]
+
+
+def test_a_reader_that_leaves_is_no_error():
+    command = f"{sys.executable} -m asn1 list --json | head -n 1"
+    done = subprocess.run(command, shell=True, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.stdout.count("\n") == 1
+    assert done.stderr == ""
+
+
+class Terminal:
+    """A stream that says it is a terminal."""
+
+    def __init__(self) -> None:
+        self.text = ""
+
+    def isatty(self) -> bool:
+        return True
+
+    def write(self, text: str) -> int:
+        self.text += text
+        return len(text)
+
+    def flush(self) -> None:
+        pass
+
+
+def test_on_a_terminal_progress_is_one_line_that_is_gone_in_the_end():
+    terminal = Terminal()
+    steps = progress.Steps(2, terminal)  # type: ignore[arg-type]
+    steps("a long name " * 20)
+    steps("short")
+    steps.finish()
+    assert "\n" not in terminal.text
+    assert "\r[2/2] short " in terminal.text
+    assert terminal.text.rstrip(" \r").endswith("short")
