@@ -9,6 +9,7 @@ from pathlib import Path
 from asn1 import text, types
 from asn1.importer import syntax
 from asn1.importer.crosscheck import crosscheck
+from asn1.importer.download import directory_of
 from asn1.importer.editions import Edition, Editions, read_editions
 from asn1.importer.fault import ImportFault, Place, Problem
 from asn1.importer.module_parser import parse
@@ -19,11 +20,44 @@ from asn1.importer.units import UNITS, read_units
 __all__ = ["ImportFault", "check", "import_modules", "write_schema"]
 
 
-def import_modules(directory: Path, table: Path = text.EDITIONS, units_table: Path = UNITS) -> types.Schema:
-    """The schema of every edition whose files are in the directory, as editions.toml says where.
+def import_modules(source: Path, table: Path = text.EDITIONS, units_table: Path = UNITS) -> types.Schema:
+    """The schema of every edition whose files are in a directory, as editions.toml says where.
+
+    source  the directory, or a list of addresses that fill one (see download.py).
 
     Editions without files there are left out, with their messages. Raises ImportFault with every problem, or OSError.
     """
+    with directory_of(source) as directory:
+        return _import(directory, table, units_table)
+
+
+def write_schema(schema: types.Schema, folder: Path = text.SCHEMA) -> list[Path]:
+    """One file per module. Returns those whose text is new; files of other modules stay."""
+    folder.mkdir(parents=True, exist_ok=True)
+    changed: list[Path] = []
+    for key, module in schema.modules.items():
+        path, new = folder / f"{key}.schema", text.dump(module)
+        if not path.is_file() or path.read_text(encoding="utf-8") != new:
+            path.write_text(new, encoding="utf-8")
+            changed.append(path)
+    return changed
+
+
+def check(source: Path, folder: Path = text.SCHEMA) -> list[str]:
+    """Lines of a unified diff between the schema in `folder` and what an import gives; none where they agree.
+
+    Only modules whose files are there are compared. Raises what import_modules raises.
+    """
+    lines: list[str] = []
+    for key, module in import_modules(source).modules.items():
+        path = folder / f"{key}.schema"
+        old = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
+        new = text.dump(module).splitlines()
+        lines += difflib.unified_diff(old, new, str(path), f"{source}: {module.source}", lineterm="")
+    return lines
+
+
+def _import(directory: Path, table: Path, units_table: Path) -> types.Schema:
     editions = read_editions(table)
     found = _present(editions, directory)
     sources = {key: one.source for key, one in found.items()}
@@ -48,32 +82,6 @@ def import_modules(directory: Path, table: Path = text.EDITIONS, units_table: Pa
     if unused:
         raise ImportFault([Problem(Place(units_table.name, 1), f"there is no {one}") for one in unused])
     return types.Schema(modules, messages)
-
-
-def write_schema(schema: types.Schema, folder: Path = text.SCHEMA) -> list[Path]:
-    """One file per module. Returns those whose text is new; files of other modules stay."""
-    folder.mkdir(parents=True, exist_ok=True)
-    changed: list[Path] = []
-    for key, module in schema.modules.items():
-        path, new = folder / f"{key}.schema", text.dump(module)
-        if not path.is_file() or path.read_text(encoding="utf-8") != new:
-            path.write_text(new, encoding="utf-8")
-            changed.append(path)
-    return changed
-
-
-def check(directory: Path, folder: Path = text.SCHEMA) -> list[str]:
-    """Lines of a unified diff between the schema in `folder` and what the directory gives; none where they agree.
-
-    Only modules whose files are in the directory are compared. Raises what import_modules raises.
-    """
-    lines: list[str] = []
-    for key, module in import_modules(directory).modules.items():
-        path = folder / f"{key}.schema"
-        old = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
-        new = text.dump(module).splitlines()
-        lines += difflib.unified_diff(old, new, str(path), f"{directory}: {module.source}", lineterm="")
-    return lines
 
 
 # ---------------------------------------------------------------- finding and reading files
