@@ -173,7 +173,7 @@ def _identity(group: Group, tries: Sequence[Try], decoded: Sequence[Try], octets
     exact = tuple(one.message for one in decoded if one.is_exact)
     message = exact[0] if exact else decoded[0].message
     reasons = [_announcement(message, group.why, octets[0]) if group.is_announced else group.why]
-    for one in tries:
+    for one in () if group.is_guess else tries:
         if one.message is message:
             break
         reasons.append(_passed_over(one))

@@ -14,7 +14,7 @@ from drivers.wire import frame
 from drivers.wire.geonet_sender import Sender
 from firmware.codec import capture
 from firmware.codec.decoding import Decoder, record
-from firmware.codec.library import load
+from firmware.codec.library import NoLibraryError, load
 from firmware.codec.reading import Pdu
 from firmware.topics import Topics
 
@@ -146,13 +146,20 @@ def _framed(pdu: Pdu) -> bytes:
     """The frame around a bare PDU; its MAC address ends in the stationID. Raises RequestError without a BTP port."""
     kind = _TYPES.by_number[pdu.octets[1]] if len(pdu.octets) > 1 else _TYPES.unknown
     port = kind.btp_port if pdu.port is None else pdu.port
+    port = _port_by_library(pdu) if port is None else port
     if port is None:
-        raise RequestError(
-            f"{pdu.origin}: messageID {kind.number} has no BTP port", "give it as JSON with `btp_port`, or send it"
-        )
+        raise RequestError(f"{pdu.origin}: no BTP port is known for it", "give it as JSON with `btp_port`, or send it")
     mac = b"\x02\x00" + pdu.octets[2:6].ljust(4, b"\0")
     request = Request(0, kind, pdu.octets, port, 0.0, 0.0, kind.priority, kind.traffic_class)
     return frame.wrap(mac, Sender(mac).encode(request, 0.0, _NOWHERE))
+
+
+def _port_by_library(pdu: Pdu) -> int | None:
+    """Of an experimental message; None where the library does not know it, or is not here."""
+    try:
+        return Decoder(load()).identify(pdu, is_quick=True).message.btp_port or None
+    except (NoLibraryError, RequestError):
+        return None
 
 
 def add_output(parser: argparse.ArgumentParser) -> None:

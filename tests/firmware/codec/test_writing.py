@@ -10,6 +10,8 @@ from firmware.codec import capture, writing
 from firmware.codec.layers import Carried, open_frame
 from firmware.codec.reading import Pdu
 from tests.firmware.codec.captures import WHEN_NS
+from tests.firmware.codec.standin import DOOR
+from tests.firmware.codec.standin import octets as octets_of
 from tests.firmware.codec.test_layers import FRAMES
 
 CAM = bytes.fromhex("02020000053900010203")
@@ -77,9 +79,15 @@ def test_the_port_that_is_known_comes_before_that_of_the_type(tmp_path):
 
 
 @pytest.mark.parametrize("octets", [b"\x02", b"\x02\xc8\0\0\0\0"])
-def test_a_message_without_a_port_has_no_frame(tmp_path, octets):
-    with pytest.raises(RequestError, match=r"here: messageID .* has no BTP port"):
+def test_a_message_without_a_port_has_no_frame(tmp_path, octets, without_library):
+    with pytest.raises(RequestError, match="here: no BTP port is known for it"):
         written([Pdu(octets, "here")], tmp_path / "x.pcap")
+
+
+def test_a_message_of_the_library_has_a_port_though_the_table_of_types_has_none(tmp_path, standin):
+    door = octets_of(DOOR, 1, 2, 3)
+    (frame,) = frames(written([Pdu(door, "here")], tmp_path / "x.pcap"))
+    assert open_frame(frame.link, frame.octets) == Carried(door, 3002, "shb", False)
 
 
 def test_binary_holds_one_message_only(tmp_path):
