@@ -19,8 +19,9 @@ standard input. Read are
   base64        a message a line
   binary        the octets of one message
   JSON          objects with `hex` or `base64`, as `captain listen --json` has
-  captures      pcap and pcapng: Ethernet, 802.11, radiotap, Linux cooked;
-                GeoNetworking packets, signed ones without looking at it
+  captures      pcap and pcapng: Ethernet, 802.11, radiotap, Linux cooked, and
+                Ethernet frames inside UDP; GeoNetworking packets, whose
+                signatures nobody looks at
 each known by its looks unless --from says. An Ethernet frame with GeoNetworking
 may stand in place of a message.
 """

@@ -7,7 +7,7 @@ from firmware.codec.library import Step
 
 MOST_BITS = 16  # of a value that are shown as bits; longer ones have hexadecimal digits
 MOST_DIGITS = 32
-INDENT = "  "
+INDENT = " "  # a terminal of 80 columns has little room
 
 # What the encoding holds beside values: said in the words of X.691.
 _SAYS = {

@@ -1,5 +1,7 @@
 """From a captured frame to the PDU inside: link layer, GeoNetworking secured or not, BTP. Nothing is verified.
 
+Frames inside UDP datagrams, as stations without radio exchange them, are opened as well.
+
 A station's receiver discards what is old, repeated or for others; here everything is opened that can be.
 """
 
@@ -11,7 +13,9 @@ from drivers.wire import btp, geonet_packet, security
 from drivers.wire.geonet_header import BasicNext, CommonNext, HeaderType
 
 GEONETWORKING = 0x8947  # EtherType, IEEE registry
-VLAN = 0x8100
+VLAN, IPV4, IPV6 = 0x8100, 0x0800, 0x86DD
+UDP = b"\x11"  # protocol (RFC 791), next header (RFC 8200)
+IPV6_HEADER, UDP_HEADER = 40, 8  # octets
 BASIC = 4  # octets of the basic header
 
 _NUMBER = Struct(">H")
@@ -51,6 +55,8 @@ def open_frame(link: int, frame: bytes) -> Carried | NoMessage:
     if way is None:
         return NoMessage(f"of link type {link}, which is not known here")
     packet = way(frame)
+    if packet is None and link in _MAY_HOLD_IP:
+        packet = _ethernet(_udp_payload(frame, _MAY_HOLD_IP[link]))
     return NoMessage("not GeoNetworking") if packet is None else open_packet(packet)
 
 
@@ -116,6 +122,17 @@ def _wlan(frame: bytes) -> bytes | None:
     return _after_ethertype(frame, at + len(_SNAP)) if frame[at : at + len(_SNAP)] == _SNAP else None
 
 
+def _udp_payload(frame: bytes, at: int) -> bytes:
+    """What stands in a datagram behind an EtherType at an octet; stations without radio carry whole frames there."""
+    ethertype, at = _number(frame, at), at + 2
+    if ethertype == IPV4 and frame[at + 9 : at + 10] == UDP:
+        return frame[at + 4 * (frame[at] & 15) + UDP_HEADER :]
+    if ethertype == IPV6 and frame[at + 6 : at + 7] == UDP:
+        return frame[at + IPV6_HEADER + UDP_HEADER :]
+    return b""
+
+
+_MAY_HOLD_IP = {1: 12, 113: 14}  # link type: where its EtherType stands
 _LINKS: dict[int, Callable[[bytes], bytes | None]] = {
     1: _ethernet,
     105: _wlan,

@@ -36,6 +36,29 @@ def wlan(first: int, second: int, address_octets: int) -> bytes:
     return bytes((first, second)) + bytes(22 + address_octets) + bytes.fromhex("aaaa030000008947") + PACKET
 
 
+UDP = bytes(8) + FRAMES["udp-payload"]
+IPV4 = b"\x46" + bytes(8) + b"\x11" + bytes(14) + UDP  # one option
+IPV6 = b"\x60" + bytes(5) + b"\x11" + bytes(33) + UDP
+
+
+@pytest.mark.parametrize(
+    ("link", "frame"),
+    [
+        (1, bytes(12) + b"\x08\x00" + IPV4),
+        (1, bytes(12) + b"\x86\xdd" + IPV6),
+        (113, bytes(14) + b"\x08\x00" + IPV4),
+    ],
+)
+def test_a_frame_in_a_datagram_is_opened(link, frame):
+    assert carried(link, frame) == carried(1, FRAMES["udp-payload"])
+
+
+@pytest.mark.parametrize("size", range(13, 36))
+def test_datagrams_that_were_cut_off_carry_nothing(size):
+    frame = bytes(12) + b"\x08\x00" + IPV4
+    assert open_frame(1, frame[:size]) == NoMessage("not GeoNetworking")
+
+
 @pytest.mark.parametrize(
     ("link", "frame"),
     [
