@@ -19,7 +19,8 @@ captain_status captain_check_size(const captain_type *type, uint64_t count, capt
                           captain_size_noun(type), captain_size_text(type, allowed));
 }
 
-captain_status captain_check_text(const captain_type *type, bool in_root, const char *text, uint32_t octets, captain_report *report, const captain_path *path)
+captain_status captain_check_text(const captain_type *type, bool in_root, const char *text, uint32_t octets,
+                                  captain_report *report, const captain_path *path)
 {
     if (type->kind == CAPTAIN_UTF8) {
         if (captain_utf8_is_valid(text, octets))

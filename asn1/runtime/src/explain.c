@@ -65,12 +65,13 @@ static captain_status components(explain *to, sequence *of, unsigned first, unsi
         count += has_bit(&fields[i]);
     size_t from = to->at;
     if (count > EXPLAIN_MAX_OPTIONAL)
-        return explain_refuse(to, from, CAPTAIN_LENGTH, "the type has more optional components than can be explained");
-    TRY(explain_take_flags(to, count, &present));
+        return captain_explain_refuse(to, from, CAPTAIN_LENGTH, "the type has more optional components than can be explained");
+    TRY(captain_explain_take_flags(to, count, &present));
     if (count > 0)
-        TRY(explain_step(to, of->node, CAPTAIN_STEP_PRESENCE, from, explain_flags_text(&present, text), clause));
+        TRY(captain_explain_step(to, of->node, CAPTAIN_STEP_PRESENCE, from, captain_explain_flags_text(&present, text),
+                                 clause));
     for (unsigned i = first; i < last; i++)
-        if (!has_bit(&fields[i]) || explain_flag(&present, k++))
+        if (!has_bit(&fields[i]) || captain_explain_flag(&present, k++))
             TRY(component(to, of, i));
     return CAPTAIN_OK;
 }
@@ -83,7 +84,7 @@ static captain_status addition(explain *to, sequence *of, unsigned index)
     if (index >= type->additions_count) {
         size_t path = captain_path_push_addition(&to->path, index);
         explain_node unknown = {0};
-        TRY(explain_unknown(to, &unknown, "19.9"));
+        TRY(captain_explain_unknown(to, &unknown, "19.9"));
         captain_path_pop(&to->path, path);
         return CAPTAIN_OK;
     }
@@ -93,12 +94,12 @@ static captain_status addition(explain *to, sequence *of, unsigned index)
         last++;
     size_t start;
     explain_node node = {type, first < last ? &type->fields[first] : NULL, 0, false};
-    TRY(explain_enter_open(to, &node, &start));
+    TRY(captain_explain_enter_open(to, &node, &start));
     if (first < last && (type->fields[first].flags & CAPTAIN_GROUP))
         TRY(components(to, of, first, last, "19.9"));
     else if (first < last)
         TRY(component(to, of, first));
-    return explain_leave_open(to, &node, start);
+    return captain_explain_leave_open(to, &node, start);
 }
 
 static captain_status additions(explain *to, sequence *of)
@@ -107,12 +108,12 @@ static captain_status additions(explain *to, sequence *of)
     char text[EXPLAIN_FLAGS_TEXT];
     explain_flags present = {0, octets};
     unsigned count;
-    TRY(explain_bitmap_length(to, of->node, &count));
+    TRY(captain_explain_bitmap_length(to, of->node, &count));
     size_t from = to->at;
-    TRY(explain_take_flags(to, count, &present));
-    TRY(explain_step(to, of->node, CAPTAIN_STEP_PRESENCE, from, explain_flags_text(&present, text), "19.7"));
+    TRY(captain_explain_take_flags(to, count, &present));
+    TRY(captain_explain_step(to, of->node, CAPTAIN_STEP_PRESENCE, from, captain_explain_flags_text(&present, text), "19.7"));
     for (unsigned i = 0; i < count; i++)
-        if (explain_flag(&present, i))
+        if (captain_explain_flag(&present, i))
             TRY(addition(to, of, i));
     return CAPTAIN_OK;
 }
@@ -121,7 +122,7 @@ static captain_status explain_sequence(explain *to, const explain_node *node)
 {
     sequence of = {.node = node};
     bool is_extended;
-    TRY(explain_extension_bit(to, node, &is_extended, "19.1"));
+    TRY(captain_explain_extension_bit(to, node, &is_extended, "19.1"));
     TRY(components(to, &of, 0, node->type->root_count, "19.2"));
     return is_extended ? additions(to, &of) : CAPTAIN_OK;
 }
@@ -134,10 +135,10 @@ static captain_status alternative(explain *to, const explain_node *node, unsigne
     explain_node inner = {field->type, field, 0, false};
     size_t start, path = captain_path_push(&to->path, field->name);
     if (is_extended)
-        TRY(explain_enter_open(to, &inner, &start));
+        TRY(captain_explain_enter_open(to, &inner, &start));
     TRY(explain_value(to, &inner));
     if (is_extended)
-        TRY(explain_leave_open(to, &inner, start));
+        TRY(captain_explain_leave_open(to, &inner, start));
     captain_path_pop(&to->path, path);
     return CAPTAIN_OK;
 }
@@ -146,7 +147,7 @@ static captain_status unknown_alternative(explain *to, uint64_t index)
 {
     size_t path = captain_path_push_addition(&to->path, index);
     explain_node unknown = {0};
-    TRY(explain_unknown(to, &unknown, "23.8"));
+    TRY(captain_explain_unknown(to, &unknown, "23.8"));
     captain_path_pop(&to->path, path);
     return CAPTAIN_OK;
 }
@@ -155,22 +156,23 @@ static captain_status explain_choice(explain *to, const explain_node *node)
 {
     const captain_type *type = node->type;
     bool is_extended;
-    TRY(explain_extension_bit(to, node, &is_extended, "23.5"));
+    TRY(captain_explain_extension_bit(to, node, &is_extended, "23.5"));
     size_t from = to->at;
     uint64_t index;
     if (is_extended)
-        TRY(explain_small(to, &index));
+        TRY(captain_explain_small(to, &index));
     else
-        TRY(explain_take(to, explain_width((uint64_t)type->root_count - 1), &index));
+        TRY(captain_explain_take(to, captain_explain_width((uint64_t)type->root_count - 1), &index));
     char text[96];
     if (index >= (is_extended ? (uint64_t)CAPTAIN_UNKNOWN : type->root_count)) {
         snprintf(text, sizeof text, "alternative %" PRIu64 " does not exist: there are %u, counted from 0", index, type->root_count);
-        return explain_refuse(to, from, CAPTAIN_ALTERNATIVE, text);
+        return captain_explain_refuse(to, from, CAPTAIN_ALTERNATIVE, text);
     }
     uint64_t place = is_extended ? index + type->root_count : index;
     snprintf(text, sizeof text, "[%" PRIu64 "]", index);
     const char *name = place < type->fields_count ? type->fields[place].name : text;
-    TRY(explain_step(to, node, CAPTAIN_STEP_CHOICE, from, name, is_extended ? "23.8" : type->flags & CAPTAIN_EXTENSIBLE ? "23.7" : "23.6"));
+    TRY(captain_explain_step(to, node, CAPTAIN_STEP_CHOICE, from, name,
+                             is_extended ? "23.8" : type->flags & CAPTAIN_EXTENSIBLE ? "23.7" : "23.6"));
     return place < type->fields_count ? alternative(to, node, (unsigned)place, is_extended) : unknown_alternative(to, index);
 }
 
@@ -179,8 +181,8 @@ static captain_status explain_choice(explain *to, const explain_node *node)
 /* Elements without bits are all the same: the first one stands for all. */
 static captain_status elements(explain *to, const explain_node *node, uint64_t first, uint64_t count)
 {
-    uint64_t least = explain_least_bits(node->type->element);
-    TRY(explain_require(to, count * least));
+    uint64_t least = captain_explain_least_bits(node->type->element);
+    TRY(captain_explain_require(to, count * least));
     for (uint64_t i = 0; i < count; i++) {
         explain_node element = {node->type->element, NULL, 0, false};
         size_t before = to->at, path = captain_path_push_index(&to->path, first + i);
@@ -189,7 +191,7 @@ static captain_status elements(explain *to, const explain_node *node, uint64_t f
         if (to->at > before)
             continue;
         if (first + count > EXPLAIN_MAX_EMPTY)
-            return explain_refuse(to, before, CAPTAIN_SIZE, "nothing bounds the number of elements without bits");
+            return captain_explain_refuse(to, before, CAPTAIN_SIZE, "nothing bounds the number of elements without bits");
         break;
     }
     return CAPTAIN_OK;
@@ -199,14 +201,14 @@ static captain_status explain_list(explain *to, const explain_node *node)
 {
     bool is_extended;
     uint64_t total = 0;
-    TRY(explain_extension_bit(to, node, &is_extended, "20.4"));
+    TRY(captain_explain_extension_bit(to, node, &is_extended, "20.4"));
     size_t from = to->at;
     explain_part part = {.has_more = true};
     for (; part.has_more; total += part.count) {
-        TRY(explain_size(to, node, !is_extended, &part));
+        TRY(captain_explain_size(to, node, !is_extended, &part));
         TRY(elements(to, node, total, part.count));
     }
-    return is_extended ? CAPTAIN_OK : explain_check_size(to, node->type, from, total);
+    return is_extended ? CAPTAIN_OK : captain_explain_check_size(to, node->type, from, total);
 }
 
 /* ---------------------------------------------------------------- open types, and any type */
@@ -215,12 +217,12 @@ static captain_status explain_open(explain *to, const explain_node *node)
 {
     const captain_type *type = node->has_number ? captain_walk_row(node->type, node->number) : NULL;
     if (type == NULL)
-        return explain_unknown(to, node, "11.2");
+        return captain_explain_unknown(to, node, "11.2");
     explain_node inner = {type, node->field, 0, false};
     size_t start;
-    TRY(explain_enter_open(to, node, &start));
+    TRY(captain_explain_enter_open(to, node, &start));
     TRY(explain_value(to, &inner));
-    return explain_leave_open(to, node, start);
+    return captain_explain_leave_open(to, node, start);
 }
 
 static captain_status container(explain *to, const explain_node *node)
@@ -236,17 +238,17 @@ static captain_status container(explain *to, const explain_node *node)
 static captain_status explain_value(explain *to, explain_node *node)
 {
     if (node->type->kind < CAPTAIN_SEQUENCE)
-        return explain_simple(to, node);
+        return captain_explain_simple(to, node);
     unsigned again = node->type->kind == CAPTAIN_SEQUENCE && (node->type->flags & CAPTAIN_RECURS) ? 1 : 0;
     if (to->depth == CAPTAIN_MAX_DEPTH || to->recursion + again > CAPTAIN_WALK_RECURSION)
-        return explain_refuse(to, to->at, CAPTAIN_DEPTH, "nested too deeply");
+        return captain_explain_refuse(to, to->at, CAPTAIN_DEPTH, "nested too deeply");
     to->depth++;
     to->recursion += again;
-    TRY(explain_step(to, node, CAPTAIN_STEP_ENTER, to->at, "", ""));
+    TRY(captain_explain_step(to, node, CAPTAIN_STEP_ENTER, to->at, "", ""));
     TRY(container(to, node));
     to->recursion -= again;
     to->depth--;
-    return explain_step(to, node, CAPTAIN_STEP_LEAVE, to->at, "", "");
+    return captain_explain_step(to, node, CAPTAIN_STEP_LEAVE, to->at, "", "");
 }
 
 /* ---------------------------------------------------------------- the message */
@@ -258,23 +260,25 @@ static captain_status padding(explain *to, const captain_type *type)
     size_t from = to->at, octets = to->at == 0 ? 1 : (to->at + 7) / 8;
     uint64_t bits;
     if (octets * 8 > to->end)
-        return explain_refuse(to, from, CAPTAIN_TRUNCATED, "an encoding has at least one octet");
-    TRY(explain_take(to, (unsigned)(octets * 8 - from), &bits));
+        return captain_explain_refuse(to, from, CAPTAIN_TRUNCATED, "an encoding has at least one octet");
+    TRY(captain_explain_take(to, (unsigned)(octets * 8 - from), &bits));
     if (bits != 0)
-        return explain_refuse(to, from, CAPTAIN_TRAILING, "the padding of the last octet is not zero");
+        return captain_explain_refuse(to, from, CAPTAIN_TRAILING, "the padding of the last octet is not zero");
     if (to->at > from)
-        TRY(explain_step(to, &node, CAPTAIN_STEP_PADDING, from, "", "11.1.3"));
+        TRY(captain_explain_step(to, &node, CAPTAIN_STEP_PADDING, from, "", "11.1.3"));
     if (to->at == to->end)
         return CAPTAIN_OK;
     char text[64];
     snprintf(text, sizeof text, "%zu octets follow the end of the message", (to->end - to->at) / 8);
-    return explain_refuse(to, to->at, CAPTAIN_TRAILING, text);
+    return captain_explain_refuse(to, to->at, CAPTAIN_TRAILING, text);
 }
 
-static captain_status explain_message(const captain_type *type, const void *octets, size_t size, bool exact, captain_on_step on_step,
+static captain_status explain_message(const captain_type *type, const void *octets, size_t size, bool exact,
+                                      captain_on_step on_step,
                                       void *context, captain_report *report)
 {
-    explain to = {.octets = octets, .end = (size < SIZE_MAX / 8 ? size : SIZE_MAX / 8) * 8, .on_step = on_step, .context = context,
+    explain to = {.octets = octets, .end = (size < SIZE_MAX / 8 ? size : SIZE_MAX / 8) * 8, .on_step = on_step,
+                  .context = context,
                   .report = report};
     explain_node node = {.type = type};
     captain_report_clear(report);
@@ -284,12 +288,14 @@ static captain_status explain_message(const captain_type *type, const void *octe
     return exact ? padding(&to, type) : CAPTAIN_OK;
 }
 
-captain_status captain_explain(const captain_type *type, const void *octets, size_t size, captain_on_step on_step, void *context, captain_report *report)
+captain_status captain_explain(const captain_type *type, const void *octets, size_t size, captain_on_step on_step,
+                               void *context, captain_report *report)
 {
     return explain_message(type, octets, size, true, on_step, context, report);
 }
 
-captain_status captain_explain_decode(const captain_type *type, const void *octets, size_t size, bool exact, captain_report *report)
+captain_status captain_explain_decode(const captain_type *type, const void *octets, size_t size, bool exact,
+                                      captain_report *report)
 {
     return explain_message(type, octets, size, exact, NULL, NULL, report);
 }

@@ -1,5 +1,6 @@
 /* A second UPER decoder, slow and from the tables alone: no struct, no arena, every step told. It shares no line with the
- * generated code, so that one is the test of the other. Its parts: explain_bits.c, explain_values.c, explain.c.
+ * generated code, so that one is the test of the other. Its parts: explain_bits.c (bits, numbers, lengths), explain_open.c,
+ * explain_least.c, explain_values.c, explain_string.c, explain.c (containers).
  */
 #ifndef CAPTAIN_EXPLAIN_H
 #define CAPTAIN_EXPLAIN_H
@@ -53,42 +54,60 @@ typedef struct explain_part {
 } explain_part;
 
 /* Bits from `from` to where the walk is, as one step. */
-captain_status explain_step(explain *to, const explain_node *node, unsigned what, size_t from, const char *text, const char *clause);
-captain_status explain_number_step(explain *to, const explain_node *node, unsigned what, size_t from, uint64_t number, const char *clause);
-captain_status explain_refuse(explain *to, size_t bit, captain_status status, const char *text);
+captain_status captain_explain_step(explain *to, const explain_node *node, unsigned what, size_t from, const char *text,
+                                    const char *clause);
+captain_status captain_explain_number_step(explain *to, const explain_node *node, unsigned what, size_t from, uint64_t number,
+                                           const char *clause);
+captain_status captain_explain_refuse(explain *to, size_t bit, captain_status status, const char *text);
 /* That so many bits are there before one of them is believed. */
-captain_status explain_require(explain *to, uint64_t bits);
-captain_status explain_take(explain *to, unsigned width, uint64_t *bits);
-captain_status explain_skip(explain *to, uint64_t bits);
-captain_status explain_take_flags(explain *to, unsigned count, explain_flags *flags);
-bool explain_flag(const explain_flags *flags, unsigned n);
-const char *explain_flags_text(const explain_flags *flags, char text[EXPLAIN_FLAGS_TEXT]);
+captain_status captain_explain_require(explain *to, uint64_t bits);
+captain_status captain_explain_take(explain *to, unsigned width, uint64_t *bits);
+captain_status captain_explain_skip(explain *to, uint64_t bits);
+captain_status captain_explain_take_flags(explain *to, unsigned count, explain_flags *flags);
+bool captain_explain_flag(const explain_flags *flags, unsigned n);
+const char *captain_explain_flags_text(const explain_flags *flags, char text[EXPLAIN_FLAGS_TEXT]);
 
-unsigned explain_width(uint64_t range); /* bits that hold 0..range */
-captain_status explain_whole(explain *to, const explain_node *node, uint64_t *number, unsigned *octets); /* length and octets, unsigned */
-captain_status explain_small(explain *to, uint64_t *number);                                             /* 11.6 */
-captain_status explain_length(explain *to, const explain_node *node, explain_part *part);                /* 11.9.3.5 to 11.9.3.8 */
+unsigned captain_explain_width(uint64_t range); /* bits that hold 0..range */
+captain_status captain_explain_whole(explain *to, const explain_node *node, uint64_t *number,
+                                     unsigned *octets); /* length and octets, unsigned */
+captain_status captain_explain_small(explain *to, uint64_t *number);                                             /* 11.6 */
+captain_status captain_explain_length(explain *to, const explain_node *node,
+                                      explain_part *part);                /* 11.9.3.5 to 11.9.3.8 */
 /* All parts of a string of items of `width` bits are there and well formed: how many items they have. Goes nowhere. */
-captain_status explain_survey(explain *to, unsigned width, uint64_t *total);
+captain_status captain_explain_survey(explain *to, unsigned width, uint64_t *total);
 /* Whether a size has a constrained length (11.9.4.1), or none, instead of a general one; in_root: what the extension bit says. */
-bool explain_is_counted(const captain_type *type, bool in_root);
-captain_status explain_check_size(explain *to, const captain_type *type, size_t bit, uint64_t count);
+bool captain_explain_is_counted(const captain_type *type, bool in_root);
+captain_status captain_explain_check_size(explain *to, const captain_type *type, size_t bit, uint64_t count);
 /* The next part of what has a size. One that is counted is checked. */
-captain_status explain_size(explain *to, const explain_node *node, bool in_root, explain_part *part);
-captain_status explain_bitmap_length(explain *to, const explain_node *node, unsigned *count);            /* 11.9.3.4 */
-captain_status explain_extension_bit(explain *to, const explain_node *node, bool *is_extended, const char *clause);
+captain_status captain_explain_size(explain *to, const explain_node *node, bool in_root, explain_part *part);
+captain_status captain_explain_bitmap_length(explain *to, const explain_node *node, unsigned *count);            /* 11.9.3.4 */
+captain_status captain_explain_extension_bit(explain *to, const explain_node *node, bool *is_extended, const char *clause);
+
+/* One length without bounds, and the clause it follows; no step. */
+captain_status captain_explain_take_length(explain *to, explain_part *part, const char **clause);
+/* The length of the next fragment of the open type at this level, 1 for the outermost (11.9.3.5 to 11.9.3.8). */
+captain_status captain_explain_next_fragment(explain *to, unsigned level);
+
+/* ---------------------------------------------------------------- explain_open.c */
 
 /* An open type (11.2): its length, then what is in it, then its padding. */
-captain_status explain_enter_open(explain *to, const explain_node *node, size_t *start);
-captain_status explain_leave_open(explain *to, const explain_node *node, size_t start);
-captain_status explain_unknown(explain *to, const explain_node *node, const char *clause);
+captain_status captain_explain_enter_open(explain *to, const explain_node *node, size_t *start);
+captain_status captain_explain_leave_open(explain *to, const explain_node *node, size_t start);
+captain_status captain_explain_unknown(explain *to, const explain_node *node, const char *clause);
 
-/* ---------------------------------------------------------------- explain_values.c */
+/* ---------------------------------------------------------------- explain_values.c, explain_string.c */
 
-captain_status explain_simple(explain *to, explain_node *node);
+captain_status captain_explain_simple(explain *to, explain_node *node);
+captain_status captain_explain_string(explain *to, explain_node *node);
+/* A value in memory as a step; is_cut: more of it follows than is shown. */
+captain_status captain_explain_value_step(explain *to, const explain_node *node, size_t from, const void *value, bool is_cut,
+                                          const char *clause);
+
+/* A value step shows this much of a string: octets. */
+enum { EXPLAIN_PREVIEW = 512 };
 
 /* Least bits that a value of the type takes (explain_least.c): what a number of elements is believed by. */
-uint64_t explain_least_bits(const captain_type *type);
+uint64_t captain_explain_least_bits(const captain_type *type);
 
 #pragma GCC visibility pop
 

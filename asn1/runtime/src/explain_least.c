@@ -28,27 +28,27 @@ static uint64_t of_choice(const captain_type *type, const trail *before)
     uint64_t bits = UINT64_MAX;
     for (unsigned i = 0; i < type->root_count; i++)
         bits = smaller(bits, least(type->fields[i].type, before));
-    return (type->root_count > 0 ? bits + explain_width(type->root_count - 1u) : 0);
+    return type->root_count > 0 ? bits + captain_explain_width(type->root_count - 1u) : 0;
 }
 
 static uint64_t of_size(const captain_type *type, const trail *before)
 {
     bool is_bits = type->kind == CAPTAIN_BIT_STRING || type->kind == CAPTAIN_SMALL_BITS;
-    uint64_t item = type->kind == CAPTAIN_LIST ? least(type->element, before)
-                    : is_bits                  ? 1
-                                               : captain_walk_is_string(type) ? type->character_bits : 8u;
-    uint64_t length = explain_is_counted(type, true) ? explain_width((uint64_t)(type->high - type->low)) : 8;
+    uint64_t item = captain_walk_is_string(type) ? type->character_bits : is_bits ? 1 : 8;
+    item = type->kind == CAPTAIN_LIST ? least(type->element, before) : item;
+    uint64_t length = captain_explain_is_counted(type, true) ? captain_explain_width((uint64_t)(type->high - type->low)) : 8;
     return length + item * (uint64_t)type->low;
 }
 
 static uint64_t of_root(const captain_type *type, const trail *before)
 {
     bool is_bounded = !(type->flags & (CAPTAIN_UNBOUNDED_LOW | CAPTAIN_UNBOUNDED_HIGH));
+    unsigned number_bits = captain_explain_width((uint64_t)type->high - (uint64_t)type->low);
     switch (type->kind) {
     case CAPTAIN_BOOLEAN: return 1;
     case CAPTAIN_NULL: return 0;
-    case CAPTAIN_INTEGER: return is_bounded ? smaller(NUMBER_BITS, explain_width((uint64_t)type->high - (uint64_t)type->low)) : NUMBER_BITS;
-    case CAPTAIN_ENUMERATED: return explain_width(type->root_count - 1u);
+    case CAPTAIN_INTEGER: return is_bounded ? smaller(NUMBER_BITS, number_bits) : NUMBER_BITS;
+    case CAPTAIN_ENUMERATED: return captain_explain_width(type->root_count - 1u);
     case CAPTAIN_UTF8:
     case CAPTAIN_OID:
     case CAPTAIN_RELATIVE_OID:
@@ -83,7 +83,7 @@ static uint64_t least(const captain_type *type, const trail *before)
     return type->flags & CAPTAIN_EXTENSIBLE ? 1 + smaller(root, of_extension(type)) : root;
 }
 
-uint64_t explain_least_bits(const captain_type *type)
+uint64_t captain_explain_least_bits(const captain_type *type)
 {
     return least(type, NULL);
 }

@@ -25,19 +25,20 @@ static bool is_seen(const members *of, unsigned index)
 static captain_status refuse_name(json *from, const captain_type *type, const char *name, const char *what)
 {
     char text[256], shown[JSON_MAX_NAME];
-    json_show(name, shown);
-    const char *near = from->report == NULL ? NULL : captain_walk_nearest(name, type->fields, sizeof *type->fields, type->fields_count);
+    captain_json_show(name, shown);
+    const char *near = from->report == NULL ? NULL : captain_walk_nearest(name, type->fields, sizeof *type->fields,
+                                                                          type->fields_count);
     snprintf(text, sizeof text, "%.60s is no %s of %.60s%s%.60s%s", shown, what, captain_type_text(type),
              near != NULL ? "; did you mean " : "", near != NULL ? near : "", near != NULL ? "?" : "");
-    return json_refuse(from, CAPTAIN_SYNTAX, text);
+    return captain_json_refuse(from, CAPTAIN_SYNTAX, text);
 }
 
 static captain_status refuse_twice(json *from, const char *name)
 {
     char text[JSON_MAX_NAME + 32], shown[JSON_MAX_NAME];
-    json_show(name, shown);
+    captain_json_show(name, shown);
     snprintf(text, sizeof text, "the member %s is there twice", shown);
-    return json_refuse(from, CAPTAIN_SYNTAX, text);
+    return captain_json_refuse(from, CAPTAIN_SYNTAX, text);
 }
 
 static int find_field(const captain_type *type, const char *name)
@@ -55,7 +56,7 @@ static captain_status field_memory(json *from, const captain_field *field, char 
     if (!(field->flags & CAPTAIN_POINTER))
         return CAPTAIN_OK;
     void *pointed;
-    TRY(json_take_memory(from, field->type->size, &pointed));
+    TRY(captain_json_take_memory(from, field->type->size, &pointed));
     memcpy(*memory, &pointed, sizeof pointed);
     *memory = pointed;
     return CAPTAIN_OK;
@@ -67,7 +68,7 @@ static captain_status grow(json *from, members *of)
 {
     void *memory;
     uint32_t room = of->unknown_room == 0 ? 4 : 2 * of->unknown_room;
-    TRY(json_take_memory(from, room * sizeof *of->unknown, &memory));
+    TRY(captain_json_take_memory(from, room * sizeof *of->unknown, &memory));
     if (of->unknown_count > 0)
         memcpy(memory, of->unknown, of->unknown_count * sizeof *of->unknown);
     of->unknown = memory;
@@ -80,9 +81,10 @@ static captain_status read_unknown(json *from, members *of, const char *name, in
 {
     char text[128];
     if (index < of->type->additions_count || index >= CAPTAIN_WALK_ADDITIONS) {
-        snprintf(text, sizeof text, "addition %lld is not in %u..%u: those below have names", (long long)index, of->type->additions_count,
+        snprintf(text, sizeof text, "addition %lld is not in %u..%u: those below have names", (long long)index,
+                 of->type->additions_count,
                  CAPTAIN_WALK_ADDITIONS - 1u);
-        return json_refuse(from, CAPTAIN_RANGE, text);
+        return captain_json_refuse(from, CAPTAIN_RANGE, text);
     }
     if (of->unknown_count == of->unknown_room)
         TRY(grow(from, of));
@@ -92,7 +94,7 @@ static captain_status read_unknown(json *from, members *of, const char *name, in
     if (place > 0 && of->unknown[place - 1].index == index)
         return refuse_twice(from, name);
     captain_addition addition = {.index = (uint32_t)index};
-    TRY(json_octets(from, &addition.octets));
+    TRY(captain_json_octets(from, &addition.octets));
     memmove(of->unknown + place + 1, of->unknown + place, (of->unknown_count - place) * sizeof addition);
     of->unknown[place] = addition;
     of->unknown_count++;
@@ -104,9 +106,9 @@ static captain_status read_bitmap(json *from, members *of, const char *name)
     int64_t bits;
     if (of->bitmap != 0)
         return refuse_twice(from, name);
-    TRY(json_integer(from, false, &bits));
+    TRY(captain_json_integer(from, false, &bits));
     if (bits < 1 || bits > CAPTAIN_WALK_ADDITIONS)
-        return json_refuse(from, CAPTAIN_RANGE, "the length of a bitmap of additions is in 1..16383");
+        return captain_json_refuse(from, CAPTAIN_RANGE, "the length of a bitmap of additions is in 1..16383");
     of->bitmap = (uint32_t)bits;
     return CAPTAIN_OK;
 }
@@ -120,9 +122,9 @@ static captain_status store_additions(json *from, const members *of)
     if (of->bitmap != 0 && of->bitmap < least) {
         char text[96];
         snprintf(text, sizeof text, "a bitmap of %u bits has no addition %u", of->bitmap, least - 1);
-        return json_refuse(from, CAPTAIN_RANGE, text);
+        return captain_json_refuse(from, CAPTAIN_RANGE, text);
     }
-    TRY(json_take_memory(from, sizeof(captain_additions), &memory));
+    TRY(captain_json_take_memory(from, sizeof(captain_additions), &memory));
     captain_additions *additions = memory;
     *additions = (captain_additions){of->bitmap != 0 ? of->bitmap : least, of->unknown_count, of->unknown};
     memcpy(of->structure + of->type->additions, &memory, sizeof memory);
@@ -134,19 +136,20 @@ static captain_status store_additions(json *from, const members *of)
 /* The type of an open type may be told by a later member: its text is passed over and its place is kept in the struct. */
 static captain_status postpone(json *from, captain_open *open)
 {
-    json_blanks(from);
+    captain_json_blanks(from);
     *open = (captain_open){.octets = {0, (const uint8_t *)from->next}};
-    return json_skip(from);
+    return captain_json_skip(from);
 }
 
 /* Hexadecimal text in place of a value that is never text: the octets of the open type. */
 static bool is_raw(json *from, const captain_type *type)
 {
     bool is_text = type->kind == CAPTAIN_ENUMERATED || (type->kind >= CAPTAIN_SMALL_BITS && type->kind <= CAPTAIN_RELATIVE_OID);
-    return !is_text && json_is(from, '"');
+    return !is_text && captain_json_is(from, '"');
 }
 
-static captain_status read_open(json *from, const captain_type *type, const captain_type *holder, const char *structure, captain_open *open)
+static captain_status read_open(json *from, const captain_type *type, const captain_type *holder, const char *structure,
+                                captain_open *open)
 {
     const captain_field *selector = &holder->fields[type->selector];
     const void *id = captain_walk_effective(selector, structure);
@@ -154,12 +157,12 @@ static captain_status read_open(json *from, const captain_type *type, const capt
     from->next = (const char *)open->octets.octets;
     *open = (captain_open){.type = NULL};
     if (row == NULL || is_raw(from, row))
-        return json_octets(from, &open->octets);
+        return captain_json_octets(from, &open->octets);
     void *memory;
-    TRY(json_take_memory(from, row->size, &memory));
+    TRY(captain_json_take_memory(from, row->size, &memory));
     open->type = row;
     open->value = memory;
-    return json_value(from, row, memory);
+    return captain_json_value(from, row, memory);
 }
 
 static captain_status read_opens(json *from, const members *of)
@@ -170,7 +173,8 @@ static captain_status read_opens(json *from, const members *of)
         if (field->type->kind != CAPTAIN_OPEN || !is_seen(of, i))
             continue;
         size_t path = captain_path_push(&from->path, field->name);
-        TRY(read_open(from, field->type, of->type, of->structure, (captain_open *)(uintptr_t)captain_walk_field(field, of->structure)));
+        captain_open *open = (captain_open *)(void *)(of->structure + field->offset);
+        TRY(read_open(from, field->type, of->type, of->structure, open));
         captain_path_pop(&from->path, path);
     }
     from->next = end;
@@ -187,13 +191,13 @@ static captain_status read_field(json *from, members *of, unsigned index)
     TRY(field_memory(from, field, of->structure, &memory));
     if (field->present != CAPTAIN_NOWHERE)
         *(bool *)(of->structure + field->present) = true;
-    return field->type->kind == CAPTAIN_OPEN ? postpone(from, memory) : json_value(from, field->type, memory);
+    return field->type->kind == CAPTAIN_OPEN ? postpone(from, memory) : captain_json_value(from, field->type, memory);
 }
 
 static captain_status read_member(json *from, members *of)
 {
     char name[JSON_MAX_NAME];
-    TRY(json_name(from, name));
+    TRY(captain_json_name(from, name));
     int index = find_field(of->type, name);
     size_t path = captain_path_push(&from->path, index >= 0 ? of->type->fields[index].name : "");
     if (index < 0)
@@ -205,8 +209,8 @@ static captain_status read_member(json *from, members *of)
         TRY(read_field(from, of, (unsigned)index));
     else if (is_open && strcmp(name, "[]") == 0)
         TRY(read_bitmap(from, of, name));
-    else if (is_open && json_bracket(name) >= 0)
-        TRY(read_unknown(from, of, name, json_bracket(name)));
+    else if (is_open && captain_json_bracket(name) >= 0)
+        TRY(read_unknown(from, of, name, captain_json_bracket(name)));
     else
         return refuse_name(from, of->type, name, "component");
     captain_path_pop(&from->path, path);
@@ -220,7 +224,7 @@ static captain_status check_missing(json *from, const members *of)
         if (is_seen(of, i) || (field->flags & (CAPTAIN_OPTIONAL | CAPTAIN_DEFAULT)))
             continue;
         captain_path_push(&from->path, field->name);
-        return json_refuse(from, CAPTAIN_PRESENCE, "is missing");
+        return captain_json_refuse(from, CAPTAIN_PRESENCE, "is missing");
     }
     return captain_check_groups(of->type, of->structure, from->report, &from->path);
 }
@@ -228,24 +232,24 @@ static captain_status check_missing(json *from, const members *of)
 static captain_status read_members(json *from, members *of)
 {
     bool is_more;
-    TRY(json_open(from, '{', "an object", &is_more));
+    TRY(captain_json_open(from, '{', "an object", &is_more));
     while (is_more) {
         TRY(read_member(from, of));
-        TRY(json_more(from, '{', &is_more));
+        TRY(captain_json_more(from, '{', &is_more));
     }
     TRY(check_missing(from, of));
     TRY(read_opens(from, of));
     return store_additions(from, of);
 }
 
-captain_status json_sequence(json *from, const captain_type *type, void *value)
+captain_status captain_json_sequence(json *from, const captain_type *type, void *value)
 {
     uint8_t seen[SEEN_FIELDS / 8] = {0};
     members of = {.type = type, .structure = value, .seen = seen};
     captain_init(type, value);
     if (type->fields_count > SEEN_FIELDS) {
         void *memory;
-        TRY(json_take_memory(from, type->fields_count / 8u + 1, &memory));
+        TRY(captain_json_take_memory(from, type->fields_count / 8u + 1, &memory));
         memset(memory, 0, type->fields_count / 8u + 1);
         of.seen = memory;
     }
@@ -260,31 +264,31 @@ static captain_status read_alternative(json *from, const captain_type *type, cha
     void *memory;
     size_t path = captain_path_push(&from->path, field->name);
     TRY(field_memory(from, field, structure, &memory));
-    TRY(json_value(from, field->type, memory));
+    TRY(captain_json_value(from, field->type, memory));
     captain_path_pop(&from->path, path);
     *(uint32_t *)(void *)structure = index + 1;
     return CAPTAIN_OK;
 }
 
-captain_status json_choice(json *from, const captain_type *type, void *value)
+captain_status captain_json_choice(json *from, const captain_type *type, void *value)
 {
     bool is_more;
     char name[JSON_MAX_NAME];
     memset(value, 0, type->size);
-    TRY(json_open(from, '{', "an object with one alternative", &is_more));
+    TRY(captain_json_open(from, '{', "an object with one alternative", &is_more));
     if (!is_more)
-        return json_refuse(from, CAPTAIN_PRESENCE, "one alternative is expected, none is there");
-    TRY(json_name(from, name));
+        return captain_json_refuse(from, CAPTAIN_PRESENCE, "one alternative is expected, none is there");
+    TRY(captain_json_name(from, name));
     int index = find_field(type, name);
-    int64_t unknown = json_bracket(name);
+    int64_t unknown = captain_json_bracket(name);
     if (index >= 0) {
         TRY(read_alternative(from, type, value, (unsigned)index));
     } else if (unknown >= type->fields_count - type->root_count && (type->flags & CAPTAIN_EXTENSIBLE)) {
-        TRY(json_octets(from, captain_walk_unknown(type, value)));
+        TRY(captain_json_octets(from, captain_walk_unknown(type, value)));
         *(uint32_t *)value = CAPTAIN_UNKNOWN + (uint32_t)unknown;
     } else {
         return refuse_name(from, type, name, "alternative");
     }
-    TRY(json_more(from, '{', &is_more));
-    return is_more ? json_refuse(from, CAPTAIN_SYNTAX, "one alternative is expected, several are there") : CAPTAIN_OK;
+    TRY(captain_json_more(from, '{', &is_more));
+    return is_more ? captain_json_refuse(from, CAPTAIN_SYNTAX, "one alternative is expected, several are there") : CAPTAIN_OK;
 }

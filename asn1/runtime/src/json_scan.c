@@ -1,40 +1,37 @@
-/* The text of JSON: blanks, strings, numbers, what is skipped. */
+/* The text of JSON: blanks, strings, what is skipped. */
 #include "json.h"
 
-#include <inttypes.h>
-#include <stdio.h>
 #include <string.h>
 
-void json_blanks(json *from)
+void captain_json_blanks(json *from)
 {
     while (from->next < from->end && (*from->next == ' ' || *from->next == '\t' || *from->next == '\n' || *from->next == '\r'))
         from->next++;
 }
 
-bool json_is(json *from, char character)
+bool captain_json_is(json *from, char character)
 {
-    json_blanks(from);
+    captain_json_blanks(from);
     return from->next < from->end && *from->next == character;
 }
 
-bool json_take(json *from, char character)
+bool captain_json_take(json *from, char character)
 {
-    bool is_there = json_is(from, character);
+    bool is_there = captain_json_is(from, character);
     from->next += is_there;
     return is_there;
 }
 
 /* ---------------------------------------------------------------- refusals */
 
-captain_status json_refuse(json *from, captain_status status, const char *text)
+captain_status captain_json_refuse(json *from, captain_status status, const char *text)
 {
     return captain_walk_refuse(from->report, &from->path, 0, status, "%s", text);
 }
 
-/* The next characters, printable ones only, for a sentence. */
-static const char *found(json *from, char text[48])
+const char *captain_json_found(json *from, char text[JSON_FOUND])
 {
-    json_blanks(from);
+    captain_json_blanks(from);
     size_t left = (size_t)(from->end - from->next), count = left < 40 ? left : 40;
     if (left == 0)
         return "the end";
@@ -44,25 +41,25 @@ static const char *found(json *from, char text[48])
     return text;
 }
 
-captain_status json_refuse_found(json *from, captain_status status, const char *expected)
+captain_status captain_json_refuse_found(json *from, captain_status status, const char *expected)
 {
-    char text[48];
+    char text[JSON_FOUND];
     if (from->report == NULL)
         return status;
-    const char *what = found(from, text);
+    const char *what = captain_json_found(from, text);
     return captain_walk_refuse(from->report, &from->path, 0, status, "%s is expected at offset %zu, found: %s", expected,
                                (size_t)(from->next - from->start), what);
 }
 
-captain_status json_expect(json *from, char character, const char *what)
+captain_status captain_json_expect(json *from, char character, const char *what)
 {
-    return json_take(from, character) ? CAPTAIN_OK : json_refuse_found(from, CAPTAIN_SYNTAX, what);
+    return captain_json_take(from, character) ? CAPTAIN_OK : captain_json_refuse_found(from, CAPTAIN_SYNTAX, what);
 }
 
-captain_status json_word(json *from, const char *word, bool *is_there)
+captain_status captain_json_word(json *from, const char *word, bool *is_there)
 {
     size_t length = strlen(word);
-    json_blanks(from);
+    captain_json_blanks(from);
     *is_there = (size_t)(from->end - from->next) >= length && memcmp(from->next, word, length) == 0;
     from->next += *is_there ? length : 0;
     return CAPTAIN_OK;
@@ -70,7 +67,7 @@ captain_status json_word(json *from, const char *word, bool *is_there)
 
 /* ---------------------------------------------------------------- strings */
 
-static int hex_digit(char character)
+int captain_json_hex(char character)
 {
     if (character >= '0' && character <= '9')
         return character - '0';
@@ -84,7 +81,7 @@ static bool take_unit(const char **at, const char *end, uint32_t *unit)
 {
     *unit = 0;
     for (int i = 0; i < 4; i++, ++*at) {
-        int digit = *at < end ? hex_digit(**at) : -1;
+        int digit = *at < end ? captain_json_hex(**at) : -1;
         if (digit < 0)
             return false;
         *unit = *unit << 4 | (uint32_t)digit;
@@ -127,9 +124,9 @@ static unsigned put_utf8(uint32_t code, char text[4])
     return more + 1;
 }
 
-captain_status json_take_string(json *from, json_string *string, const char *expected)
+captain_status captain_json_take_string(json *from, json_string *string, const char *expected)
 {
-    TRY(json_expect(from, '"', expected));
+    TRY(captain_json_expect(from, '"', expected));
     const char *at = from->next;
     *string = (json_string){at, at, 0};
     captain_utf8 utf8 = {0};
@@ -140,22 +137,22 @@ captain_status json_take_string(json *from, json_string *string, const char *exp
         if (*at == '\\' && utf8.left == 0) {
             at++;
             if (!take_escape(&at, from->end, &code))
-                return json_refuse_found(from, CAPTAIN_SYNTAX, "an escape of JSON");
+                return captain_json_refuse_found(from, CAPTAIN_SYNTAX, "an escape of JSON");
             string->octets += put_utf8(code, text);
         } else {
             if ((unsigned char)*at < 32 || !captain_utf8_feed(&utf8, (uint8_t)*at++))
-                return json_refuse_found(from, CAPTAIN_SYNTAX, "a character of JSON in UTF-8");
+                return captain_json_refuse_found(from, CAPTAIN_SYNTAX, "a character of JSON in UTF-8");
             string->octets++;
         }
     }
     from->next = string->until = at;
     if (at == from->end || utf8.left > 0)
-        return json_refuse_found(from, CAPTAIN_SYNTAX, "the end of a string");
+        return captain_json_refuse_found(from, CAPTAIN_SYNTAX, "the end of a string");
     from->next++;
     return CAPTAIN_OK;
 }
 
-void json_copy(const json_string *string, char *text)
+void captain_json_copy(const json_string *string, char *text)
 {
     const char *at = string->from;
     for (size_t i = 0; i < string->octets;) {
@@ -170,27 +167,27 @@ void json_copy(const json_string *string, char *text)
     }
 }
 
-captain_status json_name(json *from, char name[JSON_MAX_NAME])
+captain_status captain_json_name(json *from, char name[JSON_MAX_NAME])
 {
     json_string string;
-    TRY(json_take_string(from, &string, "the name of a component"));
+    TRY(captain_json_take_string(from, &string, "the name of a component"));
     char cut[JSON_MAX_NAME + 4];
     if (string.octets >= JSON_MAX_NAME) { /* of no component: shown in the sentence */
         json_string head = string;
         head.octets = JSON_MAX_NAME - 4;
-        json_copy(&head, cut);
+        captain_json_copy(&head, cut);
         memcpy(cut + JSON_MAX_NAME - 4, "...", 4);
         memcpy(name, cut, JSON_MAX_NAME);
     } else {
-        json_copy(&string, name);
+        captain_json_copy(&string, name);
         name[string.octets] = 0;
         if (memchr(name, 0, string.octets) != NULL)
-            return json_refuse(from, CAPTAIN_SYNTAX, "a name holds no character 0");
+            return captain_json_refuse(from, CAPTAIN_SYNTAX, "a name holds no character 0");
     }
-    return json_expect(from, ':', "a colon");
+    return captain_json_expect(from, ':', "a colon");
 }
 
-const char *json_show(const char *name, char shown[JSON_MAX_NAME])
+const char *captain_json_show(const char *name, char shown[JSON_MAX_NAME])
 {
     size_t i = 0;
     for (; i < JSON_MAX_NAME - 1 && name[i] != 0; i++)
@@ -199,161 +196,55 @@ const char *json_show(const char *name, char shown[JSON_MAX_NAME])
     return shown;
 }
 
-/* ---------------------------------------------------------------- numbers (RFC 8259 clause 6) */
-
-typedef struct number_text {
-    const char *digits, *point, *end; /* of the mantissa; point: where its fraction begins, or end */
-    int exponent;                     /* cut at +-100000 */
-    bool is_negative;
-} number_text;
-
-static const char *digits_end(const json *from, const char *at)
-{
-    while (at < from->end && *at >= '0' && *at <= '9')
-        at++;
-    return at;
-}
-
-static bool scan_exponent(const json *from, const char **at, int *exponent)
-{
-    *exponent = 0;
-    if (*at == from->end || (**at != 'e' && **at != 'E'))
-        return true;
-    ++*at;
-    bool is_negative = *at < from->end && **at == '-';
-    *at += *at < from->end && (**at == '-' || **at == '+');
-    const char *end = digits_end(from, *at);
-    if (end == *at)
-        return false;
-    for (; *at < end; ++*at)
-        *exponent = *exponent < 100000 ? *exponent * 10 + (**at - '0') : *exponent;
-    *exponent = is_negative ? -*exponent : *exponent;
-    return true;
-}
-
-static bool scan_number(json *from, number_text *number)
-{
-    json_blanks(from);
-    const char *at = from->next;
-    number->is_negative = at < from->end && *at == '-';
-    at += number->is_negative;
-    number->digits = at;
-    number->point = number->end = at = digits_end(from, at);
-    if (at == number->digits || (*number->digits == '0' && at > number->digits + 1))
-        return false;
-    if (at < from->end && *at == '.') {
-        number->end = digits_end(from, at + 1);
-        if (number->end == at + 1)
-            return false;
-        at = number->end;
-    }
-    if (!scan_exponent(from, &at, &number->exponent))
-        return false;
-    from->next = at;
-    return true;
-}
-
-/* The magnitude; false in is_whole or is_small where it has a fraction or more than 64 bits. */
-static uint64_t magnitude(const number_text *number, bool *is_whole, bool *is_small)
-{
-    uint64_t result = 0;
-    int64_t left = (number->point - number->digits) + (int64_t)number->exponent; /* digits before the point */
-    *is_whole = *is_small = true;
-    for (const char *at = number->digits; at < number->end; at++) {
-        if (at == number->point)
-            continue;
-        unsigned digit = (unsigned)(*at - '0');
-        if (left-- <= 0) {
-            *is_whole &= digit == 0;
-            continue;
-        }
-        *is_small &= result < UINT64_MAX / 10 || (result == UINT64_MAX / 10 && digit <= UINT64_MAX % 10);
-        result = result * 10 + digit;
-    }
-    for (; left > 0 && result != 0 && *is_small; left--) {
-        *is_small = result <= UINT64_MAX / 10;
-        result *= 10;
-    }
-    return result;
-}
-
-captain_status json_integer(json *from, bool is_unsigned64, int64_t *number)
-{
-    number_text text;
-    bool is_whole, is_small;
-    const char *before = from->next;
-    if (!scan_number(from, &text))
-        return json_refuse_found(from, CAPTAIN_SYNTAX, "a number");
-    uint64_t value = magnitude(&text, &is_whole, &is_small);
-    *number = (int64_t)(text.is_negative ? 0 - value : value);
-    uint64_t most = is_unsigned64 ? (text.is_negative ? 0 : UINT64_MAX) : (uint64_t)INT64_MAX + text.is_negative;
-    const char *after = from->next;
-    if (!is_whole)
-        from->next = before;
-    if (!is_whole)
-        return json_refuse_found(from, CAPTAIN_SYNTAX, "a whole number");
-    if (!is_small || value > most) {
-        char shown[48];
-        from->next = before;
-        found(from, shown);
-        size_t length = (size_t)(after - from->next);
-        if (length < sizeof shown - 8)
-            shown[length] = 0;
-        return captain_walk_refuse(from->report, &from->path, 0, CAPTAIN_RANGE, "%s does not fit into 64 bits", shown);
-    }
-    return CAPTAIN_OK;
-}
-
 /* ---------------------------------------------------------------- objects and arrays */
 
-captain_status json_open(json *from, char bracket, const char *expected, bool *is_more)
+captain_status captain_json_open(json *from, char bracket, const char *expected, bool *is_more)
 {
-    TRY(json_expect(from, bracket, expected));
-    *is_more = !json_take(from, bracket == '{' ? '}' : ']');
+    TRY(captain_json_expect(from, bracket, expected));
+    *is_more = !captain_json_take(from, bracket == '{' ? '}' : ']');
     return CAPTAIN_OK;
 }
 
-captain_status json_more(json *from, char bracket, bool *is_more)
+captain_status captain_json_more(json *from, char bracket, bool *is_more)
 {
-    *is_more = json_take(from, ',');
+    *is_more = captain_json_take(from, ',');
     if (*is_more)
         return CAPTAIN_OK;
-    return bracket == '{' ? json_expect(from, '}', "a comma or }") : json_expect(from, ']', "a comma or ]");
+    return bracket == '{' ? captain_json_expect(from, '}', "a comma or }") : captain_json_expect(from, ']', "a comma or ]");
 }
 
 static captain_status skip_members(json *from, char bracket)
 {
     bool is_more;
     json_string name;
-    TRY(json_open(from, bracket, "a value", &is_more));
+    TRY(captain_json_open(from, bracket, "a value", &is_more));
     while (is_more) {
         if (bracket == '{') {
-            TRY(json_take_string(from, &name, "the name of a component"));
-            TRY(json_expect(from, ':', "a colon"));
+            TRY(captain_json_take_string(from, &name, "the name of a component"));
+            TRY(captain_json_expect(from, ':', "a colon"));
         }
-        TRY(json_skip(from));
-        TRY(json_more(from, bracket, &is_more));
+        TRY(captain_json_skip(from));
+        TRY(captain_json_more(from, bracket, &is_more));
     }
     return CAPTAIN_OK;
 }
 
-captain_status json_skip(json *from)
+captain_status captain_json_skip(json *from)
 {
     bool is_there = false;
     json_string string;
-    number_text number;
     static const char *const WORDS[] = {"true", "false", "null"};
     if (from->depth >= CAPTAIN_WALK_DEPTH)
-        return json_refuse(from, CAPTAIN_DEPTH, "nested too deeply");
-    if (json_is(from, '{') || json_is(from, '[')) {
+        return captain_json_refuse(from, CAPTAIN_DEPTH, "nested too deeply");
+    if (captain_json_is(from, '{') || captain_json_is(from, '[')) {
         from->depth++;
         TRY(skip_members(from, *from->next));
         from->depth--;
         return CAPTAIN_OK;
     }
-    if (json_is(from, '"'))
-        return json_take_string(from, &string, "a value");
+    if (captain_json_is(from, '"'))
+        return captain_json_take_string(from, &string, "a value");
     for (unsigned i = 0; i < 3 && !is_there; i++)
-        json_word(from, WORDS[i], &is_there);
-    return is_there || scan_number(from, &number) ? CAPTAIN_OK : json_refuse_found(from, CAPTAIN_SYNTAX, "a value");
+        captain_json_word(from, WORDS[i], &is_there);
+    return is_there || captain_json_skip_number(from) ? CAPTAIN_OK : captain_json_refuse_found(from, CAPTAIN_SYNTAX, "a value");
 }

@@ -30,7 +30,8 @@ static captain_status check_gap(locate *in, const captain_type *type, int64_t nu
         captain_number_text(type, type->gaps[i].high, high);
         break;
     }
-    snprintf(text, sizeof text, "%s is not allowed: %.40s..%.40s is left out", captain_number_text(type, number, found), low, high);
+    snprintf(text, sizeof text, "%s is not allowed: %.40s..%.40s is left out", captain_number_text(type, number, found), low,
+             high);
     return refuse(in, CAPTAIN_INNER, text);
 }
 
@@ -91,7 +92,8 @@ static captain_status check_text(locate *in, const captain_type *type, captain_o
     }
     if (!in->is_strict)
         TRY(captain_check_size(type, octets.count, in->report, &in->path));
-    TRY(captain_check_text(type, in->is_strict || captain_walk_in_size(type, octets.count), text, octets.count, in->report, &in->path));
+    TRY(captain_check_text(type, in->is_strict || captain_walk_in_size(type, octets.count), text, octets.count, in->report,
+                           &in->path));
     TRY(captain_check_size(type, octets.count, in->report, &in->path));
     return check_gap(in, type, octets.count);
 }
@@ -119,7 +121,9 @@ static captain_status check_additions(locate *in, const captain_type *type, cons
         if (additions->unknown[i].index >= CAPTAIN_WALK_ADDITIONS)
             return refuse(in, CAPTAIN_SIZE, "an addition has an index above 16382");
     }
-    return captain_walk_bitmap(additions) <= CAPTAIN_WALK_ADDITIONS ? CAPTAIN_OK : refuse(in, CAPTAIN_SIZE, "a bitmap of additions has more than 16383 bits");
+    if (captain_walk_bitmap(additions) > CAPTAIN_WALK_ADDITIONS)
+        return refuse(in, CAPTAIN_SIZE, "a bitmap of additions has more than 16383 bits");
+    return CAPTAIN_OK;
 }
 
 static captain_status check_field(locate *in, const captain_field *field, const void *structure)
@@ -170,7 +174,8 @@ static captain_status check_choice(locate *in, const captain_type *type, const v
     if (choice >= CAPTAIN_UNKNOWN && (type->flags & CAPTAIN_EXTENSIBLE))
         return CAPTAIN_OK;
     char text[128];
-    snprintf(text, sizeof text, "alternative %u does not exist: %.60s has %u, counted from 1", choice, captain_type_text(type), type->fields_count);
+    snprintf(text, sizeof text, "alternative %u does not exist: %.60s has %u, counted from 1", choice, captain_type_text(type),
+             type->fields_count);
     return refuse(in, CAPTAIN_ALTERNATIVE, choice == 0 ? "no alternative is chosen" : text);
 }
 

@@ -58,7 +58,8 @@ void captain_report_clear(captain_report *report)
     report->path[0] = report->text[0] = 0;
 }
 
-captain_status captain_walk_refuse(captain_report *report, const captain_path *path, size_t bit, captain_status status, const char *format, ...)
+captain_status captain_walk_refuse(captain_report *report, const captain_path *path, size_t bit, captain_status status,
+                                   const char *format, ...)
 {
     if (report == NULL)
         return status;

@@ -105,7 +105,8 @@ size_t captain_path_push_addition(captain_path *path, uint64_t index); /* ".[3]"
 void captain_path_pop(captain_path *path, size_t length);
 
 /* report may be NULL. Gives status. */
-captain_status captain_walk_refuse(captain_report *report, const captain_path *path, size_t bit, captain_status status, const char *format, ...) CAPTAIN_PRINTF(5, 6);
+captain_status captain_walk_refuse(captain_report *report, const captain_path *path, size_t bit, captain_status status,
+                                   const char *format, ...) CAPTAIN_PRINTF(5, 6);
 void captain_report_clear(captain_report *report);
 
 enum { CAPTAIN_RANGE_TEXT = 64 };
@@ -124,8 +125,10 @@ const char *captain_type_text(const captain_type *type);
 captain_status captain_check_number(const captain_type *type, int64_t number, captain_report *report, const captain_path *path);
 captain_status captain_check_size(const captain_type *type, uint64_t count, captain_report *report, const captain_path *path);
 /* in_root: outside the root of an extensible size the alphabet is that of the whole string type (30.4). */
-captain_status captain_check_text(const captain_type *type, bool in_root, const char *text, uint32_t octets, captain_report *report, const captain_path *path);
-captain_status captain_check_groups(const captain_type *type, const void *structure, captain_report *report, captain_path *path);
+captain_status captain_check_text(const captain_type *type, bool in_root, const char *text, uint32_t octets,
+                                  captain_report *report, const captain_path *path);
+captain_status captain_check_groups(const captain_type *type, const void *structure, captain_report *report,
+                                    captain_path *path);
 
 /* The name nearest to this one, of `count` structs that begin with a name; NULL where none is near. */
 const char *captain_walk_nearest(const char *name, const void *first, size_t stride, unsigned count);

@@ -1,0 +1,111 @@
+/* Numbers of JSON (RFC 8259 clause 6): whole ones, in all their forms. */
+#include "json.h"
+
+typedef struct number_text {
+    const char *digits, *point, *end; /* of the mantissa; point: where its fraction begins, or end */
+    int exponent;                     /* cut at +-100000 */
+    bool is_negative;
+} number_text;
+
+static const char *digits_end(const json *from, const char *at)
+{
+    while (at < from->end && *at >= '0' && *at <= '9')
+        at++;
+    return at;
+}
+
+static bool scan_exponent(const json *from, const char **at, int *exponent)
+{
+    *exponent = 0;
+    if (*at == from->end || (**at != 'e' && **at != 'E'))
+        return true;
+    ++*at;
+    bool is_negative = *at < from->end && **at == '-';
+    *at += *at < from->end && (**at == '-' || **at == '+');
+    const char *end = digits_end(from, *at);
+    if (end == *at)
+        return false;
+    for (; *at < end; ++*at)
+        *exponent = *exponent < 100000 ? *exponent * 10 + (**at - '0') : *exponent;
+    *exponent = is_negative ? -*exponent : *exponent;
+    return true;
+}
+
+static bool scan_number(json *from, number_text *number)
+{
+    captain_json_blanks(from);
+    const char *at = from->next;
+    number->is_negative = at < from->end && *at == '-';
+    at += number->is_negative;
+    number->digits = at;
+    number->point = number->end = at = digits_end(from, at);
+    if (at == number->digits || (*number->digits == '0' && at > number->digits + 1))
+        return false;
+    if (at < from->end && *at == '.') {
+        number->end = digits_end(from, at + 1);
+        if (number->end == at + 1)
+            return false;
+        at = number->end;
+    }
+    if (!scan_exponent(from, &at, &number->exponent))
+        return false;
+    from->next = at;
+    return true;
+}
+
+/* The magnitude; false in is_whole or is_small where it has a fraction or more than 64 bits. */
+static uint64_t magnitude(const number_text *number, bool *is_whole, bool *is_small)
+{
+    uint64_t result = 0;
+    int64_t left = (number->point - number->digits) + (int64_t)number->exponent; /* digits before the point */
+    *is_whole = *is_small = true;
+    for (const char *at = number->digits; at < number->end; at++) {
+        if (at == number->point)
+            continue;
+        unsigned digit = (unsigned)(*at - '0');
+        if (left-- <= 0) {
+            *is_whole &= digit == 0;
+            continue;
+        }
+        *is_small &= result < UINT64_MAX / 10 || (result == UINT64_MAX / 10 && digit <= UINT64_MAX % 10);
+        result = result * 10 + digit;
+    }
+    for (; left > 0 && result != 0 && *is_small; left--) {
+        *is_small = result <= UINT64_MAX / 10;
+        result *= 10;
+    }
+    return result;
+}
+
+captain_status captain_json_integer(json *from, bool is_unsigned64, int64_t *number)
+{
+    number_text text;
+    bool is_whole, is_small;
+    const char *before = from->next;
+    if (!scan_number(from, &text))
+        return captain_json_refuse_found(from, CAPTAIN_SYNTAX, "a number");
+    uint64_t value = magnitude(&text, &is_whole, &is_small);
+    *number = (int64_t)(text.is_negative ? 0 - value : value);
+    uint64_t most = is_unsigned64 ? (text.is_negative ? 0 : UINT64_MAX) : (uint64_t)INT64_MAX + text.is_negative;
+    const char *after = from->next;
+    if (!is_whole)
+        from->next = before;
+    if (!is_whole)
+        return captain_json_refuse_found(from, CAPTAIN_SYNTAX, "a whole number");
+    if (!is_small || value > most) {
+        char shown[JSON_FOUND];
+        from->next = before;
+        captain_json_found(from, shown);
+        size_t length = (size_t)(after - from->next);
+        if (length < sizeof shown - 8)
+            shown[length] = 0;
+        return captain_walk_refuse(from->report, &from->path, 0, CAPTAIN_RANGE, "%s does not fit into 64 bits", shown);
+    }
+    return CAPTAIN_OK;
+}
+
+bool captain_json_skip_number(json *from)
+{
+    number_text number;
+    return scan_number(from, &number);
+}
