@@ -8,7 +8,7 @@ from firmware.codec.arguments import FORMS_HELP, add_edition, add_input, each, p
 from firmware.codec.decoding import Decoder, UndecodableError
 from firmware.codec.library import Message
 from firmware.codec.reading import Pdu, pdu_of
-from firmware.codec.showing import room
+from firmware.codec.showing import WIDEST
 from firmware.user.table import Table, clean, plain
 
 DESCRIPTION = f"""\
@@ -37,7 +37,7 @@ exit codes:
   2    wrong usage
   130  Ctrl-C
 """
-HEADS = (">bit", ">width", "bits", "field", "value", "X.691")
+HEADS = (">bit", ">width", "bits", "X.691", "field", "value")
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -70,7 +70,8 @@ def _show(pdu: Pdu, message: Message, note: str, is_json: bool) -> None:
             print_json({key: value for key, value in told.items() if key != "depth"})
         return
     title = f"{message.name}: {message.standard}, {len(pdu.octets)} octets, {pdu.origin}"
-    print("\n".join([*plain(Table(title, HEADS, _cells(rows), [note]), room()), ""]), flush=True)
+    # A name that is cut is worth less than a line that the terminal folds.
+    print("\n".join([*plain(Table(title, HEADS, _cells(rows), [note]), WIDEST), ""]), flush=True)
 
 
 def _cells(rows: Sequence[bits.Row]) -> list[tuple[str, ...]]:
@@ -80,9 +81,9 @@ def _cells(rows: Sequence[bits.Row]) -> list[tuple[str, ...]]:
             str(row.bit),
             str(row.width) if row.width else "",
             row.bits,
+            row.clause,
             bits.INDENT * row.depth + clean(row.name),
             row.value,
-            row.clause,
         )
         for row in rows
     ]

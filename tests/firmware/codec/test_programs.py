@@ -263,9 +263,9 @@ def test_explain_has_a_row_for_each_field(captain):
     assert captain("explain", DOOR_PDU.hex()) == 0
     rows = captain.out.splitlines()
     assert rows[0] == "door-1.1: a standard, 9 octets, the argument"
-    assert rows[1].split() == ["bit", "width", "bits", "field", "value", "X.691"]
+    assert rows[1].split() == ["bit", "width", "bits", "X.691", "field", "value"]
     assert rows[2].split() == ["48", "body", "Body"]
-    assert rows[4].split() == ["56", "8", "00000010", "height", "2", "m", "11.5.7.2"]
+    assert rows[4].split() == ["56", "8", "00000010", "11.5.7.2", "height", "2", "m"]
 
 
 def test_explain_of_what_does_not_decode_ends_at_the_first_bad_bit(captain):
