@@ -3,7 +3,7 @@
 import dataclasses
 import difflib
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from asn1 import text, types
@@ -20,15 +20,18 @@ from asn1.importer.units import UNITS, read_units
 __all__ = ["ImportFault", "check", "import_modules", "write_schema"]
 
 
-def import_modules(source: Path, table: Path = text.EDITIONS, units_table: Path = UNITS) -> types.Schema:
+def import_modules(
+    source: Path, table: Path = text.EDITIONS, units_table: Path = UNITS, folder: Path = text.SCHEMA
+) -> types.Schema:
     """The schema of every edition whose files are in a directory, as editions.toml says where.
 
-    source  the directory, or a list of addresses that fill one (see download.py).
+    source  the directory, or a list of addresses that fill one (see download.py)
+    folder  an earlier schema: where files of other editions are not there, what those used of a module stays in it
 
     Editions without files there are left out, with their messages. Raises ImportFault with every problem, or OSError.
     """
     with directory_of(source) as directory:
-        return _import(directory, table, units_table)
+        return _import(directory, table, units_table, folder)
 
 
 def write_schema(schema: types.Schema, folder: Path = text.SCHEMA) -> list[Path]:
@@ -49,7 +52,7 @@ def check(source: Path, folder: Path = text.SCHEMA) -> list[str]:
     Only modules whose files are there are compared. Raises what import_modules raises.
     """
     lines: list[str] = []
-    for key, module in import_modules(source).modules.items():
+    for key, module in import_modules(source, folder=folder).modules.items():
         path = folder / f"{key}.schema"
         old = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
         new = text.dump(module).splitlines()
@@ -57,7 +60,7 @@ def check(source: Path, folder: Path = text.SCHEMA) -> list[str]:
     return lines
 
 
-def _import(directory: Path, table: Path, units_table: Path) -> types.Schema:
+def _import(directory: Path, table: Path, units_table: Path, folder: Path) -> types.Schema:
     editions = read_editions(table)
     found = _present(editions, directory)
     sources = {key: one.source for key, one in found.items()}
@@ -67,6 +70,14 @@ def _import(directory: Path, table: Path, units_table: Path) -> types.Schema:
         raise ImportFault([Problem(Place(str(directory), 1), f"none of the files that {table.name} names is here")])
     place = Place(table.name, 1)
     roots = [(one.pdu.module, one.pdu.name, place) for one in messages.values()]
+    is_whole = len(sources) == len(editions.modules)
+    earlier = {} if is_whole else _earlier(folder, sources)
+    roots += [
+        (key, name, place)
+        for key, module in earlier.items()
+        for name in (*module.definitions, *module.classes, *module.sets)
+        if name in sources[key].module.assignments
+    ]
     units = read_units(units_table)
     resolved = Resolver(sources, units).resolve(roots)
     modules = {
@@ -77,14 +88,22 @@ def _import(directory: Path, table: Path, units_table: Path) -> types.Schema:
         for key, one in resolved.items()
     }  # fmt: skip
     donors = _donors(found, modules, Resolver(sources, units))
+    for key, module in earlier.items():
+        donors[key].append(module.definitions)
     modules = {key: units.add(module, donors[key]) for key, module in modules.items()}
     unused = units.unused(modules)
-    if unused:
+    if unused and is_whole:
         raise ImportFault([Problem(Place(units_table.name, 1), f"there is no {one}") for one in unused])
     return types.Schema(modules, messages)
 
 
 # ---------------------------------------------------------------- finding and reading files
+
+
+def _earlier(folder: Path, keys: Iterable[str]) -> dict[str, types.Module]:
+    """What an earlier import has written of these modules."""
+    paths = [path for path in (folder / f"{key}.schema" for key in keys) if path.is_file()]
+    return {path.stem: text.load(path.read_text(encoding="utf-8"), path.name) for path in paths}
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

@@ -67,7 +67,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def imported(folder: Path) -> t.Schema:
-    return import_modules(folder, folder / "editions.toml", folder / "units.toml")
+    return import_modules(folder, folder / "editions.toml", folder / "units.toml", folder / "schema")
 
 
 def refused(folder: Path) -> list[str]:
@@ -159,6 +159,15 @@ def test_what_is_written_is_what_is_loaded(folder: Path) -> None:
     assert [path.name for path in written] == ["r1_data.schema", "r1_msg.schema"]
     assert text.load_schema(folder / "schema", folder / "editions.toml") == schema
     assert write_schema(schema, folder / "schema") == []
+
+
+def test_what_other_editions_use_of_a_module_stays_while_their_files_are_away(folder: Path) -> None:
+    before = imported(folder)
+    write_schema(before, folder / "schema")
+    (folder / "one/Msg.asn").write_text(MSG.replace("length Length, ", "").replace("IMPORTS Length FROM Data;", ""))
+    assert list(imported(folder).modules) == ["r1_msg"]
+    (folder / "three/Data.asn").unlink()  # and with it the unit
+    assert imported(folder).modules["r1_data"] == before.modules["r1_data"]
 
 
 def test_our_own_module_gives_the_schema_that_is_committed() -> None:
