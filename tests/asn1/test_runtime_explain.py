@@ -156,7 +156,7 @@ def test_elements_without_bits_cannot_make_it_work_for_long(walker: Walker) -> N
 def test_depth_is_bounded(walker: Walker) -> None:
     assert walker.explain("Deep", "01" * 63 + "00")[1].status == "ok"
     assert walker.explain("Deep", "01" * 64 + "00")[1] == Refusal(
-        "nested too deeply", 512, "[0]" * 64, "nested too deep"
+        "nested too deeply", 512, "[0]" * 64, "nested too deeply"
     )
 
 

@@ -1,7 +1,8 @@
-"""The walkers of the tables in a process of their own, over types written by hand, under ASan and UBSan."""
+"""The walkers of the tables in processes of their own, under ASan and UBSan."""
 
 import os
 import subprocess
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
@@ -36,28 +37,51 @@ class Step(NamedTuple):
 
 
 def build() -> Path:
-    """The program, made anew where a source is younger."""
-    sources = sorted(RUNTIME.glob("src/*.c")) + [PROGRAM / "every.c", PROGRAM / "walk_main.c"]
-    headers = [*RUNTIME.glob("src/*.h"), *RUNTIME.glob("include/captain/*.h"), *PROGRAM.glob("*.h")]
-    newest = max(path.stat().st_mtime for path in headers)
-    BUILD.mkdir(parents=True, exist_ok=True)
-    objects = [BUILD / f"{source.stem}.o" for source in sources]
-    old = [
-        (source, made)
-        for source, made in zip(sources, objects, strict=True)
-        if not made.exists() or made.stat().st_mtime < max(newest, source.stat().st_mtime)
-    ]
-    program = BUILD / "walk"
-    if old or not program.exists():
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
-            list(pool.map(_compile, old))
+    """The program that asks the walkers about types written by hand."""
+    return _linked(BUILD / "walk", [*_runtime(), PROGRAM / "every.c", PROGRAM / "walk_main.c"], [PROGRAM / "every.h"])
+
+
+def build_comparison(name: str, generated: Sequence[Path]) -> Path:
+    """The program that compares the walkers with generated code. name: a folder for what is made."""
+    folder = next(path.parent for path in generated if path.suffix == ".c")
+    sources = [*_runtime(), PROGRAM / "messages_main.c", *(path for path in generated if path.suffix == ".c")]
+    headers = [path for path in generated if path.suffix == ".h"]
+    return _linked(BUILD / name / "compare", sources, headers, f"-I{folder.parent / 'include'}", f"-I{RUNTIME / 'src'}")
+
+
+def _runtime() -> list[Path]:
+    return sorted(RUNTIME.glob("src/*.c"))
+
+
+def _linked(program: Path, sources: Sequence[Path], headers: Sequence[Path], *flags: str) -> Path:
+    """The objects of the runtime lie in one folder for all programs; what is older than a source or header is made anew."""
+    program.parent.mkdir(parents=True, exist_ok=True)
+    of_runtime = _newest([*RUNTIME.glob("src/*.h"), *RUNTIME.glob("include/captain/*.h")])
+    of_all = max(of_runtime, _newest(headers))
+    jobs: list[tuple[Path, Path, tuple[str, ...]]] = []
+    objects: list[Path] = []
+    for source in sources:
+        is_runtime = RUNTIME in source.parents
+        made = (BUILD if is_runtime else program.parent) / f"{source.stem}.o"
+        objects.append(made)
+        if not made.exists() or made.stat().st_mtime < max(
+            of_runtime if is_runtime else of_all, source.stat().st_mtime
+        ):
+            jobs.append((source, made, flags))
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        list(pool.map(_compile, jobs))
+    if jobs or not program.exists() or program.stat().st_mtime < _newest(objects):
         subprocess.run(["gcc", "-fsanitize=address,undefined", *objects, "-o", program], check=True)
     return program
 
 
-def _compile(pair: tuple[Path, Path]) -> None:
-    source, made = pair
-    subprocess.run(["gcc", *FLAGS, "-c", source, "-o", made], check=True)
+def _newest(paths: Sequence[Path]) -> float:
+    return max((path.stat().st_mtime for path in paths), default=0.0)
+
+
+def _compile(job: tuple[Path, Path, tuple[str, ...]]) -> None:
+    source, made, flags = job
+    subprocess.run(["gcc", *FLAGS, *flags, "-c", source, "-o", made], check=True)
 
 
 class Walker:
