@@ -35,7 +35,7 @@ captain_status captain_explain_value_step(explain *to, const explain_node *node,
     captain_out_end(&out);
     if (!captain_utf8_is_valid(buffer.text, buffer.used))
         for (size_t i = 0; i < buffer.used; i++)
-            buffer.text[i] = buffer.text[i] < 0 ? '?' : buffer.text[i];
+            buffer.text[i] = (unsigned char)buffer.text[i] > 0x7f ? '?' : buffer.text[i];
     memcpy(buffer.text + buffer.used, is_cut ? "..." : "", is_cut ? 4 : 1);
     return captain_explain_step(to, node, CAPTAIN_STEP_VALUE, from, buffer.text, clause);
 }
