@@ -1,0 +1,243 @@
+"""`python -m tests.bench.messages`: captain_messages beside asn1tools and pycrate, alternating in one run.
+
+Per message of firmware/vectors.json: decode to a dict, a lazy view with five fields read, encode from a dict; the median of the rounds,
+and the ratio to asn1tools beside what is to be reached. Then decode and encode in C.
+"""
+
+import argparse
+import importlib.util
+import json
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from asn1.types import Reference, Schema
+from tests.bench import message_views
+
+ROOT = Path(__file__).resolve().parents[2]
+CODEC = ROOT / "build" / "codec" / "python"
+GOALS = {"decode": 30, "view": 150, "encode": 80}  # times asn1tools' decode, decode, encode
+REPETITION_S = 0.02
+
+Decode = Callable[[bytes], Any]
+Encode = Callable[[Any], bytes]
+
+
+class Case(NamedTuple):
+    """A real message and what reads five of its fields from a view."""
+
+    name: str
+    octets: bytes
+    read: Callable[[Any], object]
+
+
+class Call(NamedTuple):
+    """What is timed: function(argument), or read(function(argument))."""
+
+    function: Callable[[Any], Any]
+    argument: Any
+    read: Callable[[Any], object] | None = None
+
+
+class Codec(NamedTuple):
+    """calls: by kind, "decode", "view", "encode"."""
+
+    name: str
+    calls: dict[str, Call]
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="python -m tests.bench.messages", description=__doc__)
+    parser.add_argument("--rounds", type=int, default=7)
+    parser.add_argument("--only", default="", help="messages whose name contains this")
+    arguments = parser.parse_args()
+    if not list(CODEC.glob("captain_messages*.so")):
+        print("bench: no captain_messages in build/codec/python: make codec", file=sys.stderr)
+        return 1
+    sys.path.insert(0, str(CODEC))
+    cases = [case for case in _cases() if arguments.only in case.name]
+    peers = _peers()
+    print(
+        f"{'message':14}{'octets':>7}  {'':8}{'ours':>10}" + "".join(f"{peer:>12}" for peer in peers) + "   ratio  goal"
+    )
+    for case in cases:
+        _compare(case, peers, arguments.rounds)
+    _c_figures(cases)
+    return 0
+
+
+def _cases() -> list[Case]:
+    vectors = [(vector["octets"], bytes.fromhex(vector["hex"])) for vector in _vectors()]
+    return [
+        Case(name, next(octets for count, octets in vectors if count == wanted), read)
+        for name, wanted, read in message_views.READS
+    ]
+
+
+def _vectors() -> list[dict[str, Any]]:
+    loaded: list[dict[str, Any]] = json.loads((ROOT / "firmware" / "vectors.json").read_text())
+    return loaded
+
+
+def _peers() -> list[str]:
+    """Which other codecs there are; says which are missing."""
+    there = []
+    for name, package in {"asn1tools": "asn1tools", "pycrate": "pycrate_asn1rt"}.items():
+        if importlib.util.find_spec(package) is None:
+            print(f"bench: {name} is not installed, and not compared", file=sys.stderr)
+        else:
+            there.append(name)
+    return there
+
+
+# ---------------------------------------------------------------- Python
+
+
+def _compare(case: Case, peers: list[str], rounds: int) -> None:
+    codecs = [_ours(case), *filter(None, (_peer(peer, case) for peer in peers))]
+    times: dict[tuple[str, str], list[float]] = {}
+    for _ in range(rounds):
+        for kind in GOALS:
+            for codec in codecs:
+                if kind in codec.calls:
+                    times.setdefault((codec.name, kind), []).append(_time_s(codec.calls[kind]))
+    medians = {key: statistics.median(taken) for key, taken in times.items()}
+    for kind, goal in GOALS.items():
+        _print_row(case, kind, goal, peers, medians)
+
+
+def _print_row(case: Case, kind: str, goal: int, peers: list[str], medians: dict[tuple[str, str], float]) -> None:
+    ours = medians["ours", kind]
+    other = "decode" if kind == "view" else kind
+    cells = [
+        f"{medians[peer, other] * 1e6:>9.1f} us" if (peer, other) in medians else f"{'fails':>12}" for peer in peers
+    ]
+    ratio = medians[peers[0], other] / ours if peers and (peers[0], other) in medians else None
+    verdict = "" if ratio is None else f"{ratio:>8.1f}{goal:>6}{'' if ratio >= goal else '  missed'}"
+    print(f"{case.name:14}{len(case.octets):>7}  {kind:8}{ours * 1e9:>7.0f} ns" + "".join(cells) + verdict)
+
+
+def _time_s(call: Call) -> float:
+    """Of one call: loops until REPETITION_S is over, counted in powers of two."""
+    loops = 1
+    while (taken := _loop_s(call, [None] * loops)) < REPETITION_S:
+        loops *= 2
+    return taken / loops
+
+
+def _loop_s(call: Call, repeat: list[None]) -> float:
+    function, argument, read = call
+    start = time.perf_counter()
+    if read is None:
+        for _ in repeat:
+            function(argument)
+    else:
+        for _ in repeat:
+            read(function(argument))
+    return time.perf_counter() - start
+
+
+def _ours(case: Case) -> Codec:
+    import captain_messages
+
+    message = captain_messages.find(case.name)
+    value = message.decode(case.octets)
+    if message.encode(value) != case.octets:
+        print(f"bench: {case.name} is encoded again otherwise", file=sys.stderr)
+    return Codec(
+        "ours",
+        {
+            "decode": Call(message.decode, case.octets),
+            "view": Call(message.view, case.octets, case.read),
+            "encode": Call(message.encode, value),
+        },
+    )
+
+
+def _peer(name: str, case: Case) -> Codec | None:
+    """None, and a line on stderr, where it cannot do this message."""
+    from asn1.text import load_schema
+    from tests.asn1.reach import pruned
+
+    schema = load_schema()
+    pdu = schema.messages[case.name].pdu
+    try:
+        decode, encode = PEERS[name](pruned(schema, pdu), pdu)
+        value = decode(case.octets)
+        encode(value)
+    except Exception as error:  # noqa: BLE001
+        print(f"bench: {name} fails on {case.name}: {error!r:.100}", file=sys.stderr)
+        return None
+    return Codec(name, {"decode": Call(decode, case.octets), "encode": Call(encode, value)})
+
+
+def _asn1tools(schema: Schema, pdu: Reference) -> tuple[Decode, Encode]:
+    """As its manual says: with the checks of types that are on unless somebody says otherwise."""
+    import asn1tools
+
+    from tests.asn1.oracles import texts
+
+    specification = asn1tools.compile_string(texts(schema, "asn1tools"), "uper")
+    return partial(specification.decode, pdu.name), partial(specification.encode, pdu.name)
+
+
+def _pycrate(schema: Schema, pdu: Reference) -> tuple[Decode, Encode]:
+    from tests.asn1.oracles import Pycrate
+
+    type_ = Pycrate(schema, pdu)._type
+
+    def decode(octets: bytes) -> Any:
+        type_.from_uper(octets)
+        return type_.get_val()
+
+    def encode(value: Any) -> bytes:
+        type_.set_val(value)
+        return bytes(type_.to_uper())
+
+    return decode, encode
+
+
+PEERS = {"asn1tools": _asn1tools, "pycrate": _pycrate}
+
+
+# ---------------------------------------------------------------- C
+
+
+def _c_figures(cases: list[Case]) -> None:
+    program = ROOT / "build" / "bench-messages"
+    objects = sorted((CODEC / ".objects").glob("src-*.o"))
+    generated = ROOT / "asn1" / "runtime" / "include"
+    source = Path(__file__).with_name("messages.c")
+    command = [
+        "cc",
+        "-std=gnu11",
+        "-O2",
+        f"-I{generated}",
+        str(source),
+        *map(str, objects),
+        "-Wl,--gc-sections",
+        "-o",
+        str(program),
+    ]
+    subprocess.run(command, check=True)
+    lines = "".join(f"{case.name} {case.octets.hex()}\n" for case in cases)
+    answers = subprocess.run(
+        [str(program)], input=lines, capture_output=True, text=True, check=True
+    ).stdout.splitlines()
+    print("\nC                     decode                           encode")
+    for case, answer in zip(cases, answers, strict=True):
+        decode_ns, encode_ns = map(float, answer.split()[1:])
+        cells = (
+            f"{ns:>9.1f} ns {len(case.octets) / ns * 1e3:>7.0f} MB/s {ns / len(case.octets) / 8:>6.3f} ns/bit"
+            for ns in (decode_ns, encode_ns)
+        )
+        print(f"{case.name:14}" + "".join(cells))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
