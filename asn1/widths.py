@@ -75,6 +75,6 @@ def _minimal_bits(node: Node, known: dict[Node, int]) -> int:
             return 1 + min(width, 15) if node.is_extensible else width
         case _:
             each = minimal_bits(node.item, known) if node.kind is Kind.LIST else unit_bits(node)
-            width = count_width(node.bounds)
-            root = (8 if width is None else width) + each * (node.bounds.low or 0)
+            count = count_width(node.bounds)
+            root = (8 if count is None else count) + each * (node.bounds.low or 0)
             return 1 + min(8, root) if node.is_extensible else root

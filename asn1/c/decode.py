@@ -161,7 +161,7 @@ class _Decoder(Body):
         elif low > 0:
             self.put(f"{to} = ({type_})({bits} + {unsigned(low)});")
         else:
-            self.put(f"{to} = ({type_})((int64_t){bits} + {literal(low)});")
+            self.put(f"{to} = ({type_})({bits} - {unsigned(-low)});")
 
     def unbounded(self, node: Node, to: str) -> None:
         """At one end or both. int64_t in memory."""

@@ -30,7 +30,12 @@ def public_header(module: Module, nodes: list[Node]) -> str:
         "",
         *(f"extern const captain_type {node.c_name}_type;" for node in nodes if has_public_table(node)),
         "",
-        *(line for node in nodes if has_public_table(node) for line in _functions(node)),
+        *(
+            line
+            for node in nodes
+            if node.kind in STRUCTS or (node.is_entry and node.is_defined)
+            for line in _functions(node)
+        ),
         *_END,
         # Behind the definitions, for modules that need each other by pointers only.
         *(f"#include <captain/{key}.h>" for key in sorted(seen)),

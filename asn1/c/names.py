@@ -86,7 +86,8 @@ def has_check(node: Node) -> bool:
 
 
 def has_public_table(node: Node) -> bool:
-    return node.kind in STRUCTS
+    """Whether users name it; other tables are reached through the fields of these."""
+    return node.kind in STRUCTS or node.is_entry
 
 
 def contiguous(node: Node) -> int | None:
