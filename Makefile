@@ -2,18 +2,25 @@
 # make ... ARGS='...' passes options on to the program that a target starts.
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run test test-binary check bench lab binary lock proof clean
+.PHONY: help setup run codec import-check docs test test-binary check portable fuzz bench lab binary lock proof clean
 
 PYTEST := .venv/bin/python -m pytest
 
 help: ## this text
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 14
 
-setup: ## the command .venv/bin/captain and what it needs
+setup: ## the command .venv/bin/captain and what it needs, the messages among it
 	@.ci/setup run
+	@.ci/codec
 
 run: setup ## two simulated stations that talk to each other, and a live table (Ctrl-C ends it)
 	@.venv/bin/captain demo $(ARGS)
+
+codec: setup ## the Python module of all messages, in build/codec, with those that captain-asn1 has added
+
+import-check: setup-test ## do the modules of the standards in ASN1=DIR give the committed schema and the same codecs?
+	@[ -n "$(ASN1)" ] || { echo "make import-check ASN1=DIR: the directory with the modules" >&2; exit 2; }
+	@.venv/bin/captain-asn1 import-check "$(ASN1)"
 
 test: setup-test ## all tests, against the source
 	@$(PYTEST) $(ARGS)
@@ -28,6 +35,15 @@ check: setup-test ## lint, format, types, and who may import whom
 	@.venv/bin/mypy
 	@$(PYTEST) tests/test_imports.py
 
+portable: setup-portable ## the C library with gcc, clang and for aarch64 (run by qemu): built, installed, linked, run
+	@CAPTAIN_PORTABLE=1 $(PYTEST) tests/asn1/test_library.py $(ARGS)
+
+docs: setup ## a page per message, in build/docs/messages
+	@.venv/bin/captain-asn1 generate --all --form docs --to build/docs/messages
+
+fuzz: setup-fuzz ## random octets, led by coverage, for every message in C and in Python; ARGS='--runs 10000000'
+	@.venv/bin/python -m tests.fuzz $(ARGS)
+
 bench: setup-test binary ## latency, loss-free rate, processor and memory beside a C forwarder in the same run
 	@.venv/bin/python -m tests.bench $(ARGS)
 
@@ -36,7 +52,7 @@ lab: setup-test ## ten messages at 10 Hz for 60 s between two stations, by UDP a
 	@.venv/bin/captain lab --capture build/lab-udp.pcap --decode $(ARGS)
 	@.venv/bin/captain lab --capture build/lab-ethernet.pcap --decode --veth $(ARGS)
 
-binary: setup-freeze ## one file to copy by hand and one directory for the image, in build/binary
+binary: setup-freeze setup ## one file to copy by hand and one directory for the image, in build/binary
 	@.ci/freeze
 
 lock: ## newest versions of everything that pyproject.toml names, with hashes
@@ -49,5 +65,9 @@ clean: ## remove build/ and the caches; .venv stays
 	@rm -rf build .mypy_cache .ruff_cache .hypothesis
 	@find . -path ./.venv -prune -o -name __pycache__ -type d -exec rm -rf {} +
 
+setup-freeze:
+	@.ci/setup freeze
+
 setup-%:
 	@.ci/setup $*
+	@.ci/codec

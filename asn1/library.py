@@ -70,8 +70,10 @@ def steps(schema: Schema, messages: tuple[str, ...], form: str) -> int:
         case "docs":
             return len(messages)
         case "python" | "wheel":
-            runtime = len([*(RUNTIME / "src").glob("*.c"), *PYTHON.glob("*.c")])
-            return 1 + runtime + len(selection.part(schema, messages).modules)
+            same = len([*(RUNTIME / "src").glob("*.c"), *PYTHON.glob("*.c")])
+            modules = len(lay_out(schema, [schema.messages[name] for name in messages]).nodes)
+            # Generating, then each source: the same ones always, code and tables of each module, the list of messages.
+            return 1 + same + 2 * modules + 1
         case _:
             return 1
 

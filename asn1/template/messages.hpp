@@ -412,6 +412,8 @@ template <class Lazy, class T> auto see(const T &value)
         return list<std::remove_pointer_t<decltype(value.items)>, Lazy>(value.items, value.count);
     else if constexpr (detail::has_view<T>::value)
         return view<T>(value);
+    else if constexpr (sizeof(T) == 1 && !std::is_same_v<T, bool>)
+        return int{value}; // a stream would print one octet as a character
     else
         return value;
 }

@@ -1,0 +1,184 @@
+"""The C library as a user gets it: generated, built, installed, found by CMake and pkg-config, linked and run.
+
+With every compiler that is there; `make portable` installs those that are missing.
+"""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from asn1 import __main__ as program
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGE = Path(__file__).with_name("package")
+VECTORS = json.loads((ROOT / "firmware" / "vectors.json").read_text())
+MESSAGES = ("cam-1.4.1", "denm-1.3.1", "cpm-tr-2.1.1", "cam-2.3.1", "denm-2.3.1", "cpm-2.1.1")
+
+
+class Toolchain(NamedTuple):
+    """cc, cxx: compilers; cmake: options; run: what stands in front of a program."""
+
+    cc: str
+    cxx: str
+    cmake: tuple[str, ...] = ()
+    run: tuple[str, ...] = ()
+
+    @property
+    def is_there(self) -> bool:
+        return all(shutil.which(tool) for tool in (self.cc, self.cxx, *self.run[:1]))
+
+
+AARCH64 = ("-DCMAKE_SYSTEM_NAME=Linux", "-DCMAKE_SYSTEM_PROCESSOR=aarch64")
+TOOLCHAINS = {
+    "gcc": Toolchain("gcc", "g++"),
+    "clang": Toolchain("clang", "clang++"),
+    "aarch64": Toolchain(
+        "aarch64-linux-gnu-gcc",
+        "aarch64-linux-gnu-g++",
+        AARCH64,
+        ("qemu-aarch64-static", "-L", "/usr/aarch64-linux-gnu"),
+    ),
+}
+
+# A vehicle at 47.0581234 N that sees one object, 15 m ahead; made with tests/asn1/reference.py.
+CPM_R2 = "020e0000032f025d5c1390028d8b4793a4075370320191c210a9a2900304d212410008050000003bf6205dc01d7fc9007400"
+# What asn1tools reads in the same octets: station, then latitude, speed, cause, counts.
+DECODED = [
+    "cam-1.4.1 3725855973 535626518 1277",
+    "denm-1.3.1 3774684471 3 1",
+    "cpm-tr-2.1.1 2797621831 535503040 26",
+    "cam-2.3.1 0 900000001",
+    "denm-2.3.1 0 900000001",
+    "cpm-2.1.1 815 470581234 2 1500",
+]
+
+
+def octets_of(module: str) -> str:
+    """Hexadecimal octets of the first vector of a module."""
+    return next(str(one["hex"]) for one in VECTORS if one["module"] == module)
+
+
+def sh(*command: object, **options: object) -> str:
+    """What a command prints. Raises AssertionError with what it said where it fails."""
+    words = [str(word) for word in command]
+    done = subprocess.run(words, capture_output=True, text=True, check=False, **options)  # type: ignore[call-overload]
+    assert done.returncode == 0, f"{words}\n{done.stdout}{done.stderr}"
+    return str(done.stdout)
+
+
+class Installed(NamedTuple):
+    """sources: as generated; prefix: where it is installed; tools: what it was built with."""
+
+    sources: Path
+    prefix: Path
+    tools: Toolchain
+
+    def program(self, source: Path, folder: Path) -> Path:
+        """The directory with the programs of a CMake project that finds the package."""
+        tools = self.tools
+        compilers = (f"-DCMAKE_C_COMPILER={tools.cc}", f"-DCMAKE_CXX_COMPILER={tools.cxx}", *tools.cmake)
+        sh("cmake", "-S", source, "-B", folder, f"-DCMAKE_PREFIX_PATH={self.prefix}",
+           f"-DCMAKE_FIND_ROOT_PATH={self.prefix}", *compilers)  # fmt: skip
+        sh("cmake", "--build", folder, "-j2")
+        return folder
+
+    def run(self, file: Path, *arguments: str, lines: str = "") -> str:
+        return sh(*self.tools.run, file, *arguments, input=lines)
+
+
+@pytest.fixture(scope="module")
+def sources(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("library") / "sources"
+    assert program.main(["generate", *MESSAGES, "--form", "cmake", "--to", str(folder)]) == 0
+    return folder
+
+
+@pytest.fixture(scope="module", params=TOOLCHAINS)
+def installed(request: pytest.FixtureRequest, sources: Path, tmp_path_factory: pytest.TempPathFactory) -> Installed:
+    tools = TOOLCHAINS[request.param]
+    if not tools.is_there:
+        assert "CAPTAIN_PORTABLE" not in os.environ, f"{request.param} is missing"
+        pytest.skip(f"{request.param} is not installed; `make portable` installs it")
+    build = tmp_path_factory.mktemp(f"build-{request.param}")
+    # -O0: it is compiled to be run once.
+    sh("cmake", "-S", sources, "-B", build, "-DCAPTAIN_MESSAGES_WERROR=ON", "-DCMAKE_BUILD_TYPE=Debug",
+       f"-DCMAKE_C_COMPILER={tools.cc}", f"-DCMAKE_INSTALL_PREFIX={build / 'installed'}", *tools.cmake)  # fmt: skip
+    sh("cmake", "--build", build, "-j2")
+    sh("cmake", "--install", build)
+    return Installed(sources, build / "installed", tools)
+
+
+@pytest.fixture(scope="module")
+def editions(installed: Installed, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The directory with package/editions.cpp, linked in both forms."""
+    return installed.program(PACKAGE, tmp_path_factory.mktemp("editions"))
+
+
+def test_both_releases_link_together_and_each_message_is_decoded_rightly(installed: Installed, editions: Path):
+    lines = [
+        f"cam-1.4.1 {octets_of('CAM EN 302 637-2 v1.4.1')}",
+        f"denm-1.3.1 {octets_of('DENM EN 302 637-3 v1.3.1')}",
+        f"cpm-tr-2.1.1 {octets_of('CPM TR 103 562 v2.1.1')}",
+        f"cam-2.3.1 {octets_of('CAM TS 103 900 v2.3.1')}",
+        f"denm-2.3.1 {octets_of('DENM TS 103 831 v2.3.1')}",
+        f"cpm-2.1.1 {CPM_R2}",
+    ]
+    for form in ("shared", "static"):
+        assert installed.run(editions / f"editions-{form}", lines="\n".join(lines)).splitlines() == DECODED
+
+
+def test_a_wrong_message_ends_in_an_error_that_says_where(installed: Installed, editions: Path):
+    cut = octets_of("CAM EN 302 637-2 v1.4.1")[:40]
+    said = installed.run(editions / "editions-static", lines=f"cam-1.4.1 {cut}\n")
+    assert re.fullmatch(r"cam-1\.4\.1 error: cam\.[\w.\[\]]+: bit \d+: truncated.*\n", said)
+
+
+def test_the_installed_examples_build_and_run(installed: Installed, tmp_path: Path):
+    examples = installed.prefix / "share" / "doc" / "captain_messages" / "example"
+    programs = installed.program(examples, tmp_path)
+    octets = octets_of("DENM EN 302 637-3 v1.3.1")
+    assert "stationID: " in installed.run(programs / "tree", "denm-1.3.1", octets)
+    json_text = installed.run(programs / "json", "denm-1.3.1", octets).strip()
+    assert json.loads(json_text)["header"]["messageID"] == 1
+    assert installed.run(programs / "json", "denm-1.3.1", json_text).strip() == octets
+    assert "station 4711 at 47.0654 degrees north" in installed.run(programs / "cam")
+
+
+def test_pkg_config_gives_what_a_compiler_needs(installed: Installed, tmp_path: Path):
+    found = {"env": {**os.environ, "PKG_CONFIG_PATH": str(next(installed.prefix.rglob("pkgconfig")))}}
+    flags = sh("pkg-config", "--cflags", "--libs", "captain_messages", **found).split()
+    source = installed.prefix / "share" / "doc" / "captain_messages" / "example" / "tree.c"
+    sh(installed.tools.cc, "-std=c11", source, *flags, "-o", tmp_path / "tree")
+
+
+def test_the_shared_library_shows_only_what_the_headers_declare(installed: Installed):
+    library = next(installed.prefix.rglob("libcaptain_messages.so"))
+    lines = sh("nm", "-D", "--defined-only", library).splitlines()
+    names = {line.split()[2] for line in lines}
+    headers = "\n".join(path.read_text() for path in (installed.prefix / "include").rglob("*.h"))
+    declared = set(re.findall(r"\b\w+\b", headers))
+    assert "captain_decode" in names
+    assert names <= declared
+
+
+def test_the_library_has_a_version_in_its_name(installed: Installed):
+    library = next(installed.prefix.rglob("libcaptain_messages.so"))
+    dynamic = sh("readelf", "-d", library)
+    assert re.search(r"SONAME.*\[libcaptain_messages\.so\.0\.1\]", dynamic)
+
+
+def test_the_same_messages_give_the_same_sources(sources: Path, tmp_path: Path):
+    assert program.main(["generate", *MESSAGES, "--form", "cmake", "--to", str(tmp_path / "again")]) == 0
+    left = {path.relative_to(sources): path.read_bytes() for path in sources.rglob("*") if path.is_file()}
+    right = {
+        path.relative_to(tmp_path / "again"): path.read_bytes()
+        for path in (tmp_path / "again").rglob("*")
+        if path.is_file()
+    }
+    assert left == right
