@@ -101,6 +101,21 @@ def test_the_library_has_the_messages_that_travel_here() -> None:
     assert {row["type"] for row in VECTORS} <= held
 
 
+def test_the_doctor_names_the_messages_of_the_library() -> None:
+    command = [*PROGRAM, "doctor", "--json", "--board", "none"]
+    said = subprocess.run(command, capture_output=True, timeout=4 * PATIENCE, check=False).stdout
+    (found,) = [finding for finding in json.loads(said) if finding["subject"] == "messages"]
+    assert found["level"] == "ok"
+    assert "cam 1.4.1" in found["text"]
+
+
+def test_explain_of_a_message_that_does_not_decode_ends_at_its_first_bad_bit() -> None:
+    ended = captain("explain", "--json", CAM[:-30], expect=1)
+    *rows, last = objects(ended)
+    assert rows[-1]["bit"] + rows[-1]["width"] <= last["error"]["bit"]
+    assert last["error"]["cause"].startswith("it is truncated")
+
+
 def test_listen_carries_the_decoded_message(btp: Bench) -> None:
     ports, pdu = btp.station.ports, bytes.fromhex(CAM)
     station = int.from_bytes(pdu[2:6])
