@@ -69,7 +69,6 @@ class Mood:
 
     def octets(self) -> bytes:
         """Of an open type that nobody knows."""
-        self.has_newer = True
         return self.random.randbytes(self.random.choice((1, 1, 2, 5, 130)))
 
 

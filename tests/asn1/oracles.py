@@ -22,10 +22,11 @@ from tests.asn1.reference import Encoder
 
 CACHE = Path("build/tests/pycrate")
 Shape = Callable[[Any], Any]
+Makers = dict[type, Callable[[t.Type, Shape], Shape]]
 
 
 class Oracle(Protocol):
-    """shape: a value of ours in theirs, without what only a newer sender knows."""
+    """shape: a value of ours in theirs; there is none for what only a newer sender knows."""
 
     name: str
 
@@ -78,7 +79,7 @@ class Pycrate:
         module = generated.GLOBAL.MOD[schema.modules[pdu.module].name]
         self._type = module[pdu.name]
         makers = {t.OpenType: self._open, t.ObjectIdentifier: _arcs, t.BitString: _number, t.Null: _zero}
-        self.shape = shaper(schema, pdu, makers)
+        self.shape = shaper(schema, pdu, makers, lambda octets: ("_unk_004", octets))
 
     def encode(self, shaped: Any) -> bytes:
         self._type.set_val(copy.deepcopy(shaped))  # it takes defaults out of what it is given
@@ -104,12 +105,13 @@ def texts(schema: t.Schema, dialect: asn.Dialect) -> str:
     return "\n".join(asn.text(schema, module, dialect) for module in schema.modules.values())
 
 
-def shaper(schema: t.Schema, pdu: t.Reference, makers: dict[type, Callable[[t.Type, Shape], Shape]]) -> Shape:
-    return _Shaper(schema, makers).shape(pdu)
-
-
 def _same(value: Any) -> Any:
     return value
+
+
+def shaper(schema: t.Schema, pdu: t.Reference, makers: Makers, unknown: Shape = _same) -> Shape:
+    """makers: the shape of a type from that of what it holds; unknown: of an open type of which no row tells the type."""
+    return _Shaper(schema, makers, unknown).shape(pdu)
 
 
 def _number(type_: t.Type, _: Shape) -> Shape:
@@ -127,9 +129,10 @@ def _arcs(type_: t.Type, _: Shape) -> Shape:
 class _Shaper:
     """Shapes of one codec; `_same` where nothing changes, so that most of a value is not touched."""
 
-    def __init__(self, schema: t.Schema, makers: dict[type, Callable[[t.Type, Shape], Shape]]) -> None:
+    def __init__(self, schema: t.Schema, makers: Makers, unknown: Shape) -> None:
         self._schema = schema
         self._makers = makers
+        self._unknown = unknown
         self._known: dict[tuple[str, str], Shape] = {}
 
     def shape(self, type_: t.Type) -> Shape:
@@ -178,9 +181,7 @@ class _Shaper:
                 if name in shaped:
                     shaped[name] = one(shaped[name])
             for name, (selector, rows) in opens.items():
-                row = rows.get(value.get(selector))
-                if row is not None and not isinstance(shaped[name], bytes):
-                    shaped[name] = row(shaped[name])
+                shaped[name] = rows.get(value[selector], self._unknown)(value[name])
             return shaped
 
         return shape

@@ -143,7 +143,7 @@ class Encoder:
 
         def encode(bits: Bits, value: dict[str, Any]) -> None:
             row = rows.get(value[type_.selector])
-            if row is None or isinstance(value[name], bytes):
+            if row is None:
                 b.general(bits, value[name])
             else:
                 b.open_type(bits, row, value[name])

@@ -154,6 +154,7 @@ class Values:
 
         def make(holder: Holder) -> tuple[str, Any]:
             if type_.is_extensible and mood.is_newer and mood.chance() < 0.2:
+                mood.has_newer = True
                 return f"[{additions + mood.above()}]", mood.octets()
             name, content, cost = pick()
             if cost > mood.left:
@@ -173,8 +174,9 @@ class Values:
         has_rows = bool(self._rows(type_))
 
         def make(holder: Holder) -> int:
-            is_foreign = not has_rows or (mood.is_newer and mood.chance() < 0.2)
-            return int(foreign(holder) if is_foreign else pick())
+            is_foreign = mood.is_newer and mood.chance() < 0.2
+            mood.has_newer = mood.has_newer or is_foreign
+            return int(foreign(holder) if is_foreign or not has_rows else pick())
 
         return make
 
@@ -184,7 +186,7 @@ class Values:
 
         def make(holder: Holder) -> Any:
             row = rows.get(holder[type_.selector])
-            return mood.octets() if row is None else row(holder)
+            return row(holder) if row else mood.octets()
 
         return make
 
