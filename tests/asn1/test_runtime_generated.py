@@ -13,7 +13,6 @@ from tests.asn1.compiled import schema_of
 from tests.asn1.test_c_codec import MODULE, NAMES
 from tests.asn1.walker import BUILD, build_comparison
 
-
 MESSAGES = tuple(name for name in NAMES if name != "HOLDS")
 
 

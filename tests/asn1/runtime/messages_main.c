@@ -257,6 +257,33 @@ static bool next_step(void *context, const captain_step *step)
     return true;
 }
 
+/* JSON with errors: what is read nevertheless can be encoded, written, and read again. */
+static void check_changed_json(const captain_type *type, size_t length)
+{
+    static const char PARTS[] = "{}[]\",:0123456789-+.eE\\u\x80\xff\x01tfn ";
+    captain_report report;
+    size_t bits;
+    for (uint64_t changes = 1 + next_random() % 3; changes > 0 && length > 2; changes--) {
+        size_t at = next_random() % length;
+        if (chance(3))
+            memmove(written + at, written + at + 1, --length - at);
+        else
+            written[at] = chance(2) ? PARTS[next_random() % (sizeof PARTS - 1)] : (char)('0' + next_random() % 10);
+    }
+    char *exact = malloc(length + 1);
+    memcpy(exact, written, length);
+    captain_arena arena;
+    captain_arena_init(&arena, memory[2], chance(20) ? 100 : sizeof memory[2]);
+    captain_status status = captain_json_read(type, values[2], exact, length, &arena, &report);
+    if (status != CAPTAIN_OK && report.text[0] == 0)
+        fail("a refusal of JSON says nothing", NULL, 0);
+    if (status == CAPTAIN_OK && captain_encode(type, values[2], again, sizeof again, &bits) != captain_explain_value(type, values[2], false, &report))
+        fail("what came from changed JSON cannot be encoded", NULL, 0);
+    if (status == CAPTAIN_OK && report.status != CAPTAIN_OK && report.status != CAPTAIN_DEPTH)
+        fail(report.text, NULL, 0);
+    free(exact);
+}
+
 /* JSON and back: the same value, the same octets. */
 static void check_json(const captain_type *type, const void *value, const uint8_t *octets, size_t size)
 {
@@ -281,6 +308,7 @@ static void check_json(const captain_type *type, const void *value, const uint8_
     captain_encode(type, value, encoded, sizeof encoded, &bits);
     if (memcmp(again, encoded, (bits + 7) / 8) != 0)
         fail("what came from JSON has other octets", octets, size);
+    check_changed_json(type, length);
 }
 
 /* What is told about octets by both decoders. */

@@ -172,7 +172,7 @@ typedef struct captain_type {
     uint8_t width;        /* octets of the number in memory (INTEGER, SMALL_BITS) */
     uint8_t character_bits; /* of known-multiplier strings (X.691 30.5.2): 7 for IA5, 4 for NUMERIC, or fewer by alphabet */
     uint32_t size;        /* octets of the value in memory */
-    int64_t low, high;    /* effective root range of the value (INTEGER) or of the size (strings, LIST), X.691 10.5, 10.9 */
+    int64_t low, high;    /* effective root range of the value (INTEGER) or of the size (strings, LIST), X.691 11.5, 11.9 */
     const captain_range *alphabet;  /* code points, ascending; NULL: the whole of the string type */
     const captain_range *gaps;      /* what lies in low..high and yet is not allowed (unions): validate only */
     const captain_name *names;      /* INTEGER: named numbers; ENUMERATED: root in encoding order, then additions; bits */
@@ -234,9 +234,11 @@ captain_status captain_validate(const captain_type *type, const void *value);
 /* A value with every number 0, every default in place, every optional component absent, lists empty. */
 void captain_init(const captain_type *type, void *value);
 
-/* Why decode or decode_exact failed (or CAPTAIN_OK): decodes again, slowly, and finds path, bit and sentence. */
+/* Why decode or decode_exact failed (or CAPTAIN_OK): decodes again, slowly, and finds path, bit and sentence. Of octets that are
+ * cut off and wrong before their end either may be told. It needs no arena: CAPTAIN_NO_MEMORY is nothing it finds. On success
+ * bit is the number of bits used. */
 captain_status captain_explain_decode(const captain_type *type, const void *octets, size_t size, bool exact, captain_report *report);
-/* The first value of a struct that encode (is_strict false) or validate (is_strict true) refuses. */
+/* The first value of a struct that encode (is_strict false) or validate (is_strict true) refuses. Here a pointer may be NULL. */
 captain_status captain_explain_value(const captain_type *type, const void *value, bool is_strict, captain_report *report);
 
 /* Equal as values: absent defaults equal present ones; named-bit strings without trailing zeros; kept additions count. */
@@ -253,14 +255,18 @@ captain_status captain_print(const captain_type *type, const void *value, captai
  * text, any other {"value": hex, "length": bits}, OCTET STRING hexadecimal text, open types their value or, of an unknown
  * type, hexadecimal text.
  * Beyond JER: an unknown addition is a member "[3]": "hex of its open type", where 3 is its index among the additions, and the
- * length of a bitmap that differs from what the type has is "[]": 5; an unknown enumeration item is its index as "[2]",
- * an unknown alternative {"[1]": "hex"}. */
+ * length of a bitmap, where it is kept, is "[]": 5; an unknown enumeration item is its index as "[2]", an unknown alternative
+ * {"[1]": "hex"}; an object identifier with a number above 64 bits is "[hex of its octets]". */
 captain_status captain_json_write(const captain_type *type, const void *value, captain_sink sink, void *context);
-/* report may be NULL. Members that the type does not have are an error, missing ones with a default take it. */
+/* Strict JSON in UTF-8. Members come in any order; one that the type does not have, or that is there twice, is an error; a
+ * missing one with a default takes it. Numbers may be written as 1.0 or 1e3. Hexadecimal text in place of an open type that is
+ * known and never text: its octets. What encode would refuse is refused. report may be NULL. */
 captain_status captain_json_read(const captain_type *type, void *value, const char *json, size_t octets, captain_arena *arena, captain_report *report);
 
 /* Bit by bit: called for everything that the encoding holds, in its order. Enters and leaves containers as well, so that a
- * tree can be drawn. Strings are valid only during the call. */
+ * tree can be drawn. Strings are valid only during the call. An unknown addition, and the header of a further fragment of an open
+ * type, have no type; the header stands amid a value and is told before it. Elements without bits are told once. Text is cut
+ * after 512 octets ("..."). false from on_step ends it with CAPTAIN_NO_SPACE; octets behind the end are CAPTAIN_TRAILING. */
 typedef struct captain_step {
     enum { CAPTAIN_STEP_VALUE, CAPTAIN_STEP_ENTER, CAPTAIN_STEP_LEAVE,
            CAPTAIN_STEP_EXTENSION_BIT, CAPTAIN_STEP_PRESENCE, /* preamble of a SEQUENCE: value is the bits as text "101" */
@@ -271,7 +277,7 @@ typedef struct captain_step {
     const captain_type *type;
     const captain_field *field; /* NULL for elements and the PDU itself */
     const char *text;       /* the value, as captain_print writes it, without the unit */
-    const char *clause;     /* of X.691: "11.5.7.4", "19.2", ... */
+    const char *clause;     /* of X.691: (02/2021): "11.9.3.6", "19.2", ... */
 } captain_step;
 typedef bool (*captain_on_step)(void *context, const captain_step *step);
 captain_status captain_explain(const captain_type *type, const void *octets, size_t size, captain_on_step on_step, void *context, captain_report *report);
