@@ -197,3 +197,19 @@ def test_every_edition_of_the_project_has_files_and_imports_that_exist() -> None
 def test_no_two_messages_of_a_type_have_the_same_rank() -> None:
     ranks = [(message.type, message.rank) for message in read_editions().messages.values()]
     assert len(set(ranks)) == len(ranks)
+
+
+@pytest.mark.parametrize(
+    ("type_", "id_", "port"),
+    [
+        # ETSI TS 102 894-2 v2.4.1, DE MessageId; ETSI TS 103 248
+        ("denm", 1, 2002), ("cam", 2, 2001), ("poi", 3, 2010), ("spatem", 4, 2004), ("mapem", 5, 2003),
+        ("ivim", 6, 2006), ("ev_rsr", 7, 2012), ("tistpgtransaction", 8, 2011), ("srem", 9, 2007), ("ssem", 10, 2008),
+        ("evcsn", 11, 2010), ("rtcmem", 13, 2013), ("cpm", 14, 2009), ("imzm", 15, 2019), ("vam", 16, 2018),
+        ("vam", 102, 2018), ("mcm", 20, 2017),
+    ],
+)  # fmt: skip
+def test_every_edition_of_a_type_has_its_identifier_and_port(type_: str, id_: int, port: int) -> None:
+    editions = [one for one in read_editions().messages.values() if one.type == type_]
+    assert editions
+    assert all(id_ in one.ids and one.btp_port == port for one in editions)
