@@ -103,6 +103,10 @@ CAPTAIN_HIDDEN size_t captain_get_item(captain_reader *reader, size_t at, const 
 CAPTAIN_HIDDEN size_t captain_encode_item(captain_writer *writer, size_t at, const captain_type *type, int32_t value);
 CAPTAIN_HIDDEN int32_t captain_item_index(const captain_type *type, int32_t value);
 
+/* A general length (11.9.3.5 to 11.9.3.8). more: a fragment that another length follows. Below 16384: */
+CAPTAIN_HIDDEN size_t captain_get_length(captain_reader *reader, size_t at, uint32_t *length, bool *more);
+CAPTAIN_HIDDEN size_t captain_put_length(captain_writer *writer, size_t at, size_t length);
+
 /* ---------------------------------------------------------------- strings */
 
 /* With a general length: how many units of so many bits, put together in the arena or only counted. */
@@ -127,6 +131,8 @@ CAPTAIN_HIDDEN size_t captain_text_count(const captain_text *text);
 
 /* ---------------------------------------------------------------- lists */
 
+/* A count is believed when the octets can hold so many elements. False: captain_fail has been called. */
+CAPTAIN_HIDDEN bool captain_is_believed(captain_reader *reader, size_t at, size_t count, unsigned minimal);
 /* Memory; NULL: captain_fail has been called. */
 CAPTAIN_HIDDEN void *captain_take(captain_reader *reader, size_t at, size_t octets);
 /* Memory for a list of which `count` (not 0) elements of at least `minimal` bits follow. NULL: captain_fail has been called. */

@@ -1,102 +1,5 @@
-/* Strings of variable size, and of characters, by their tables: sizes 16, 17, 30, alphabets 30.5, OBJECT IDENTIFIER 24, 25. */
-#include "bits.h"
-
-typedef struct characters {
-    const captain_range *ranges;
-    unsigned count;
-    unsigned bits;  /* of each character */
-    bool by_index;  /* 30.5.4: the code points need more bits than the indexes */
-} characters;
-
-static const captain_range ia5[] = {{0, 127}};
-static const captain_range visible[] = {{32, 126}};
-static const captain_range printable[] = {{32, 32}, {39, 41}, {43, 58}, {61, 61}, {63, 63}, {65, 90}, {97, 122}};
-static const captain_range numeric[] = {{32, 32}, {48, 57}};
-
-/* Of the whole type: outside of the root of an extensible size (30.4) the alphabet is that. */
-static characters whole_alphabet(const captain_type *type)
-{
-    switch (type->kind) {
-    case CAPTAIN_VISIBLE:
-        return (characters){visible, 1, 7, false};
-    case CAPTAIN_PRINTABLE:
-        return (characters){printable, sizeof printable / sizeof *printable, 7, false};
-    case CAPTAIN_NUMERIC:
-        return (characters){numeric, 2, 4, true};
-    default:
-        return (characters){ia5, 1, 7, false};
-    }
-}
-
-static characters alphabet(const captain_type *type)
-{
-    characters found = whole_alphabet(type);
-    if (type->alphabet != NULL) {
-        found.ranges = type->alphabet;
-        found.count = type->alphabet_count;
-        found.bits = type->character_bits;
-        found.by_index = found.ranges[found.count - 1].high >> found.bits != 0;
-    }
-    return found;
-}
-
-/* The character of a code in the encoding, or the code of a character; -1 where there is none. */
-static int character(const characters *set, unsigned code)
-{
-    unsigned first = 0;
-    for (unsigned i = 0; i < set->count; i++) {
-        const captain_range *range = &set->ranges[i];
-        unsigned size = (unsigned)(range->high - range->low) + 1;
-        if (set->by_index ? code < first + size : (int64_t)code >= range->low && (int64_t)code <= range->high)
-            return set->by_index ? (int)range->low + (int)(code - first) : (int)code;
-        first += size;
-    }
-    return -1;
-}
-
-static int code_of(const characters *set, unsigned char point)
-{
-    int first = 0;
-    for (unsigned i = 0; i < set->count; i++) {
-        const captain_range *range = &set->ranges[i];
-        if (point >= range->low && point <= range->high)
-            return set->by_index ? first + (int)(point - range->low) : (int)point;
-        first += (int)(range->high - range->low) + 1;
-    }
-    return -1;
-}
-
-/* UTF-8 without surrogates, overlong forms and what lies above 10FFFF: its characters, or SIZE_MAX. */
-static size_t utf8_count(const unsigned char *text, size_t octets)
-{
-    size_t count = 0;
-    for (size_t i = 0; i < octets; count++) {
-        unsigned first = text[i++], more = first < 0x80 ? 0 : first < 0xe0 ? 1 : first < 0xf0 ? 2 : 3;
-        uint32_t point = more == 0 ? first : first & (0x3fu >> more);
-        if ((first >= 0x80 && first < 0xc2) || first > 0xf4 || more > octets - i)
-            return SIZE_MAX;
-        for (unsigned left = more; left != 0; left--, i++) {
-            if ((text[i] & 0xc0) != 0x80)
-                return SIZE_MAX;
-            point = point << 6 | (text[i] & 0x3fu);
-        }
-        if ((more == 2 && point < 0x800) || (more == 3 && (point < 0x10000 || point > 0x10ffff)) || (point >= 0xd800 && point <= 0xdfff))
-            return SIZE_MAX;
-    }
-    return count;
-}
-
-/* X.690 8.19.2: arcs of seven bits an octet, the last one without its top bit, none beginning with 0x80. */
-static bool is_oid(const uint8_t *octets, size_t count)
-{
-    bool begins = true;
-    for (size_t i = 0; i < count; i++) {
-        if (begins && octets[i] == 0x80)
-            return false;
-        begins = octets[i] < 0x80;
-    }
-    return count != 0 && begins;
-}
+/* Strings of variable size by their tables: 16, 17, 24, 25, 30. */
+#include "characters.h"
 
 static bool is_text(const captain_type *type)
 {
@@ -130,13 +33,13 @@ static bool in_root(const captain_type *type, size_t count)
 
 /* ---------------------------------------------------------------- decode */
 
-static size_t get_characters(captain_reader *reader, size_t at, const characters *set, size_t count, captain_text *text)
+static size_t get_characters(captain_reader *reader, size_t at, const captain_characters *set, size_t count, captain_text *text)
 {
     char *to = captain_arena_take(reader->arena, count + 1);
     if (to == NULL)
         return captain_fail(reader, at, CAPTAIN_NO_MEMORY);
     for (size_t i = 0; i < count; i++, at += set->bits) {
-        int point = character(set, set->bits == 0 ? 0 : (unsigned)(captain_peek(reader, at) >> (64 - set->bits)));
+        int point = captain_character(set, set->bits == 0 ? 0 : (unsigned)(captain_peek(reader, at) >> (64 - set->bits)));
         if (point < 0)
             return captain_fail(reader, at, CAPTAIN_ALPHABET);
         to[i] = (char)point;
@@ -164,7 +67,7 @@ static size_t get_count(captain_reader *reader, size_t at, const captain_type *t
 
 static size_t decode_text(captain_reader *reader, size_t at, const captain_type *type, bool is_counted_, bool is_root, captain_text *text)
 {
-    characters set = is_root ? alphabet(type) : whole_alphabet(type);
+    captain_characters set = is_root ? captain_alphabet(type) : captain_whole_alphabet(type);
     captain_reader inside = *reader;
     const uint8_t *packed;
     size_t count = 0, start = at, behind;
@@ -192,7 +95,7 @@ static size_t decode_utf8(captain_reader *reader, size_t at, captain_text *text)
     at = captain_get_unknown(reader, at, &octets);
     if (at == CAPTAIN_FAILED)
         return at;
-    if (utf8_count(octets.octets, octets.count) == SIZE_MAX)
+    if (captain_utf8_count(octets.octets, octets.count) == SIZE_MAX)
         return captain_fail(reader, start, CAPTAIN_ALPHABET);
     to = captain_arena_take(reader->arena, (size_t)octets.count + 1);
     if (to == NULL)
@@ -239,7 +142,7 @@ size_t captain_decode_string(captain_reader *reader, size_t at, const captain_ty
         return at;
     if (is_root && !in_root(type, count))
         return captain_fail(reader, start, CAPTAIN_SIZE);
-    if (type->kind >= CAPTAIN_OID && !is_oid(octets, count))
+    if (type->kind >= CAPTAIN_OID && !captain_is_oid(octets, count))
         return captain_fail(reader, start, CAPTAIN_RANGE);
     set_string(type, value, count, octets);
     return at;
@@ -256,10 +159,10 @@ static size_t trimmed(const captain_type *type, const captain_bits *bits)
     return count;
 }
 
-static size_t put_characters(captain_writer *writer, size_t at, const characters *set, const captain_text *text, size_t from, size_t count)
+static size_t put_characters(captain_writer *writer, size_t at, const captain_characters *set, const captain_text *text, size_t from, size_t count)
 {
     for (size_t i = from; i < from + count; i++) {
-        int code = code_of(set, (unsigned char)text->text[i]);
+        int code = captain_code_of(set, (unsigned char)text->text[i]);
         if (code < 0)
             return captain_refuse(writer, CAPTAIN_ALPHABET);
         if (set->bits != 0)
@@ -268,7 +171,7 @@ static size_t put_characters(captain_writer *writer, size_t at, const characters
     return at;
 }
 
-static size_t put_units(captain_writer *writer, size_t at, const captain_type *type, const characters *set, const void *value, size_t from, size_t count)
+static size_t put_units(captain_writer *writer, size_t at, const captain_type *type, const captain_characters *set, const void *value, size_t from, size_t count)
 {
     if (is_text(type) && type->kind != CAPTAIN_UTF8)
         return put_characters(writer, at, set, value, from, count);
@@ -279,7 +182,7 @@ static size_t put_units(captain_writer *writer, size_t at, const captain_type *t
     return captain_put_sized(writer, at, ((const captain_octets *)value)->octets + from, count * 8);
 }
 
-static size_t put_general(captain_writer *writer, size_t at, const captain_type *type, const characters *set, const void *value, size_t count)
+static size_t put_general(captain_writer *writer, size_t at, const captain_type *type, const captain_characters *set, const void *value, size_t count)
 {
     size_t done = 0, length;
     bool more;
@@ -302,12 +205,12 @@ size_t captain_encode_string(captain_writer *writer, size_t at, const captain_ty
 {
     size_t count = string_count(type, value);
     bool is_root = in_root(type, count);
-    characters set = is_root ? alphabet(type) : whole_alphabet(type);
+    captain_characters set = is_root ? captain_alphabet(type) : captain_whole_alphabet(type);
     if (!is_root && !(type->flags & CAPTAIN_EXTENSIBLE))
         return captain_refuse(writer, CAPTAIN_SIZE);
-    if (type->kind == CAPTAIN_UTF8 && utf8_count((const unsigned char *)((const captain_text *)value)->text, count) == SIZE_MAX)
+    if (type->kind == CAPTAIN_UTF8 && captain_utf8_count((const unsigned char *)((const captain_text *)value)->text, count) == SIZE_MAX)
         return captain_refuse(writer, CAPTAIN_ALPHABET);
-    if (type->kind >= CAPTAIN_OID && !is_oid(((const captain_octets *)value)->octets, count))
+    if (type->kind >= CAPTAIN_OID && !captain_is_oid(((const captain_octets *)value)->octets, count))
         return captain_refuse(writer, CAPTAIN_RANGE);
     if (type->flags & CAPTAIN_EXTENSIBLE)
         at = captain_put_bits(writer, at, !is_root, 1);
@@ -332,26 +235,21 @@ captain_status captain_validate_string(const captain_type *type, const void *val
 {
     size_t count = string_count(type, value);
     if (type->kind == CAPTAIN_UTF8) {
-        count = utf8_count((const unsigned char *)((const captain_text *)value)->text, count);
+        count = captain_utf8_count((const unsigned char *)((const captain_text *)value)->text, count);
         if (count == SIZE_MAX)
             return CAPTAIN_ALPHABET;
     } else if (is_text(type)) {
-        characters set = alphabet(type);
+        captain_characters set = captain_alphabet(type);
         const captain_text *text = value;
         for (size_t i = 0; i < count; i++)
-            if (code_of(&set, (unsigned char)text->text[i]) < 0)
+            if (captain_code_of(&set, (unsigned char)text->text[i]) < 0)
                 return CAPTAIN_ALPHABET;
     } else if (type->kind >= CAPTAIN_OID) {
-        return is_oid(((const captain_octets *)value)->octets, count) ? CAPTAIN_OK : CAPTAIN_RANGE;
+        return captain_is_oid(((const captain_octets *)value)->octets, count) ? CAPTAIN_OK : CAPTAIN_RANGE;
     }
     if (type->flags & CAPTAIN_EXTENSIBLE)
         return CAPTAIN_OK;
     if ((int64_t)count < type->low || (!(type->flags & CAPTAIN_UNBOUNDED_HIGH) && (int64_t)count > type->high))
         return CAPTAIN_SIZE;
     return in_gap(type, count) ? CAPTAIN_INNER : CAPTAIN_OK;
-}
-
-size_t captain_text_count(const captain_text *text)
-{
-    return utf8_count((const unsigned char *)text->text, text->count);
 }
