@@ -1,0 +1,170 @@
+"""Every message of every edition against encoders that share nothing with it. `python -m tests.asn1.truth` is the long form."""
+
+import importlib.util
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from asn1 import types as t
+from tests.asn1 import codec, tshark
+from tests.asn1.bits import Bits
+from tests.asn1.disagreements import TABLE
+from tests.asn1.oracles import Asn1tools
+from tests.asn1.reach import pruned
+from tests.asn1.reference import Encoder
+from tests.asn1.trial import Tally, Trial, chunks
+from tests.asn1.truth import report, schema, tasks
+from tests.asn1.values import Values
+
+MESSAGES = sorted(schema().messages)
+HAS_PYCRATE = importlib.util.find_spec("pycrate_asn1rt") is not None
+
+
+def tried(name: str, count: int, **every: int) -> Tally:
+    return Trial(schema(), schema().messages[name], codec.captain_messages.find(name), every).run(0, count)
+
+
+@pytest.mark.parametrize("name", MESSAGES)
+def test_octets_are_those_that_the_standard_demands_and_decode_to_the_value(name: str):
+    tally = tried(name, 200)
+    assert (tally.values, tally.unexplained) == (200, 0), tally.examples
+
+
+@pytest.mark.parametrize("name", MESSAGES)
+def test_asn1tools_agrees_but_for_what_is_known(name: str):
+    tally = tried(name, 60, asn1tools=3)
+    assert tally.compared["asn1tools"] >= 15
+    assert tally.unexplained == 0, tally.examples
+
+
+@pytest.mark.skipif(not HAS_PYCRATE, reason="pycrate is not installed")
+@pytest.mark.parametrize("name", MESSAGES)
+def test_pycrate_agrees_but_for_what_is_known(name: str):
+    tally = tried(name, 40, pycrate=4)
+    assert tally.compared["pycrate"] >= 6
+    assert tally.unexplained == 0, tally.examples
+
+
+@pytest.mark.skipif(not tshark.IS_HERE, reason="tshark is not installed")
+@pytest.mark.parametrize("name", tshark.MESSAGES)
+def test_tshark_reads_what_was_written_but_for_what_is_known(name: str):
+    tally = tried(name, 60, tshark=2)
+    assert tally.agreed["tshark"] > 0
+    assert tally.unexplained == 0, tally.examples
+
+
+@pytest.mark.skipif(not tshark.IS_HERE, reason="tshark is not installed")
+@pytest.mark.parametrize("name", sorted({name for name, _ in codec.REAL} & set(tshark.MESSAGES)))
+def test_tshark_reads_real_messages_as_we_do(name: str, tmp_path: Path):
+    message = schema().messages[name]
+    real = [one for edition, one in codec.REAL if edition == name and (one[1], one[0]) == tshark.MESSAGES[name]]
+    read = tshark.leaves_read(tmp_path / "real.pcap", real, message.btp_port)
+    values = [codec.captain_messages.find(name).decode(one) for one in real]
+    assert values
+    for value, leaves in zip(values, read, strict=True):
+        assert tshark.is_same(leaves, tshark.leaves_written(schema(), message.pdu, value))
+
+
+def test_messages_linked_into_one_library_do_not_disturb_each_other():
+    # C types of one name and different code in several libraries: a DENM decodes "successfully" as something else.
+    made = []
+    for name in MESSAGES:
+        pdu = schema().messages[name].pdu
+        values, encoder = Values(pruned(schema(), pdu), pdu, 9, is_long=False), Encoder(schema())
+        for _ in range(10):
+            value = values.value()
+            octets = encoder.encode(pdu, value)
+            values.complete()
+            made.append((codec.captain_messages.find(name), value, octets))
+    for start in range(10):  # never two of one message in a row
+        for message, value, octets in made[start::10]:
+            assert message.decode(octets) == value
+            assert message.encode(value) == octets
+
+
+class Broken:
+    """A codec with a fault, over one without."""
+
+    def __init__(self, name: str, **faults: Any) -> None:
+        whole = codec.captain_messages.find(name)
+        self.encode = faults.get("encode", whole.encode)
+        self.decode = faults.get("decode", whole.decode)
+
+
+@pytest.mark.parametrize(
+    "faults",
+    [
+        {"encode": lambda value: b"\x02\x02"},
+        {"decode": lambda octets: {}},
+    ],
+)
+def test_a_codec_with_a_fault_is_found_out(faults: dict[str, Any]):
+    tally = Trial(schema(), schema().messages["cam-1.4.1"], Broken("cam-1.4.1", **faults), {}).run(0, 10)
+    assert tally.unexplained == 10
+    assert len(tally.examples) == 3
+
+
+def test_a_run_is_the_same_however_it_is_cut():
+    assert list(chunks(25, 10)) == [(0, 10), (1, 10), (2, 5)]
+    messages = [one for one in schema().messages.values() if one.type == "cam"]
+    todo = list(tasks(messages, 30_000, {}))
+    assert sum(one.values for one in todo) == 30_000
+    assert {one.message for one in todo} == {one.name for one in messages}
+
+
+def test_the_table_names_each_message_and_who_is_wrong_by_which_clause():
+    tally = Tally(values=7)
+    tally.differ("asn1tools", [TABLE[0].construct], "")
+    tally.fail("cam-1.4.1: something else")
+    lines = "\n".join(report({"cam-1.4.1": tally}, {"asn1tools": 10}))
+    assert "cam-1.4.1" in lines
+    assert f"asn1tools  {TABLE[0].construct} ({TABLE[0].clause}): {TABLE[0].who_is_wrong}" in lines
+    assert "unexplained: cam-1.4.1: something else" in lines
+
+
+# One container of up to eight: its identifier, 2 of 1..16, and an open type of one octet, in which nothing is set.
+CONTAINERS = "000" + "0001" + "00000001" + "00000000"
+
+
+def test_where_a_serial_constraint_ends_without_a_marker_there_is_no_extension_bit():
+    """X.680 50.11: ConstraintWrappedCpmContainers, WrappedCpmContainers (WITH COMPONENT ...), is not extensible.
+
+    asn1c and Wireshark decide so as well; asn1tools, pycrate and rasn leave the parent its extension bit.
+    """
+    value = _least_cpm()
+    containers = value["payload"]["cpmContainers"]
+    pdu, cpm = schema().messages["cpm-2.1.1"].pdu, "r2_cpm211"
+    assert _bits(t.Reference(cpm, "WrappedCpmContainers"), containers) == "0" + CONTAINERS
+    assert _bits(t.Reference(cpm, "ConstraintWrappedCpmContainers"), containers) == CONTAINERS
+    assert _bits(pdu, value).endswith(CONTAINERS)
+    octets = codec.captain_messages.find("cpm-2.1.1").encode(value)
+    assert octets == Encoder(schema()).encode(pdu, value)
+    assert codec.captain_messages.find("cpm-2.1.1").decode(octets) == value
+    theirs = Asn1tools(pruned(schema(), pdu), pdu)
+    assert theirs.encode(theirs.shape(value)) != octets
+
+
+@pytest.mark.skipif(not tshark.IS_HERE, reason="tshark is not installed")
+def test_tshark_has_no_say_in_it(tmp_path: Path):
+    # Wireshark 4.0 knows no message with such a constraint: it leaves a CPM of TS 103 324 alone.
+    octets = codec.captain_messages.find("cpm-2.1.1").encode(_least_cpm())
+    (leaves,) = tshark.leaves_read(tmp_path / "cpm.pcap", [octets], 2009)
+    written = tshark.leaves_written(schema(), schema().messages["cpm-2.1.1"].pdu, _least_cpm())
+    assert leaves is not None
+    assert leaves[:3] == written[:3]
+    assert len(leaves) < 6
+
+
+def _least_cpm() -> dict[str, Any]:
+    pdu = schema().messages["cpm-2.1.1"].pdu
+    value: dict[str, Any] = Values(schema(), pdu, 1, knows_more=False).value()
+    value["header"] = {"protocolVersion": 2, "messageId": 14, "stationId": 1}
+    value["payload"]["cpmContainers"] = [{"containerId": 2, "containerData": {}}]
+    return value
+
+
+def _bits(type_: t.Type, value: Any) -> str:
+    bits = Bits()
+    Encoder(schema()).encoder(type_)(bits, value)
+    return f"{bits.value:0{bits.count}b}"
