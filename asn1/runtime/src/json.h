@@ -13,7 +13,7 @@ typedef struct json {
     captain_arena *arena;
     captain_report *report; /* may be NULL */
     captain_path path;
-    unsigned depth;
+    unsigned depth, recursion;
 } json;
 
 /* A string that has been looked through, without its quotes; octets: how many UTF-8 ones it stands for. */
