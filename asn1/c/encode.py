@@ -4,12 +4,11 @@ Neighbouring fields of fixed width are put together in a register and stored at 
 numbers and sizes outside of the effective bounds, unknown alternatives; the rest is for validate.
 """
 
-from asn1.c.body import RUN_MAX, Body
-from asn1.c.names import contiguous, literal, member, unsigned, value_type
-from asn1.memory import number_octets
+from asn1.c.defaults import differs
+from asn1.c.names import member, value_type
+from asn1.c.write_values import WriteValues
 from asn1.nodes import STRUCTS, Field, Kind, Node
-from asn1.types import Default
-from asn1.widths import count_width, is_flat
+from asn1.widths import count_width
 
 
 def encoder(node: Node) -> list[str]:
@@ -56,145 +55,7 @@ def _function(head: str, body: "_Encoder") -> list[str]:
     return [head, "{", *body.lines[:1], *unused, *body.lines[1:], "    return at;", *exits, "}", ""]
 
 
-class _Encoder(Body):
-    def __init__(self) -> None:
-        super().__init__()
-        self.run: list[tuple[int, str]] = []
-
-    def add(self, width: int, bits: str) -> None:
-        """One more field of the run: a uint64_t with nothing above its width."""
-        if width == 0:
-            return
-        if sum(w for w, _ in self.run) + width > RUN_MAX:
-            self.flush()
-        self.run.append((width, bits))
-
-    def flush(self) -> None:
-        """What has been collected becomes code."""
-        left = total = sum(width for width, _ in self.run)
-        parts = []
-        for width, bits in self.run:
-            left -= width
-            if bits != "0":
-                parts.append(f"{bits} << {left}" if left else bits)
-        self.run = []
-        if total:
-            self.step(f"captain_put(w, at, {' | '.join(parts) or '0'}, {total})")
-
-    def step(self, expression: str) -> None:
-        """What cannot fail."""
-        if self.run:
-            self.flush()
-        self.put(f"at = {expression};")
-
-    def call(self, expression: str) -> None:
-        if self.run:
-            self.flush()
-        self.put(f"at = {expression};", "if (at == CAPTAIN_FAILED)", "    return at;")
-
-    def temporary(self, expression: str) -> str:
-        name = self.name("x")
-        self.put(f"const uint64_t {name} = {expression};")
-        return name
-
-    def refuse_if(self, condition: str, status: str) -> None:
-        self.put(f"if ({condition})", f"    goto {self.exit(status)};")
-
-    # ------------------------------------------------------------ values
-
-    def value(self, node: Node, of: str) -> None:
-        """Write the value of an lvalue."""
-        match node.kind:
-            case Kind.BOOLEAN:
-                self.add(1, f"(uint64_t){of}")
-            case Kind.NULL:
-                pass
-            case Kind.INTEGER:
-                self.integer(node, of)
-            case Kind.ENUMERATED:
-                self.enumerated(node, of)
-            case Kind.SMALL_BITS:
-                if node.size < 8 * number_octets(node)[0]:
-                    self.refuse_if(f"{of} >> {node.size} != 0", "CAPTAIN_SIZE")
-                self.number(node.size, f"(uint64_t){of}")
-            case Kind.FIXED_OCTETS:
-                self.step(f"captain_put_octets(w, at, {of}, {node.size})")
-            case Kind.SEQUENCE if is_flat(node):
-                self.sequence(node, f"{of}.")
-            case kind if kind in STRUCTS:
-                self.call(f"{node.c_name}_write(w, at, &{of})")
-            case Kind.OPEN:
-                raise ValueError("an open type outside of a SEQUENCE")
-            case _:
-                self.call(f"captain_encode_string(w, at, &{node.c_name}_type, &{of})")
-
-    def number(self, width: int, bits: str) -> None:
-        if width <= RUN_MAX:
-            self.add(width, bits)
-        else:
-            self.step(f"captain_put_long(w, at, {bits}, {width})")
-
-    def integer(self, node: Node, of: str) -> None:
-        low, high, width = node.bounds.low, node.bounds.high, node.bounds.width
-        if node.is_extensible:
-            self.flush()
-            wrong = " || ".join(_outside(node, of))
-            with self.block(f"if ({wrong or '0'})"):
-                self.step("captain_put(w, at, 1, 1)")
-                self.step(f"captain_put_unconstrained(w, at, {of})")
-            with self.block("else"):
-                self.add(1, "0")
-                self.root_integer(node, of)
-                self.flush()
-        elif width is None or low is None or high is None:
-            for wrong in _outside(node, of):
-                self.refuse_if(wrong, "CAPTAIN_RANGE")
-            self.root_integer(node, of)
-        elif width == 0:
-            self.refuse_if(f"{of} != {literal(low)}", "CAPTAIN_RANGE")
-        else:
-            if low == 0 and high == (1 << 8 * number_octets(node)[0]) - 1:
-                self.number(width, f"(uint64_t){of}")
-                return
-            bits = self.offset(low, of)
-            if high - low < (1 << 64) - 1:
-                self.refuse_if(f"{bits} > {unsigned(high - low)}", "CAPTAIN_RANGE")
-            self.number(width, bits)
-
-    def offset(self, low: int, of: str) -> str:
-        """What is encoded of a number with a lower bound; a smaller one becomes very large."""
-        if low == 0:
-            return self.temporary(f"(uint64_t){of}")
-        return self.temporary(f"(uint64_t){of} {'-' if low > 0 else '+'} {unsigned(abs(low))}")
-
-    def root_integer(self, node: Node, of: str) -> None:
-        low, width = node.bounds.low, node.bounds.width
-        if width is not None and low is not None:
-            self.number(width, self.offset(low, of))
-        elif low is not None:
-            self.step(f"captain_put_semi(w, at, {literal(low)}, {of})")
-        else:
-            self.step(f"captain_put_unconstrained(w, at, {of})")
-
-    def enumerated(self, node: Node, of: str) -> None:
-        width, first = (node.root_count - 1).bit_length(), contiguous(node)
-        if first is None:
-            bits = self.temporary(f"(uint64_t)(int64_t)captain_item_index(&{node.c_name}_type, {of})")
-        else:
-            bits = self.temporary(f"(uint64_t)(int64_t){of}{f' - (uint64_t)INT64_C({first})' if first else ''}")
-        if not node.is_extensible:
-            self.refuse_if(f"{bits} >= {node.root_count}", "CAPTAIN_ALTERNATIVE")
-            self.add(width, bits)
-            return
-        self.flush()
-        with self.block(f"if ({bits} >= {node.root_count})"):
-            self.step("captain_put(w, at, 1, 1)")
-            self.call(f"captain_encode_item(w, at, &{node.c_name}_type, {of})")
-        with self.block("else"):
-            self.step(f"captain_put(w, at, {bits}, {1 + width})")
-
-    # ------------------------------------------------------------ SEQUENCE
-
+class _Encoder(WriteValues):
     def sequence(self, node: Node, of: str) -> None:
         known = self.known_additions(node, of) if node.is_extensible else "0"
         if node.is_extensible:
@@ -335,34 +196,8 @@ class _Encoder(Body):
             self.call(f"{item_function(node)}(w, at, &v->items[i])")
 
 
-def _outside(node: Node, of: str) -> list[str]:
-    """Conditions under which a number is not in the root; never those that its C type makes impossible."""
-    octets, is_signed = number_octets(node)
-    least, most = (-(1 << 8 * octets - 1), (1 << 8 * octets - 1) - 1) if is_signed else (0, (1 << 8 * octets) - 1)
-    low, high = node.bounds.low, node.bounds.high
-    found = [f"{of} < {literal(low)}"] if low is not None and low > least else []
-    return found + ([f"{of} > {literal(high)}"] if high is not None and high < most else [])
-
-
 def _is_there(f: Field, of: str) -> str:
     name = member(f.name)
     if f.default is None:
         return f"{of}has_{name}"
-    return f"({of}has_{name} && {_differs(f.node, f.default, f'{of}{name}')})"
-
-
-def _differs(node: Node, default: Default, of: str) -> str:
-    match node.kind:
-        case Kind.BOOLEAN:
-            return f"!{of}" if default else of
-        case Kind.INTEGER if isinstance(default, int):
-            return f"{of} != {literal(default)}"
-        case Kind.ENUMERATED:
-            return f"{of} != {next(item.value for item in node.names if item.name == default)}"
-        case Kind.SMALL_BITS if isinstance(default, tuple):
-            return f"{of} != {unsigned(int.from_bytes(default[0], 'big') >> (-default[1] % 8))}"
-        case Kind.FIXED_OCTETS if isinstance(default, bytes):
-            octets = "".join(f"\\{octet:03o}" for octet in default)
-            return f'memcmp({of}, "{octets}", {len(default)}) != 0'
-        case _:
-            raise ValueError(f"{node.c_name}: a DEFAULT of this type: {default!r}")
+    return f"({of}has_{name} && {differs(f.node, f.default, f'{of}{name}')})"

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from asn1.c.decode import default_lines
+from asn1.c.defaults import default_lines
 from asn1.c.header import title
 from asn1.c.names import has_check, has_public_table, literal, member, needs_functions, value_type
 from asn1.constraints import Ranges

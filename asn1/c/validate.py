@@ -3,6 +3,7 @@
 from asn1.c.body import Body
 from asn1.c.names import contiguous, literal, member, value_type
 from asn1.c.predicate import Predicates
+from asn1.c.write_values import outside
 from asn1.memory import number_octets
 from asn1.nodes import STRUCTS, Field, Kind, Node
 from asn1.types import Constraint
@@ -50,13 +51,8 @@ def _is_free(node: Node, known: dict[Node, bool]) -> bool:
 
 
 def out_of_range(node: Node, of: str) -> list[str]:
-    if node.is_extensible:
-        return []
-    octets, is_signed = number_octets(node)
-    least, most = (-(1 << 8 * octets - 1), (1 << 8 * octets - 1) - 1) if is_signed else (0, (1 << 8 * octets) - 1)
-    low, high = node.bounds.low, node.bounds.high
-    found = [f"{of} < {literal(low)}"] if low is not None and low > least else []
-    return found + ([f"{of} > {literal(high)}"] if high is not None and high < most else [])
+    """Conditions under which a number is not allowed; with an extension marker all are."""
+    return [] if node.is_extensible else outside(node, of)
 
 
 class _Validator(Body):

@@ -1,0 +1,40 @@
+"""DEFAULTs in C: statements that put them into place, and conditions that tell them apart."""
+
+from asn1.c.names import literal, unsigned
+from asn1.nodes import Kind, Node
+from asn1.types import Default
+
+
+def default_lines(node: Node, default: Default, name: str) -> list[str]:
+    """Statements that put a DEFAULT into its place."""
+    match node.kind:
+        case Kind.BOOLEAN:
+            return [f"{name} = {'true' if default else 'false'};"]
+        case Kind.INTEGER if isinstance(default, int):
+            return [f"{name} = {literal(default)};"]
+        case Kind.ENUMERATED:
+            return [f"{name} = {next(item.value for item in node.names if item.name == default)};"]
+        case Kind.SMALL_BITS if isinstance(default, tuple):
+            return [f"{name} = {unsigned(int.from_bytes(default[0], 'big') >> (-default[1] % 8))};"]
+        case Kind.FIXED_OCTETS if isinstance(default, bytes):
+            return [f"{name}[{i}] = {octet:#04x};" for i, octet in enumerate(default)]
+        case _:
+            raise ValueError(f"{node.c_name}: a DEFAULT of this type: {default!r}")
+
+
+def differs(node: Node, default: Default, of: str) -> str:
+    """The condition that a value is not its DEFAULT (X.691 19.5)."""
+    match node.kind:
+        case Kind.BOOLEAN:
+            return f"!{of}" if default else of
+        case Kind.INTEGER if isinstance(default, int):
+            return f"{of} != {literal(default)}"
+        case Kind.ENUMERATED:
+            return f"{of} != {next(item.value for item in node.names if item.name == default)}"
+        case Kind.SMALL_BITS if isinstance(default, tuple):
+            return f"{of} != {unsigned(int.from_bytes(default[0], 'big') >> (-default[1] % 8))}"
+        case Kind.FIXED_OCTETS if isinstance(default, bytes):
+            octets = "".join(f"\\{octet:03o}" for octet in default)
+            return f'memcmp({of}, "{octets}", {len(default)}) != 0'
+        case _:
+            raise ValueError(f"{node.c_name}: a DEFAULT of this type: {default!r}")
