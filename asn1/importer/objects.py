@@ -61,7 +61,8 @@ class Objects:
         key, assignment = self._program.find(scope, reference.name, reference.place, reference.module)
         if not isinstance(assignment, syntax.SetAssignment):
             raise fault(reference.place, f"{reference.name} is no object set", _CLAUSE)
-        return self.set_(key, assignment)
+        with self._program.step(reference.place):
+            return self.set_(key, assignment)
 
 
 def _fields(class_: syntax.ClassAssignment) -> tuple[syntax.ClassField, syntax.ClassField]:

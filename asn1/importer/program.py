@@ -3,11 +3,15 @@
 import dataclasses
 import re
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from asn1.importer import syntax
 from asn1.importer.fault import Place, fault
+
+# References one behind the other, values in values, imports of imports: no standard needs ten.
+MAX_STEPS = 50
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,25 +57,34 @@ class Program:
 
     def __init__(self, sources: Mapping[str, Source]) -> None:
         self.sources = sources
+        self._depth = 0
+
+    @contextmanager
+    def step(self, place: Place) -> Iterator[None]:
+        """Around everything that may lead back to itself: raises where it does."""
+        self._depth += 1
+        try:
+            if self._depth > MAX_STEPS:
+                raise fault(place, "this leads back to itself")
+            yield
+        finally:
+            self._depth -= 1
 
     def find(self, scope: Scope, name: str, place: Place, module: str | None = None) -> tuple[str, syntax.Assignment]:
         """The assignment that a name means, and the key of its module. module: of Module.Name."""
-        key, passed = scope.key, set[str]()
-        while key not in passed:
-            passed.add(key)
+        key = scope.key
+        for _ in range(MAX_STEPS):
             source = self.sources[key]
-            if module is None and name in source.module.assignments:
+            if module in {None, source.module.name} and name in source.module.assignments:
                 return key, source.module.assignments[name]
-            imported = source.module.imports.get(name)
-            if module is None and imported is None:
-                break
-            wanted = module or (imported.module if imported else "")
-            module = None
-            if wanted == source.module.name:
-                continue
-            if wanted not in source.imports:
-                raise fault(imported.place if imported else place, f"no module {wanted} to import {name} from")
-            key = source.imports[wanted]
+            if module is None:
+                imported = source.module.imports.get(name)
+                if imported is None:
+                    break
+                module, place = imported.module, imported.place
+            if module not in source.imports:
+                raise fault(place, f"no module {module} to import {name} from")
+            key, module = source.imports[module], None
         raise fault(place, f"{name} is neither defined nor imported")
 
     def actual(self, actual: syntax.Actual, scope: Scope) -> Bound:
@@ -113,7 +126,7 @@ class Program:
 
     def base(self, typed: Typed) -> Typed:
         """The builtin type behind any number of references; a fixed-type field of a class is its type."""
-        for _ in range(100):
+        for _ in range(MAX_STEPS):
             match typed.type:
                 case syntax.Reference() as reference:
                     typed = self.target(reference, typed.scope)
@@ -149,7 +162,8 @@ class Program:
                 case syntax.Group():
                     yield from self.members(one.components, scope)
                 case syntax.ComponentsOf():
-                    yield from self._components_of(one, scope)
+                    with self.step(one.place):
+                        yield from self._components_of(one, scope)
 
     def _components_of(self, one: syntax.ComponentsOf, scope: Scope) -> Iterator[Member]:
         base, inside = self.base(Typed(one.type, scope))

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from asn1 import types
 from asn1.importer import syntax
 from asn1.importer.fault import fault
-from asn1.importer.program import Program, Scope, Typed
+from asn1.importer.program import MAX_STEPS, Program, Scope, Typed
 from asn1.importer.values import PLAIN_NUMBER, number
 
 TypeResolver = Callable[[syntax.Type, Scope], types.Type]
@@ -42,7 +42,8 @@ class Constraints:
             case syntax.Containing():
                 return types.Contents(self._resolve_type(text.type, scope))
             case syntax.Included():
-                return self._included(text, scope)
+                with self._program.step(text.place):
+                    return self._included(text, scope)
             case syntax.Union():
                 return _union([self._elements(member, scope, governor, characters) for member in text.members])
             case syntax.Intersection():
@@ -112,7 +113,7 @@ class Constraints:
         (X.680 51.3.3)."""
         typed = Typed(text.type, scope)
         found: list[types.ElementSet] = []
-        for _ in range(100):
+        for _ in range(MAX_STEPS):
             constraints = typed.type.constraints
             found[:0] = [self.constraint(one, typed.scope, typed).root for one in constraints]
             if not isinstance(typed.type, syntax.Reference):

@@ -2,7 +2,7 @@
 
 from asn1.importer import syntax
 from asn1.importer.fault import fault
-from asn1.importer.program import Member, Program, Typed
+from asn1.importer.program import MAX_STEPS, Member, Program, Typed
 from asn1.importer.values import PLAIN_NUMBER, number
 
 _CLASSES = {"UNIVERSAL": 0, "APPLICATION": 1, "": 2, "PRIVATE": 3}
@@ -41,7 +41,7 @@ def _tag(program: Program, member: Member) -> tuple[int, int]:
 
 
 def _outermost(program: Program, typed: Typed) -> tuple[int, int]:
-    for _ in range(100):
+    for _ in range(MAX_STEPS):
         type_ = typed.type
         if type_.tag is not None:
             return _CLASSES[type_.tag.class_], number(program, type_.tag.number, typed.scope, PLAIN_NUMBER)
@@ -56,7 +56,8 @@ def _builtin(program: Program, typed: Typed) -> tuple[int, int]:
         case syntax.Structure(name="CHOICE"):
             if _is_automatic(program, typed):
                 return _CLASSES[""], 0
-            return min(_tag(program, one) for one in program.all_members(typed))
+            with program.step(typed.type.place):
+                return min(_tag(program, one) for one in program.all_members(typed))
         case syntax.Plain(name=name) | syntax.WithItems(name=name) | syntax.Structure(name=name):
             if name in _UNIVERSAL:
                 return 0, _UNIVERSAL[name]

@@ -16,7 +16,8 @@ def number(program: Program, value: syntax.Value, scope: Scope, governor: Typed)
         case syntax.Number():
             return value.value
         case syntax.Word():
-            return _number_of_word(program, value, scope, governor)
+            with program.step(value.place):
+                return _number_of_word(program, value, scope, governor)
     raise fault(value.place, "this is no number", "X.680 19")
 
 
@@ -42,8 +43,6 @@ def _assigned(program: Program, word: syntax.Word, scope: Scope) -> tuple[syntax
     key, assignment = program.find(scope, word.name, word.place, word.module)
     if not isinstance(assignment, syntax.ValueAssignment):
         raise fault(word.place, f"{word.name} is no value", "X.680 16.2")
-    if isinstance(assignment.value, syntax.Word) and assignment.value.name == assignment.name:
-        raise fault(word.place, f"{word.name} is only itself")
     return assignment, Scope(key)
 
 
@@ -136,7 +135,8 @@ def default(program: Program, value: syntax.Value, scope: Scope, governor: Typed
             return value.value
     if isinstance(value, syntax.Word):
         assigned, inside = _assigned(program, value, scope)
-        return default(program, assigned.value, inside, Typed(assigned.type, inside))
+        with program.step(value.place):
+            return default(program, assigned.value, inside, Typed(assigned.type, inside))
     raise fault(value.place, "a DEFAULT of this type", "X.680 25.9")
 
 

@@ -81,6 +81,24 @@ def test_a_template_without_end_ends_in_a_fault() -> None:
     assert problems(text) == ["m.asn:3: instances of T have no end (X.683 9)"]
 
 
+@pytest.mark.parametrize(
+    "body",
+    [
+        "A ::= INTEGER (0..a)  a INTEGER ::= b  b INTEGER ::= a",
+        "A ::= INTEGER (0..a)  a INTEGER ::= a",
+        "A ::= INTEGER { a(b) }  b A ::= a",
+        "A ::= SEQUENCE { a B DEFAULT b }  B ::= BOOLEAN  b B ::= c  c B ::= b",
+        "A ::= INTEGER (B)  B ::= INTEGER (A)",
+        "A ::= SEQUENCE { COMPONENTS OF A }",
+        "A ::= CHOICE { a B, b [0] NULL }  B ::= CHOICE { b [1] A, c A }",
+        "A ::= C.&id({S})  C ::= CLASS { &id INTEGER, &Type }  S C ::= { T }  T C ::= { S }",
+    ],
+)
+def test_what_leads_back_to_itself_ends_in_a_fault(body: str) -> None:
+    text = module(body, tags="EXPLICIT TAGS" if "CHOICE" in body else "AUTOMATIC TAGS")
+    assert {line.split(": ")[1] for line in problems(text)} == {"this leads back to itself"}
+
+
 def test_a_number_of_thousands_of_digits_ends_in_a_fault() -> None:
     assert problems(module(f"A ::= INTEGER (0..{'9' * 9999})")) == ["m.asn:2: a number of 9999 digits"]
 
