@@ -19,6 +19,7 @@ Gap ::= INTEGER (0..3 | 6..7)
 Colour ::= ENUMERATED { red, green, blue }
 Sparse ::= ENUMERATED { low(-3), high(70000), ..., late(5), later(9) }
 Flags ::= BIT STRING { first(0), third(2) } (SIZE(1..12))
+Wanted ::= BIT STRING { first(0), third(2) } (SIZE(3..8))
 Mask ::= BIT STRING (SIZE(4))
 Long ::= BIT STRING (SIZE(70))
 Bits ::= BIT STRING (SIZE(2..5, ...))
@@ -86,6 +87,7 @@ GOOD: list[tuple[str, Any, str]] = [
     ("Sparse", "[64]", "1 1 00000001 01000000"),  # 11.6.2
     ("Flags", {"value": "A000", "length": 12}, "0010 101"),  # 16.2: trailing zeros of named bits are left out
     ("Flags", {"value": "00", "length": 3}, "0000 0"),  # but for those that the size needs
+    ("Wanted", {"value": "D0", "length": 4}, "001 1101"),
     ("Mask", "A0", "1010"),
     ("Long", "00" * 8 + "04", "0" * 69 + "1"),
     ("Bits", {"value": "C0", "length": 3}, "0 01 110"),

@@ -41,15 +41,16 @@ size_t captain_get_units(captain_reader *reader, size_t at, unsigned unit, size_
     return at;
 }
 
-/* The same way again, now with memory. Fragments but for the last are whole octets. */
+/* The same way again, now with memory. Fragments but for the last are whole octets. A zero octet follows, for texts. */
 static const uint8_t *copy_units(captain_reader *reader, size_t at, unsigned unit, size_t bits)
 {
     uint32_t length = 0;
     bool more;
-    uint8_t *octets = captain_take(reader, at, (bits + 7) / 8);
+    uint8_t *octets = captain_take(reader, at, (bits + 7) / 8 + 1);
     uint8_t *to = octets;
     if (octets == NULL)
         return NULL;
+    octets[(bits + 7) / 8] = 0;
     do {
         at = captain_get_length(reader, at, &length, &more);
         copy_bits(reader, at, to, (size_t)length * unit);
@@ -64,7 +65,7 @@ size_t captain_get_string(captain_reader *reader, size_t at, unsigned unit, size
     size_t start = at;
     at = captain_get_units(reader, at, unit, count);
     *octets = NULL;
-    if (at == CAPTAIN_FAILED || *count == 0)
+    if (at == CAPTAIN_FAILED)
         return at;
     *octets = copy_units(reader, start, unit, *count * unit);
     return *octets == NULL ? CAPTAIN_FAILED : at;

@@ -90,20 +90,11 @@ static size_t decode_text(captain_reader *reader, size_t at, const captain_type 
 static size_t decode_utf8(captain_reader *reader, size_t at, captain_text *text)
 {
     captain_octets octets = {0, NULL};
-    char *to;
     size_t start = at;
     at = captain_get_unknown(reader, at, &octets);
-    if (at == CAPTAIN_FAILED)
-        return at;
-    if (captain_utf8_count(octets.octets, octets.count) == SIZE_MAX)
+    if (at != CAPTAIN_FAILED && captain_utf8_count(octets.octets, octets.count) == SIZE_MAX)
         return captain_fail(reader, start, CAPTAIN_ALPHABET);
-    to = captain_arena_take(reader->arena, (size_t)octets.count + 1);
-    if (to == NULL)
-        return captain_fail(reader, start, CAPTAIN_NO_MEMORY);
-    if (octets.count != 0)
-        memcpy(to, octets.octets, octets.count);
-    to[octets.count] = 0;
-    *text = (captain_text){octets.count, to};
+    *text = (captain_text){octets.count, (const char *)octets.octets};
     return at;
 }
 
