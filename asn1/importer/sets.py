@@ -1,12 +1,16 @@
 """Constraints: from the words of the text to sets of numbers, sizes, characters and inner types."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Set
 
 from asn1 import types
 from asn1.importer import syntax
-from asn1.importer.fault import fault
+from asn1.importer.fault import Place, fault
 from asn1.importer.program import MAX_STEPS, Program, Scope, Typed
 from asn1.importer.values import PLAIN_NUMBER, number
+
+_STRINGS = {"IA5String", "UTF8String", "NumericString", "PrintableString", "VisibleString", "ISO646String"}
+_SIZED = {*_STRINGS, "OCTET STRING", "BIT STRING", "a list"}
+_COUNTED = {"INTEGER", "ENUMERATED", "BOOLEAN"}
 
 TypeResolver = Callable[[syntax.Type, Scope], types.Type]
 
@@ -30,16 +34,20 @@ class Constraints:
     def _elements(self, text: syntax.Elements, scope: Scope, governor: Typed, characters: bool) -> types.ElementSet:
         match text:
             case syntax.Single() | syntax.Between():
+                self._refuse_others(governor, {*_COUNTED, *_STRINGS} if characters else _COUNTED, text)
                 return types.Values(self._ranges(text, scope, governor, characters))
             case syntax.SizeOf():
+                self._refuse_others(governor, _SIZED, text)
                 return types.Size(self.constraint(text.constraint, scope, PLAIN_NUMBER))
             case syntax.From():
+                self._refuse_others(governor, _STRINGS, text)
                 return types.Alphabet(self.constraint(text.constraint, scope, governor, characters=True))
             case syntax.With():
                 return types.Element(self.constraint(text.constraint, scope, self._element(text, governor)))
             case syntax.WithAll():
                 return self._inner(text, scope, governor)
             case syntax.Containing():
+                self._refuse_others(governor, {"OCTET STRING", "BIT STRING"}, text)
                 return types.Contents(self._resolve_type(text.type, scope))
             case syntax.Included():
                 with self._program.step(text.place):
@@ -55,6 +63,12 @@ class Constraints:
                 if text.base is None:
                     return without
                 return types.AllOf((self._elements(text.base, scope, governor, characters), without))
+
+    def _refuse_others(self, governor: Typed, names: Set[str], text: syntax.Elements) -> None:
+        """Which constraint may be on which type (X.680 51.1, table 9)."""
+        name = _name(self._program.base(governor).type)
+        if name not in names:
+            raise fault(_place(text), f"this constraint cannot be on {name}", "X.680 51.1")
 
     def _ranges(
         self, text: syntax.Single | syntax.Between, scope: Scope, governor: Typed, characters: bool
@@ -122,6 +136,28 @@ class Constraints:
         if not found:
             raise fault(text.place, "the type included here has no constraint", "X.680 51.3")
         return found[0] if len(found) == 1 else types.AllOf(tuple(found))
+
+
+def _name(type_: syntax.Type) -> str:
+    match type_:
+        case syntax.Plain(name=name) | syntax.WithItems(name=name) | syntax.Structure(name=name):
+            return name
+        case syntax.Enumerated():
+            return "ENUMERATED"
+        case syntax.ListOf():
+            return "a list"
+    return "an open type"
+
+
+def _place(text: syntax.Elements) -> Place:
+    match text:
+        case syntax.Single():
+            return text.value.place
+        case syntax.Between():
+            return text.low.place
+        case syntax.SizeOf() | syntax.From() | syntax.Containing():
+            return text.place
+    raise AssertionError(text)
 
 
 def _union(members: list[types.ElementSet]) -> types.ElementSet:

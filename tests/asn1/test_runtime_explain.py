@@ -141,11 +141,27 @@ def test_fragments_are_one_string(walker: Walker) -> None:
 
 
 def test_the_value_of_an_open_type_goes_on_behind_the_header_of_a_fragment(walker: Walker) -> None:
-    # an unknown addition cannot show it: a known alternative whose value crosses the border is needed
-    octets = bits("1 0000000") + "c1" + "80" + "00" * 16383 + "00"
-    steps, end = walker.explain("which", octets)
+    # The open type of alternative blob: 16386 octets in two fragments; the string in it is one fragment and an empty one.
+    content = "c1" + "ab" * 16384 + "00"
+    steps, end = walker.explain("which", bits("1 0000001") + "c1" + content[: 2 * 16384] + "02" + content[2 * 16384 :])
+    assert end == Refusal("ok", 8 * 16389, "", "")
+    assert [(step.what, step.bit, step.width, step.clause) for step in steps[3:-1]] == [
+        ("open", 8, 8, "11.9.3.8"),
+        ("length", 16, 8, "11.9.3.8"),
+        ("value", 24, 131072 + 8, "17.8"),
+        ("open", 131088, 8, "11.9.3.6"),
+        ("length", 131104, 8, "11.9.3.6"),
+        ("value", 131112, 0, "17.5"),
+    ]
+
+
+def test_fragments_of_an_open_type_are_there_before_its_value_is_looked_at(walker: Walker) -> None:
+    assert walker.explain("which", bits("1 0000000") + "c1" + "80" + "00" * 16383)[1].status == "truncated"
+    assert (
+        walker.explain("which", bits("1 0000000") + "c1" + "80" + "00" * 16383 + "c0")[1].status == "malformed length"
+    )
+    end = walker.explain("which", bits("1 0000000") + "c1" + "80" + "00" * 16383 + "00")[1]
     assert end == Refusal("malformed length", 17, "extra", "the open type is longer than its value by 16383 octets")
-    assert steps[-1].text == "true"
 
 
 def test_elements_without_bits_cannot_make_it_work_for_long(walker: Walker) -> None:

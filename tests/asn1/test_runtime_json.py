@@ -48,7 +48,8 @@ def test_a_value_of_every_kind_comes_back_as_it_was(walker: Walker) -> None:
         {"next": EVERY | {"next": EVERY}},
         {"which": {"number": 255}},
         {"which": {"extra": True}},
-        {"which": {"[1]": "00FF"}},
+        {"which": {"[2]": "00FF"}},
+        {"which": {"blob": "00FF"}},
         {"colour": "blue"},
         {"colour": "[1]"},
         {"first": False},
@@ -191,7 +192,7 @@ def test_text_is_utf_8_without_raw_controls(walker: Walker, octets: bytes) -> No
     [
         ("named", {"value": "80", "length": 1}, {"value": "8000", "length": 12}, True),
         ("loose", {"value": "80", "length": 1}, {"value": "80", "length": 2}, False),
-        ("which", {"[1]": "00"}, {"[1]": "01"}, False),
+        ("which", {"[2]": "00"}, {"[2]": "01"}, False),
         ("Growing", {"a": 1, "b": True}, {"a": 1, "b": True, "[]": 2}, True),
         ("Growing", {"a": 1}, {"a": 1, "[]": 2}, False),
         ("Growing", {"a": 1, "[3]": "00"}, {"a": 1, "[3]": "00", "[]": 9}, False),

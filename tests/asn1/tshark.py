@@ -22,6 +22,7 @@ from tests.asn1.reach import components
 FRAMES = Path(__file__).parent.parent / "captures" / "frames.json"
 HEADERS: Final = 54  # octets: Ethernet 14, GeoNetworking basic header 4, common header 8, single hop broadcast 28
 PAYLOAD_LENGTH = slice(22, 24)  # of the common header: what follows the extended header
+LONGEST: Final = 60_000  # octets of a message: a frame of a capture holds 65535
 CONTROLS: Final = re.compile(r"[\x00-\x09\x0b-\x1f\ufffe\uffff]")
 IS_HERE = shutil.which("tshark") is not None
 # What Wireshark 4.0 knows, by messageID and protocolVersion. Other editions it takes for these or

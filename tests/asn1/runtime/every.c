@@ -6,7 +6,7 @@
  *   code VisibleString (FROM("0".."9" | "A".."F")) (SIZE(0..4, ...)), label PrintableString, text UTF8String (SIZE(0..3)),
  *   oid OBJECT IDENTIFIER, arcs RELATIVE-OID, limit INTEGER (0..7) DEFAULT 3, maybe INTEGER (0..255) OPTIONAL,
  *   list SEQUENCE (SIZE(1..3, ...)) OF INTEGER (0..15 | 20..31), nulls SEQUENCE OF NULL,
- *   which CHOICE {number INTEGER (0..255), inner Inner, ..., extra BOOLEAN}, next Every OPTIONAL,
+ *   which CHOICE {number INTEGER (0..255), inner Inner, ..., extra BOOLEAN, blob OCTET STRING}, next Every OPTIONAL,
  *   id INTEGER (0..15), value CLASS.&Type({1 small | 2 Inner}{@id}),
  *   ..., first BOOLEAN, [[ high INTEGER (0..255), low BOOLEAN OPTIONAL, step INTEGER (0..7) DEFAULT 3 ]] }
  * Inner ::= SEQUENCE { a INTEGER (0..3), b BOOLEAN OPTIONAL }
@@ -64,13 +64,14 @@ static const captain_field inner_fields[] = {
 };
 static const captain_type inner = {.name = "Inner", .kind = CAPTAIN_SEQUENCE, .size = sizeof(Inner), .fields = inner_fields, .fields_count = 2, .root_count = 2, .additions = CAPTAIN_NOWHERE};
 
-typedef struct Which { uint32_t choice; union { uint8_t number; Inner *inner; bool extra; captain_octets unknown; } u; } Which;
+typedef struct Which { uint32_t choice; union { uint8_t number; Inner *inner; bool extra; captain_octets blob, unknown; } u; } Which;
 static const captain_field which_fields[] = {
     {.name = "number", .type = &octet, .unit = "m", .offset = offsetof(Which, u), .present = CAPTAIN_NOWHERE},
     {.name = "inner", .type = &inner, .offset = offsetof(Which, u), .present = CAPTAIN_NOWHERE, .flags = CAPTAIN_POINTER},
     {.name = "extra", .type = &flag, .offset = offsetof(Which, u), .present = CAPTAIN_NOWHERE, .addition = 1},
+    {.name = "blob", .type = &blob, .offset = offsetof(Which, u), .present = CAPTAIN_NOWHERE, .addition = 2},
 };
-static const captain_type which = {.name = "Which", .kind = CAPTAIN_CHOICE, .size = sizeof(Which), .flags = CAPTAIN_EXTENSIBLE, .fields = which_fields, .fields_count = 3, .root_count = 2, .additions_count = 1};
+static const captain_type which = {.name = "Which", .kind = CAPTAIN_CHOICE, .size = sizeof(Which), .flags = CAPTAIN_EXTENSIBLE, .fields = which_fields, .fields_count = 4, .root_count = 2, .additions_count = 2};
 
 typedef struct Every {
     bool flag, nothing;

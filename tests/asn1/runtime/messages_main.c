@@ -247,13 +247,13 @@ static bool swallow(void *context, const char *text, size_t count)
 
 static bool next_step(void *context, const captain_step *step)
 {
-    size_t *bit = context;
-    bool is_inside = step->what == CAPTAIN_STEP_OPEN && step->bit > *bit; /* the header of a fragment, amid a value */
-    if (step->width > 0 && step->bit > *bit && !is_inside)
+    size_t *bit = context; /* where the last step began, where the furthest one ended */
+    if (step->what != CAPTAIN_STEP_LEAVE && step->bit < bit[0])
         fail(step->path, NULL, 0);
-    if (is_inside)
-        return true;
-    *bit = step->bit + step->width > *bit ? step->bit + step->width : *bit;
+    if (step->width > 0 && step->bit > bit[1])
+        fail(step->path, NULL, 0);
+    bit[0] = step->bit;
+    bit[1] = step->bit + step->width > bit[1] ? step->bit + step->width : bit[1];
     return true;
 }
 
@@ -316,7 +316,7 @@ static bool check_octets(const captain_type *type, const uint8_t *octets, size_t
 {
     captain_arena arena;
     captain_report report, strict;
-    size_t bit = 0, text = 0;
+    size_t bit[2] = {0, 0}, text = 0;
     captain_arena_init(&arena, memory[1], sizeof memory[1]);
     captain_status status = captain_decode_exact(type, values[1], octets, size, &arena);
     captain_status explained = captain_explain_decode(type, octets, size, true, &report);
@@ -325,7 +325,7 @@ static bool check_octets(const captain_type *type, const uint8_t *octets, size_t
         printf("decode: %s, explain: %s at %zu, %s: %s\n", captain_status_text(status), captain_status_text(explained), report.bit, report.path, report.text);
         fail("the decoders differ", octets, size);
     }
-    if (captain_explain(type, octets, size, next_step, &bit, &report) != explained || (explained == CAPTAIN_OK && bit != size * 8))
+    if (captain_explain(type, octets, size, next_step, bit, &report) != explained || (explained == CAPTAIN_OK && bit[1] != size * 8))
         fail("explain does not tell everything", octets, size);
     if (status != CAPTAIN_OK)
         return false;
