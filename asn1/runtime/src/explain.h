@@ -19,9 +19,21 @@ typedef struct explain_frame {
     bool has_more;
 } explain_frame;
 
+/* The header of a further fragment, to be told when the value amid which it lies has been told. */
+typedef struct explain_header {
+    size_t bit, width;
+    uint64_t octets;
+    const char *clause;
+} explain_header;
+/* Amid one value; a value of more than half a megabyte has more, which are not told. */
+enum { EXPLAIN_MAX_HEADERS = 8 };
+
 typedef struct explain {
     const uint8_t *octets;
     size_t at, end; /* bits */
+    size_t taken;   /* behind the last bit of a value, in front of headers that follow it */
+    explain_header headers[EXPLAIN_MAX_HEADERS];
+    unsigned headers_count;
     unsigned depth, recursion, frames_count;
     explain_frame frames[CAPTAIN_MAX_DEPTH];
     captain_path path;

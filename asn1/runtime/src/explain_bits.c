@@ -7,15 +7,28 @@
 
 /* ---------------------------------------------------------------- steps */
 
+static captain_status tell(explain *to, unsigned what, captain_step step)
+{
+    step.path = to->path.text;
+    memcpy(&step.what, &what, sizeof step.what);
+    return to->on_step(to->context, &step) ? CAPTAIN_OK : CAPTAIN_NO_SPACE;
+}
+
 captain_status captain_explain_step(explain *to, const explain_node *node, unsigned what, size_t from, const char *text,
                                     const char *clause)
 {
     if (to->on_step == NULL)
         return CAPTAIN_OK;
-    captain_step step = {.bit = from, .width = to->at - from, .path = to->path.text, .type = node->type, .field = node->field,
-                         .text = text, .clause = clause};
-    memcpy(&step.what, &what, sizeof step.what);
-    return to->on_step(to->context, &step) ? CAPTAIN_OK : CAPTAIN_NO_SPACE;
+    size_t width = to->taken > from ? to->taken - from : 0;
+    TRY(tell(to, what, (captain_step){.bit = from, .width = width, .type = node->type, .field = node->field, .text = text, .clause = clause}));
+    for (unsigned i = 0; i < to->headers_count; i++) {
+        char octets[24];
+        explain_header *header = &to->headers[i];
+        snprintf(octets, sizeof octets, "%" PRIu64, header->octets);
+        TRY(tell(to, CAPTAIN_STEP_OPEN, (captain_step){.bit = header->bit, .width = header->width, .text = octets, .clause = header->clause}));
+    }
+    to->headers_count = 0;
+    return CAPTAIN_OK;
 }
 
 captain_status captain_explain_number_step(explain *to, const explain_node *node, unsigned what, size_t from, uint64_t number,
@@ -34,10 +47,13 @@ captain_status captain_explain_refuse(explain *to, size_t bit, captain_status st
 /* ---------------------------------------------------------------- bits, through the open types they are in */
 
 static captain_status take_at(explain *to, unsigned level, unsigned width, uint64_t *bits);
+static captain_status ready_at(explain *to, unsigned level, size_t *ready);
 
 captain_status captain_explain_next_fragment(explain *to, unsigned level)
 {
     explain_frame *frame = &to->frames[level - 1];
+    size_t ready;
+    TRY(ready_at(to, level - 1, &ready)); /* what is around it may be in fragments as well, and its header stands first */
     size_t from = to->at;
     uint64_t first, second = 0;
     TRY(take_at(to, level - 1, 8, &first));
@@ -48,9 +64,10 @@ captain_status captain_explain_next_fragment(explain *to, unsigned level)
         return captain_explain_refuse(to, from, CAPTAIN_LENGTH, "a fragment has 1 to 4 times 16384 octets");
     uint64_t octets = frame->has_more ? (first & 0x3f) * 16384 : first < 0x80 ? first : (first & 0x3f) << 8 | second;
     frame->left = (size_t)octets * 8;
-    explain_node node = {0};
     const char *clause = frame->has_more ? "11.9.3.8" : first < 0x80 ? "11.9.3.6" : "11.9.3.7";
-    return captain_explain_number_step(to, &node, CAPTAIN_STEP_OPEN, from, octets, clause);
+    if (to->headers_count < EXPLAIN_MAX_HEADERS)
+        to->headers[to->headers_count++] = (explain_header){from, to->at - from, octets, clause};
+    return CAPTAIN_OK;
 }
 
 /* How many bits follow one another at this level, at least one where any is left. */
@@ -93,6 +110,18 @@ static captain_status take_at(explain *to, unsigned level, unsigned width, uint6
     return CAPTAIN_OK;
 }
 
+/* Headers that follow at once belong to what was taken: the next value begins behind them. */
+static captain_status settle(explain *to)
+{
+    to->taken = to->at;
+    for (unsigned level = to->frames_count; level > 0; level--) {
+        explain_frame *frame = &to->frames[level - 1];
+        while (frame->left == 0 && frame->has_more)
+            TRY(captain_explain_next_fragment(to, level));
+    }
+    return CAPTAIN_OK;
+}
+
 captain_status captain_explain_require(explain *to, uint64_t bits)
 {
     char text[96];
@@ -114,7 +143,8 @@ captain_status captain_explain_require(explain *to, uint64_t bits)
 captain_status captain_explain_take(explain *to, unsigned width, uint64_t *bits)
 {
     TRY(captain_explain_require(to, width));
-    return take_at(to, to->frames_count, width, bits);
+    TRY(take_at(to, to->frames_count, width, bits));
+    return settle(to);
 }
 
 captain_status captain_explain_skip(explain *to, uint64_t bits)
@@ -127,7 +157,7 @@ captain_status captain_explain_skip(explain *to, uint64_t bits)
         advance(to, to->frames_count, part);
         bits -= part;
     }
-    return CAPTAIN_OK;
+    return settle(to);
 }
 
 captain_status captain_explain_take_flags(explain *to, unsigned count, explain_flags *flags)
@@ -141,7 +171,7 @@ captain_status captain_explain_take_flags(explain *to, unsigned count, explain_f
             flags->octets[i / 8] = 0;
         flags->octets[i / 8] = (uint8_t)(flags->octets[i / 8] | bit << (7 - i % 8));
     }
-    return CAPTAIN_OK;
+    return settle(to);
 }
 
 bool captain_explain_flag(const explain_flags *flags, unsigned n)

@@ -40,8 +40,6 @@ captain_status captain_explain_leave_open(explain *to, const explain_node *node,
 {
     explain_frame *frame = &to->frames[to->frames_count - 1];
     bool is_empty = to->at == start; /* of no bits: one zero octet stands for it (11.1.3) */
-    while (frame->left == 0 && frame->has_more)
-        TRY(captain_explain_next_fragment(to, to->frames_count));
     size_t from = to->at;
     if (frame->has_more || frame->left > (is_empty ? 8 : 7)) {
         char text[96];

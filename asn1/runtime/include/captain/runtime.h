@@ -265,7 +265,7 @@ captain_status captain_json_read(const captain_type *type, void *value, const ch
 
 /* Bit by bit: called for everything that the encoding holds, in its order. Enters and leaves containers as well, so that a
  * tree can be drawn. Strings are valid only during the call. An unknown addition, and the header of a further fragment of an open
- * type, have no type; the header stands amid a value and is told before it. Elements without bits are told once. Text is cut
+ * type, have no type; a header amid a value is told behind it. Steps but for LEAVE are ascending by bit. Elements without bits are told once. Text is cut
  * after 512 octets ("..."). false from on_step ends it with CAPTAIN_NO_SPACE; octets behind the end are CAPTAIN_TRAILING. */
 typedef struct captain_step {
     enum { CAPTAIN_STEP_VALUE, CAPTAIN_STEP_ENTER, CAPTAIN_STEP_LEAVE,
