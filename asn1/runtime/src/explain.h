@@ -1,5 +1,5 @@
 /* A second UPER decoder, slow and from the tables alone: no struct, no arena, every step told. It shares no line with the
- * generated code, so that one is the test of the other. Its parts: explain_bits.c (bits, numbers, lengths), explain_open.c,
+ * generated code, so that one is the test of the other. Its parts: explain_bits.c, explain_number.c (lengths too), explain_open.c,
  * explain_least.c, explain_values.c, explain_string.c, explain.c (containers).
  */
 #ifndef CAPTAIN_EXPLAIN_H
@@ -65,7 +65,7 @@ typedef struct explain_part {
     bool has_more;  /* another fragment follows */
 } explain_part;
 
-/* Bits from `from` to where the walk is, as one step. */
+/* Bits from `from` to the last one taken, as one step. */
 captain_status captain_explain_step(explain *to, const explain_node *node, unsigned what, size_t from, const char *text,
                                     const char *clause);
 captain_status captain_explain_number_step(explain *to, const explain_node *node, unsigned what, size_t from, uint64_t number,
@@ -75,16 +75,22 @@ captain_status captain_explain_refuse(explain *to, size_t bit, captain_status st
 captain_status captain_explain_require(explain *to, uint64_t bits);
 captain_status captain_explain_take(explain *to, unsigned width, uint64_t *bits);
 captain_status captain_explain_skip(explain *to, uint64_t bits);
+/* The length of the next fragment of the open type at this level, 1 for the outermost (11.9.3.5 to 11.9.3.8). */
+captain_status captain_explain_next_fragment(explain *to, unsigned level);
 captain_status captain_explain_take_flags(explain *to, unsigned count, explain_flags *flags);
 bool captain_explain_flag(const explain_flags *flags, unsigned n);
 const char *captain_explain_flags_text(const explain_flags *flags, char text[EXPLAIN_FLAGS_TEXT]);
 
+/* ---------------------------------------------------------------- explain_number.c */
+
 unsigned captain_explain_width(uint64_t range); /* bits that hold 0..range */
-captain_status captain_explain_whole(explain *to, const explain_node *node, uint64_t *number,
-                                     unsigned *octets); /* length and octets, unsigned */
-captain_status captain_explain_small(explain *to, uint64_t *number);                                             /* 11.6 */
-captain_status captain_explain_length(explain *to, const explain_node *node,
-                                      explain_part *part);                /* 11.9.3.5 to 11.9.3.8 */
+/* The octets of a number, unsigned, behind their length (11.7, 11.8). */
+captain_status captain_explain_whole(explain *to, const explain_node *node, uint64_t *number, unsigned *octets);
+/* A normally small number (11.6). */
+captain_status captain_explain_small(explain *to, uint64_t *number);
+/* One length without bounds (11.9.3.5 to 11.9.3.8), and the clause it follows: without a step, and with one. */
+captain_status captain_explain_take_length(explain *to, explain_part *part, const char **clause);
+captain_status captain_explain_length(explain *to, const explain_node *node, explain_part *part);
 /* All parts of a string of items of `width` bits are there and well formed: how many items they have. Goes nowhere. */
 captain_status captain_explain_survey(explain *to, unsigned width, uint64_t *total);
 /* Whether a size has a constrained length (11.9.4.1), or none, instead of a general one; in_root: what the extension bit says. */
@@ -92,13 +98,9 @@ bool captain_explain_is_counted(const captain_type *type, bool in_root);
 captain_status captain_explain_check_size(explain *to, const captain_type *type, size_t bit, uint64_t count);
 /* The next part of what has a size. One that is counted is checked. */
 captain_status captain_explain_size(explain *to, const explain_node *node, bool in_root, explain_part *part);
-captain_status captain_explain_bitmap_length(explain *to, const explain_node *node, unsigned *count);            /* 11.9.3.4 */
+/* A normally small length (11.9.3.4). */
+captain_status captain_explain_bitmap_length(explain *to, const explain_node *node, unsigned *count);
 captain_status captain_explain_extension_bit(explain *to, const explain_node *node, bool *is_extended, const char *clause);
-
-/* One length without bounds, and the clause it follows; no step. */
-captain_status captain_explain_take_length(explain *to, explain_part *part, const char **clause);
-/* The length of the next fragment of the open type at this level, 1 for the outermost (11.9.3.5 to 11.9.3.8). */
-captain_status captain_explain_next_fragment(explain *to, unsigned level);
 
 /* ---------------------------------------------------------------- explain_open.c */
 

@@ -99,8 +99,7 @@ captain_status captain_json_read_bits(json *from, const captain_type *type, void
     json_string string;
     size_t octets = 0;
     int64_t bits = type->high;
-    bool is_fixed = type->kind == CAPTAIN_SMALL_BITS
-                    || (!(type->flags & (CAPTAIN_EXTENSIBLE | CAPTAIN_UNBOUNDED_HIGH)) && type->low == type->high);
+    bool is_fixed = captain_walk_is_fixed(type);
     if (is_fixed)
         TRY(take_hex(from, &string, &octets));
     else

@@ -33,8 +33,7 @@ static void put_bracket(writer *to, uint32_t number)
 /* X.697 24: of a fixed size the hexadecimal text alone. */
 static void put_bits(writer *to, const captain_type *type, const void *value)
 {
-    bool is_fixed = type->kind == CAPTAIN_SMALL_BITS
-                    || (!(type->flags & (CAPTAIN_EXTENSIBLE | CAPTAIN_UNBOUNDED_HIGH)) && type->low == type->high);
+    bool is_fixed = captain_walk_is_fixed(type);
     uint32_t count = type->kind == CAPTAIN_SMALL_BITS ? (uint32_t)type->high : ((const captain_bits *)value)->count;
     captain_out_string(&to->out, is_fixed ? "\"" : "{\"value\":\"");
     captain_out_bits_hex(&to->out, type, value, count);

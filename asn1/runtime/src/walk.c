@@ -72,7 +72,7 @@ bool captain_walk_in_gap(const captain_type *type, int64_t number)
 
 bool captain_walk_is_fixed(const captain_type *type)
 {
-    return !(type->flags & (CAPTAIN_EXTENSIBLE | CAPTAIN_UNBOUNDED_HIGH)) && type->low == type->high && type->high < 65536;
+    return !(type->flags & (CAPTAIN_EXTENSIBLE | CAPTAIN_UNBOUNDED_HIGH)) && type->low == type->high;
 }
 
 /* ---------------------------------------------------------------- characters */

@@ -28,7 +28,7 @@ bool captain_walk_in_range(const captain_type *type, int64_t number);
 bool captain_walk_in_size(const captain_type *type, uint64_t count);
 /* Whether it lies in a gap of the union that the range was made of. */
 bool captain_walk_in_gap(const captain_type *type, int64_t number);
-/* Whether the encoding has no length: one size only, known from the type, below 65536 (11.9.4.1). */
+/* Whether there is one size only, known from the type. */
 bool captain_walk_is_fixed(const captain_type *type);
 
 bool captain_walk_is_string(const captain_type *type); /* captain_text */

@@ -263,10 +263,10 @@ captain_status captain_json_write(const captain_type *type, const void *value, c
  * known and never text: its octets. What encode would refuse is refused. report may be NULL. */
 captain_status captain_json_read(const captain_type *type, void *value, const char *json, size_t octets, captain_arena *arena, captain_report *report);
 
-/* Bit by bit: called for everything that the encoding holds, in its order. Enters and leaves containers as well, so that a
- * tree can be drawn. Strings are valid only during the call. An unknown addition, and the header of a further fragment of an open
- * type, have no type; a header amid a value is told behind it. Steps but for LEAVE are ascending by bit. Elements without bits are told once. Text is cut
- * after 512 octets ("..."). false from on_step ends it with CAPTAIN_NO_SPACE; octets behind the end are CAPTAIN_TRAILING. */
+/* Bit by bit: called for everything that the encoding holds, ascending by bit. Enters and leaves containers as well, so that a
+ * tree can be drawn. Strings are valid only during the call. An unknown addition, and the header of a further fragment of an
+ * open type, have no type; a header amid a value is told behind it. Elements without bits are told once. Text is cut after 512
+ * octets ("..."). false from on_step ends it with CAPTAIN_NO_SPACE; octets behind the end are CAPTAIN_TRAILING. */
 typedef struct captain_step {
     enum { CAPTAIN_STEP_VALUE, CAPTAIN_STEP_ENTER, CAPTAIN_STEP_LEAVE,
            CAPTAIN_STEP_EXTENSION_BIT, CAPTAIN_STEP_PRESENCE, /* preamble of a SEQUENCE: value is the bits as text "101" */
