@@ -106,7 +106,8 @@ class Resolver:
             case syntax.TypeAssignment():
                 self._program.base(Typed(assignment.type, scope))  # refuses a type that is only itself
                 unit = self._units.normal(assignment.unit)
-                self._done[key, name] = types.Definition(name, self._type(assignment.type, scope), unit)
+                type_ = _closed(self._type(assignment.type, scope), assignment.place)
+                self._done[key, name] = types.Definition(name, type_, unit)
             case syntax.ClassAssignment():
                 self._done[key, name] = self._objects.class_(key, assignment)
             case syntax.SetAssignment():
@@ -154,7 +155,8 @@ class Resolver:
             case syntax.Structure():
                 return self._structure(text, scope, constraints)
             case syntax.ListOf():
-                return types.SequenceOf(self._type(text.element, scope), text.is_set, constraints=constraints)
+                element = _closed(self._type(text.element, scope), text.place)
+                return types.SequenceOf(element, text.is_set, constraints=constraints)
             case syntax.Reference():
                 return self._reference(text, scope, constraints)
             case syntax.FieldOf():
@@ -168,12 +170,16 @@ class Resolver:
         root = self._components(members.root, scope)
         tail = self._components(members.tail, scope)
         additions = tuple(self._addition(one, scope) for one in members.additions)
-        _distinct(text.place, [*root, *additions, *tail])
+        components = [one for member in (*root, *additions, *tail) for one in _of(member)]
+        _distinct(text.place, components)
         flag = members.is_extensible
         if text.name == "SEQUENCE":
+            _selected(text.place, components)
             return types.Sequence(root, flag, additions, tail, constraints=constraints)
         if tail:
             raise fault(text.place, "alternatives behind a second ellipsis", "X.680 29.1")
+        for one in components:
+            _closed(one.type, text.place)
         order = canonical(self._program, Typed(text, scope))
         by_name = {one.name: one for one in root}
         return types.Choice(tuple(by_name[name] for name in order), flag, additions, constraints=constraints)
@@ -263,11 +269,29 @@ def _plain(text: syntax.Plain, constraints: tuple[types.Constraint, ...]) -> typ
     raise fault(text.place, text.name, _UNSUPPORTED_CLAUSES.get(text.name, "X.680 41"))
 
 
-def _distinct(place: Place, members: list[types.Component | types.Group]) -> None:
-    names = [one.name for member in members for one in _of(member)]
+def _distinct(place: Place, components: list[types.Component]) -> None:
+    names = [one.name for one in components]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise fault(place, f"two components are called {twice[0]}", "X.680 25.11")
+
+
+def _selected(place: Place, components: list[types.Component]) -> None:
+    """Every open type has its identifier, of the same object set, beside it."""
+    fields = {one.name: one.type for one in components}
+    for one in components:
+        if isinstance(one.type, types.OpenType):
+            beside = fields.get(one.type.selector)
+            if not isinstance(beside, types.ClassField) or beside.set_ != one.type.set_:
+                text = f"{one.name}: {one.type.selector} beside it is no field of the same class and set"
+                raise fault(place, text, "X.682 10.8")
+
+
+def _closed(type_: types.Type, place: Place) -> types.Type:
+    """The type; an open one only stands in a SEQUENCE, where a component tells its identifier."""
+    if isinstance(type_, types.OpenType):
+        raise fault(place, "an open type that is no component of a SEQUENCE", "X.682 10.7")
+    return type_
 
 
 def _of(member: types.Component | types.Group) -> tuple[types.Component, ...]:

@@ -6,6 +6,8 @@ from asn1.importer.program import Program, Scope, Typed
 from asn1.types import Default, Named
 
 _INTEGER = syntax.WithItems(place=Place("", 0), name="INTEGER")
+# A string of named bits is never longer (64 in the standards), and a DEFAULT must not fill the memory.
+MAX_BIT = 65535
 # What a size or a named number is a value of.
 PLAIN_NUMBER = Typed(_INTEGER, Scope(""))
 
@@ -22,9 +24,9 @@ def number(program: Program, value: syntax.Value, scope: Scope, governor: Typed)
 
 
 def _number_of_word(program: Program, word: syntax.Word, scope: Scope, governor: Typed) -> int:
-    if word.name in {"TRUE", "FALSE"}:
-        return int(word.name == "TRUE")
     base = program.base(governor)
+    if isinstance(base.type, syntax.Plain) and base.type.name == "BOOLEAN" and word.name in {"TRUE", "FALSE"}:
+        return int(word.name == "TRUE")
     # The names of the governing type come before any value reference (X.680 19.10).
     if word.module is None:
         for name, found in names(program, base):
@@ -49,8 +51,11 @@ def _assigned(program: Program, word: syntax.Word, scope: Scope) -> tuple[syntax
 def names(program: Program, base: Typed) -> tuple[Named, ...]:
     """Named numbers, bits or enumeration items of a builtin type."""
     match base.type:
-        case syntax.WithItems(items=items):
-            return tuple(Named(item.name, _item_number(program, item, base.scope)) for item in items)
+        case syntax.WithItems(name=name, items=items):
+            found = tuple(Named(item.name, _item_number(program, item, base.scope)) for item in items)
+            if name == "BIT STRING" and any(not 0 <= one.value <= MAX_BIT for one in found):
+                raise fault(base.type.place, f"a bit outside of 0..{MAX_BIT}", "X.680 22.4")
+            return found
         case syntax.Enumerated():
             return (*root_items(program, base), *addition_items(program, base))
     return ()
@@ -145,7 +150,10 @@ def _item_name(program: Program, word: syntax.Word, scope: Scope, base: Typed) -
     if word.module is None and any(item.name == word.name for item in items):
         return word.name
     value = number(program, word, scope, base)
-    return next(item.name for item in items if item.value == value)
+    found = [item.name for item in items if item.value == value]
+    if not found:
+        raise fault(word.place, f"no item has the number {value}", "X.680 20")
+    return found[0]
 
 
 def _packed(digits: str) -> tuple[bytes, int]:

@@ -9,6 +9,8 @@ from hypothesis import strategies as st
 from asn1.importer.fault import ImportFault
 from tests.asn1.importing import imported, module, problems
 
+CLASS = "CLS ::= CLASS { &id INTEGER, &Type }  S CLS ::= { ... }"
+
 
 @pytest.mark.parametrize(
     ("body", "problem"),
@@ -42,6 +44,13 @@ from tests.asn1.importing import imported, module, problems
         ("A ::= A", "a type that is only itself (X.680 3.8.41)"),
         ("A ::= SEQUENCE { a CLS.&Type } CLS ::= CLASS { &id INTEGER, &Type }", "an open type without a table constraint (X.682 10)"),
         ("A ::= CLS.&id({S}) CLS ::= CLASS { &a INTEGER, &b INTEGER } S CLS ::= {...}", "CLS has no field &id (X.681 14)"),
+        ("A ::= INTEGER (TRUE)", "TRUE is neither defined nor imported"),
+        ("A ::= BIT STRING { far(99999999) }", "a bit outside of 0..65535 (X.680 22.4)"),
+        ("A ::= SEQUENCE { a ENUMERATED {x} DEFAULT v } v INTEGER ::= 9", "no item has the number 9 (X.680 20)"),
+        (f"A ::= CLS.&Type({{S}}{{@a}}) {CLASS}", "an open type that is no component of a SEQUENCE (X.682 10.7)"),
+        (f"A ::= SEQUENCE OF CLS.&Type({{S}}{{@a}}) {CLASS}", "an open type that is no component of a SEQUENCE (X.682 10.7)"),
+        (f"A ::= CHOICE {{ a CLS.&Type({{S}}{{@a}}) }} {CLASS}", "an open type that is no component of a SEQUENCE (X.682 10.7)"),
+        (f"A ::= SEQUENCE {{ a NULL, b CLS.&Type({{S}}{{@a}}) }} {CLASS}", "b: a beside it is no field of the same class and set (X.682 10.8)"),
         ("A ::= INTEGER (0..5", "expected ')', found 'END' (X.680 49.6)"),
         ("A ::= INTEGER ~", "'~' begins nothing of ASN.1 (X.680 12)"),
         ("A ::= INTEGER /* for ever", "this comment does not end (X.680 12.6.4)"),
