@@ -11,6 +11,14 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#if defined(__GNUC__)
+#define ALWAYS_INLINE inline __attribute__((always_inline))
+#define NEVER_INLINE __attribute__((noinline))
+#else
+#define ALWAYS_INLINE inline
+#define NEVER_INLINE
+#endif
+
 #ifdef Py_LIMITED_API
 #define LIST_ITEM(list, index) PyList_GetItem(list, index)
 #define LIST_COUNT(list) PyList_Size(list)

@@ -47,7 +47,7 @@ static bool other_slot_from(maker *maker, const shape *shape, const slot *slot, 
     PUT(type, record + slot->offset, number);                                        \
     return true
 
-static inline bool quick_slot_from(maker *maker, const shape *shape, const slot *slot, PyObject *value, unsigned char *record)
+static ALWAYS_INLINE bool quick_slot_from(maker *maker, const shape *shape, const slot *slot, PyObject *value, unsigned char *record)
 {
     int64_t number;
     if (slot->present != CAPTAIN_NOWHERE)
@@ -79,7 +79,7 @@ bool slot_from(maker *maker, const shape *shape, const slot *slot, PyObject *val
 /* One key and value; *next: the slot that is expected. OTHER: the dict is in another order. */
 typedef enum step { GOOD, BAD, OTHER } step;
 
-static inline step take_pair(maker *maker, const shape *shape, PyObject *key, PyObject *value, const slot **next, unsigned char *record)
+static ALWAYS_INLINE step take_pair(maker *maker, const shape *shape, PyObject *key, PyObject *value, const slot **next, unsigned char *record)
 {
     const slot *slot = *next, *end = shape->slots + shape->slots_count;
     while (slot != end && slot->key != key && leave_out(slot, record))

@@ -95,7 +95,8 @@ static bool fill_slots(shape *shape)
 {
     const captain_type *type = shape->type;
     shape->slots = PyMem_Calloc(type->fields_count + (size_t)1, sizeof *shape->slots);
-    if (shape->slots == NULL) {
+    shape->attributes = PyMem_Calloc(type->fields_count + (size_t)1, sizeof *shape->attributes);
+    if (shape->slots == NULL || shape->attributes == NULL) {
         PyErr_NoMemory();
         return false;
     }
@@ -109,10 +110,12 @@ static bool fill_slots(shape *shape)
         slot->has_default = (field->flags & CAPTAIN_DEFAULT) && field->addition == 0;
         slot->key = PyUnicode_InternFromString(field->name);
         slot->attribute = slot->key == NULL ? NULL : attribute_name(slot->key, field->name);
+        shape->attributes[index] = slot->attribute;
         slot->shape = slot->attribute == NULL ? NULL : shape_of(field->type);
         if (slot->shape == NULL)
             return false;
         slot->op = slot->shape->op;
+        slot->is_plain = slot->present == CAPTAIN_NOWHERE && !slot->is_pointer;
         slot->low = slot->shape->low;
         slot->high = slot->shape->high;
         slot->is_early = slot->op == OP_OPEN && slot->shape->type->selector >= index;

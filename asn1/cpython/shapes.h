@@ -27,6 +27,7 @@ typedef struct slot {
     uint8_t op;          /* as in shape */
     bool is_pointer;
     bool has_default;    /* absent, it has its default; an addition has not: its sender may not know it */
+    bool is_plain;       /* always there, and not behind a pointer */
     bool is_early;       /* an open type in front of the identifier that tells its type */
     PyObject *attribute; /* interned: the key, or where that is no Python name: a-b is a_b, class is class_ */
     const captain_field *field;
@@ -40,6 +41,7 @@ struct shape {
     uint16_t slots_count;
     int64_t low, high;   /* INTEGER: what the encoding and the memory hold */
     slot *slots;
+    PyObject **attributes; /* of the slots, side by side: a view looks through them */
     PyObject **names;    /* ENUMERATED: as type->names */
     const shape *element;
     const shape **rows;  /* OPEN: as type->rows */
@@ -52,7 +54,7 @@ const shape *shape_of(const captain_type *type);
 /* Index of the name among `count` slots: `expected` is tried first. Interned names cost a comparison of pointers.
  * -1: none, without an exception (also where it is no str). */
 Py_ssize_t slot_find(const shape *shape, PyObject *name, Py_ssize_t expected);
-/* The same by the names of attributes; those of the ASN.1 are found as well. */
+/* Index by any object that is equal; the names of the ASN.1 are found as well. -1: none. */
 Py_ssize_t slot_find_attribute(const shape *shape, PyObject *name);
 /* Index of an ENUMERATED's item. */
 Py_ssize_t item_find(const shape *shape, PyObject *name);

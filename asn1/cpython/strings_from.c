@@ -82,17 +82,33 @@ static bool bits_from(maker *maker, PyObject *value, captain_bits *bits)
     return true;
 }
 
+/* Bits of a tuple of bytes and int, as decode gives them: no copy is needed. False: ask bits_from, which says what is wrong. */
+static bool plain_bits(PyObject *value, captain_bits *bits)
+{
+    int64_t count;
+    if (!PyTuple_CheckExact(value) || TUPLE_COUNT(value) != 2)
+        return false;
+    PyObject *octets = TUPLE_ITEM(value, 0);
+    if (!PyBytes_CheckExact(octets) || !small_integer(TUPLE_ITEM(value, 1), &count) || count < 0 || count > 64
+        || BYTES_COUNT(octets) != (Py_ssize_t)octets_of_bits((size_t)count))
+        return false;
+    *bits = (captain_bits){.count = (uint32_t)count, .octets = (const uint8_t *)BYTES_DATA(octets)};
+    return true;
+}
+
 /* Named bits may come without trailing zeros (X.680 22.7). */
 static bool small_bits_from(maker *maker, const captain_type *type, PyObject *value, unsigned char *at)
 {
     captain_bits bits = {0};
     uint64_t number = 0;
-    if (!bits_from(maker, value, &bits))
+    if (!plain_bits(value, &bits) && !bits_from(maker, value, &bits))
         return false;
     if (bits.count > type->high || (bits.count < type->high && !(type->flags & CAPTAIN_NAMED_BITS)))
         return refuse(maker, "wrong size: %u bits, not %lld", (unsigned)bits.count, (long long)type->high);
     for (uint32_t index = 0; index < octets_of_bits(bits.count); index++)
         number |= (uint64_t)bits.octets[index] << (56 - 8 * index);
+    if (bits.count % 64 != 0)
+        number &= ~(UINT64_MAX >> bits.count);
     captain_walk_set_number(type, at, type->high == 0 ? 0 : (int64_t)(number >> (64 - type->high)));
     return true;
 }

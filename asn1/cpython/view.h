@@ -50,11 +50,9 @@ extern view_class view_classes[]; /* by op: OP_SEQUENCE, OP_CHOICE, OP_LIST */
 
 view *view_allocate(view_class *class);
 
-/* A view of a SEQUENCE, CHOICE or list; holds the storage. */
-static inline PyObject *view_new(const shape *shape, const unsigned char *value, storage *storage)
+static inline PyObject *view_of(view_class *class, const shape *shape, const unsigned char *value, storage *storage)
 {
     view *new;
-    view_class *class = &view_classes[shape->op - OP_SEQUENCE];
     if (class->spare_count > 0) {
         new = class->spare[--class->spare_count];
         Py_SET_REFCNT(new, 1);
@@ -65,6 +63,12 @@ static inline PyObject *view_new(const shape *shape, const unsigned char *value,
     new->value = value;
     new->storage = storage_hold(storage);
     return (PyObject *)new;
+}
+
+/* A view of a SEQUENCE, CHOICE or list; holds the storage. */
+static inline PyObject *view_new(const shape *shape, const unsigned char *value, storage *storage)
+{
+    return view_of(&view_classes[shape->op - OP_SEQUENCE], shape, value, storage);
 }
 
 /* What an open type holds: a view, what decode gives, or octets. */

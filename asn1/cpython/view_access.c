@@ -11,7 +11,7 @@ static const view *of(PyObject *self)
 
 /* ---------------------------------------------------------------- SEQUENCE */
 
-static inline PyObject *component(const view *view, const slot *slot)
+static NEVER_INLINE PyObject *component(const view *view, const slot *slot)
 {
     if (slot_is_absent(slot, view->value))
         return slot->has_default ? view_value(slot->shape, slot->field->default_value, view->storage) : Py_NewRef(Py_None);
@@ -19,7 +19,7 @@ static inline PyObject *component(const view *view, const slot *slot)
 }
 
 /* Names that no literal made, methods, and mistakes. */
-static PyObject *other_attribute(PyObject *self, PyObject *name)
+static NEVER_INLINE PyObject *other_attribute(PyObject *self, PyObject *name)
 {
     const shape *shape = of(self)->shape;
     Py_ssize_t index = slot_find_attribute(shape, name);
@@ -36,14 +36,36 @@ static PyObject *other_attribute(PyObject *self, PyObject *name)
     return NULL;
 }
 
+static NEVER_INLINE PyObject *record_view(const shape *shape, const unsigned char *value, storage *storage)
+{
+    return view_of(&view_classes[0], shape, value, storage);
+}
+
+/* The hot one: the commonest kinds are in line. */
 PyObject *record_getattro(PyObject *self, PyObject *name)
 {
-    const shape *shape = of(self)->shape;
-    const slot *slot = shape->slots;
-    for (uint16_t index = 0; index < shape->slots_count; index++, slot++)
-        if (slot->attribute == name)
-            return component(of(self), slot);
-    return other_attribute(self, name);
+    const view *view = of(self);
+    const slot *slot = view->shape->slots;
+    for (PyObject *const *attribute = view->shape->attributes; *attribute != name; attribute++, slot++)
+        if (*attribute == NULL)
+            return other_attribute(self, name);
+    if (!slot->is_plain)
+        return component(view, slot);
+    const unsigned char *value = view->value + slot->offset;
+    switch (slot->op) {
+    case OP_U8:
+        return PyLong_FromLong(*value);
+    case OP_U16:
+        return PyLong_FromLong(AT(uint16_t, value));
+    case OP_I32:
+        return PyLong_FromLong(AT(int32_t, value));
+    case OP_U32:
+        return PyLong_FromUnsignedLong(AT(uint32_t, value));
+    case OP_SEQUENCE:
+        return record_view(slot->shape, value, view->storage);
+    default:
+        return view_value(slot->shape, value, view->storage);
+    }
 }
 
 static PyObject *names_of(const shape *shape)
