@@ -1,0 +1,74 @@
+"""Builds a fuzzing program per message: clang with libFuzzer, AddressSanitizer and UndefinedBehaviorSanitizer."""
+
+import shutil
+import subprocess
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+from asn1 import layout, library, selection
+from asn1.types import Schema
+
+SANITIZERS = "address,undefined"
+FLAGS = (
+    "-std=c11", "-O1", "-g", "-Wall", "-Wextra", "-Wconversion", "-Werror",
+    "-fno-omit-frame-pointer", "-fno-sanitize-recover=all", "-ffunction-sections", "-fdata-sections",
+)  # fmt: skip
+TARGET = Path(__file__).with_name("target.c")
+
+
+class BuildError(RuntimeError):
+    """A tool is missing, or a source does not compile; str() says which."""
+
+
+def programs(schema: Schema, messages: tuple[str, ...], folder: Path, jobs: int) -> dict[str, Path]:
+    """The programs by message, in folder/bin; only what has changed is compiled. Raises BuildError."""
+    clang = shutil.which("clang")
+    if clang is None:
+        raise BuildError("clang is missing; as root: apt-get install clang")
+    # All messages, so that a selection does not make the next run compile everything again.
+    everything = tuple(schema.messages)
+    sources = folder / "sources"
+    library.generate(schema, everything, "sources", sources, lambda what: None)
+    flags = [*FLAGS, f"-I{sources / 'include'}"]
+    newest = max(path.stat().st_mtime_ns for path in sources.rglob("*.h"))
+    chosen = layout.lay_out(schema, [schema.messages[name] for name in messages])
+    others = set(schema.modules) - selection.reached(schema, set(chosen.nodes))
+    needed = [path for path in sorted((sources / "src").glob("*.c")) if path.stem.removesuffix("_tables") not in others]
+    with ThreadPoolExecutor(jobs) as pool:
+        objects = list(pool.map(lambda path: _object(clang, flags, path, folder / "objects", newest), needed))
+        pdus = [chosen.pdus[name] for name in messages]
+        link = [(name, pdu.module, pdu.c_name) for name, pdu in zip(messages, pdus, strict=True)]
+        made = list(pool.map(lambda one: _program(clang, flags, one, objects, folder / "bin"), link))
+    return dict(zip(messages, made, strict=True))
+
+
+def _object(clang: str, flags: list[str], source: Path, folder: Path, headers_ns: int) -> Path:
+    made = folder / f"{source.stem}.o"
+    if not _is_newer(made, max(headers_ns, source.stat().st_mtime_ns)):
+        folder.mkdir(parents=True, exist_ok=True)
+        _run([clang, *flags, f"-fsanitize=fuzzer-no-link,{SANITIZERS}", "-c", str(source), "-o", str(made)])
+    return made
+
+
+def _program(clang: str, flags: list[str], of: tuple[str, str, str], objects: list[Path], folder: Path) -> Path:
+    """Linked from an archive, so that a program holds, and counts the coverage of, only the modules of its message."""
+    name, module, pdu = of
+    made = folder / name
+    if not _is_newer(made, max(path.stat().st_mtime_ns for path in (*objects, TARGET))):
+        folder.mkdir(parents=True, exist_ok=True)
+        of_target = [f'-DFUZZ_HEADER="captain/{module}.h"', f"-DFUZZ_TYPE={pdu}_type"]
+        library = folder / f"{name}.a"
+        library.unlink(missing_ok=True)
+        _run(["ar", "rcsDT", str(library), *map(str, objects)])
+        _run([clang, *flags, *of_target, f"-fsanitize=fuzzer,{SANITIZERS}", str(TARGET), str(library), "-o", str(made)])
+    return made
+
+
+def _is_newer(made: Path, than_ns: int) -> bool:
+    return made.exists() and made.stat().st_mtime_ns >= than_ns
+
+
+def _run(command: list[str]) -> None:
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise BuildError(f"{command[0]} failed:\n{done.stderr[-4000:]}")
