@@ -1,6 +1,10 @@
 """Where values lie in memory: widths of numbers, sizes of structs, and what lies behind a pointer."""
 
+import math
+from collections.abc import Iterator
+
 from asn1.nodes import STRUCTS, Field, Kind, Node
+from asn1.widths import count_width, own_bits, unit_bits
 
 # A component that may be absent, or is one of several, lies behind a pointer where its struct is larger (octets).
 INLINE_MAX = 128
@@ -80,3 +84,76 @@ def _measure_choice(node: Node, known: dict[Node, tuple[int, int]]) -> tuple[int
 
 def _up(size: int, align: int) -> int:
     return (size + align - 1) // align * align
+
+
+# ---------------------------------------------------------------- the arena
+
+
+def arena_octets(pdu: Node) -> int:
+    """The most that decode takes from the arena for each octet of a message, as a whole number.
+
+    Every struct that lies there is paid by bits of its own, those of its numbers, presence bits, lengths and strings,
+    and not by what stands in other structs; every string is paid by its bits once more. A list of 16384 elements and
+    more comes in fragments and costs up to four times as much.
+    """
+    sizes: dict[Node, tuple[int, int]] = {}
+    nodes = _reached(pdu)
+    structs = max((_rate(*one) for node in nodes for one in _structs(node, sizes)), default=0.0)
+    strings = max((_rate(*one) for node in nodes for one in _strings(node)), default=0.0)
+    return math.ceil(8 * (structs + strings))
+
+
+def _rate(octets: int, bits: int) -> float:
+    return (octets + _ALIGNMENT - 1) / bits
+
+
+_ALIGNMENT = 8
+_LENGTH = 8  # bits of the shortest general length
+
+
+def _structs(node: Node, sizes: dict[Node, tuple[int, int]]) -> Iterator[tuple[int, int]]:
+    """What a node's decoder takes for structs: octets, and the fewest bits that pay for them."""
+    match node.kind:
+        case Kind.LIST:
+            # Elements without bits are bounded by their number alone: no list of the standards has them.
+            yield measure(node.item, sizes)[0], max(1, own_bits(node.item))
+        case Kind.SEQUENCE | Kind.CHOICE:
+            for f in node.fields:
+                if f.is_pointer:
+                    yield measure(f.node, sizes)[0], max(1, own_bits(f.node) + (_LENGTH if f.addition else 0))
+        case Kind.OPEN:
+            for _, row in node.rows:
+                yield measure(row, sizes)[0], own_bits(row) + _LENGTH
+        case _:
+            pass
+
+
+def _strings(node: Node) -> Iterator[tuple[int, int]]:
+    """What it takes for octets and characters, and for additions that it does not know."""
+    match node.kind:
+        case Kind.SEQUENCE if node.is_extensible:
+            yield _ADDITION + 1, _LENGTH
+        case Kind.OPEN | Kind.UTF8 | Kind.OID | Kind.RELATIVE_OID:
+            yield 1, _LENGTH
+        case Kind.CHOICE if node.is_extensible:
+            yield 1, _LENGTH
+        case Kind.BIT_STRING | Kind.OCTET_STRING | Kind.IA5 | Kind.VISIBLE | Kind.PRINTABLE | Kind.NUMERIC:
+            low, width = node.bounds.low or 0, count_width(node.bounds)
+            least = (_LENGTH if width is None else width) + low * unit_bits(node)
+            yield 1 + low * (unit_bits(node) + 7) // 8, max(1, min(_LENGTH, least) if node.is_extensible else least)
+        case _:
+            pass
+
+
+_ADDITION = 24 + 16  # octets of a captain_addition, and of the captain_additions that holds it
+
+
+def _reached(node: Node) -> list[Node]:
+    found = {node: None}
+    waiting = [node]
+    while waiting:
+        for child in waiting.pop().children():
+            if child not in found:
+                found[child] = None
+                waiting.append(child)
+    return list(found)

@@ -6,7 +6,7 @@ place), parameters (each instance is a definition of its own, named `<template>-
 (expanded), tags (alternatives of a CHOICE stand in canonical order, X.680 8.6), comments (but for units).
 
 What is kept: every constraint, the PER-visible and the others, in the order and nesting of the text, because a serial
-constraint means another thing than a union (X.680 50.8).
+constraint means another thing than a union (X.680 50.11).
 """
 
 from collections.abc import Mapping

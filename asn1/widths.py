@@ -45,15 +45,23 @@ def _flat_values(node: Node) -> int:
     return sum(_flat_values(f.node) for f in node.fields)
 
 
-def minimal_bits(node: Node, known: dict[Node, int]) -> int:
-    """No value of the type takes fewer bits. A type inside itself counts as nothing there."""
+def minimal_bits(node: Node, known: dict[Node, int], elements: bool = True) -> int:
+    """No value of the type takes fewer bits; a type inside itself counts as nothing there.
+
+    elements  whether elements of lists and open types count.
+    """
     if node not in known:
         known[node] = 0
-        known[node] = _minimal_bits(node, known)
+        known[node] = _minimal_bits(node, known, elements)
     return known[node]
 
 
-def _minimal_bits(node: Node, known: dict[Node, int]) -> int:
+def own_bits(node: Node) -> int:
+    """No value of the type takes fewer bits beside those of elements of lists and of open types."""
+    return minimal_bits(node, {}, elements=False)
+
+
+def _minimal_bits(node: Node, known: dict[Node, int], elements: bool) -> int:
     match node.kind:
         case Kind.BOOLEAN:
             return 1
@@ -64,17 +72,19 @@ def _minimal_bits(node: Node, known: dict[Node, int]) -> int:
         case Kind.ENUMERATED:
             width = (node.root_count - 1).bit_length()
             return 1 + min(width, 7) if node.is_extensible else width
-        case Kind.UTF8 | Kind.OID | Kind.RELATIVE_OID | Kind.OPEN:
+        case Kind.OPEN:
+            return 8 if elements else 0
+        case Kind.UTF8 | Kind.OID | Kind.RELATIVE_OID:
             return 8
         case Kind.SEQUENCE:
-            inside = sum(1 if f.is_optional else minimal_bits(f.node, known) for f in node.root)
+            inside = sum(1 if f.is_optional else minimal_bits(f.node, known, elements) for f in node.root)
             return node.is_extensible + inside
         case Kind.CHOICE:
-            inside = min((minimal_bits(f.node, known) for f in node.root), default=0)
+            inside = min((minimal_bits(f.node, known, elements) for f in node.root), default=0)
             width = (node.root_count - 1).bit_length() + inside
             return 1 + min(width, 15) if node.is_extensible else width
         case _:
-            each = minimal_bits(node.item, known) if node.kind is Kind.LIST else unit_bits(node)
+            each = unit_bits(node) if node.kind is not Kind.LIST else elements * minimal_bits(node.item, known)
             count = count_width(node.bounds)
             root = (8 if count is None else count) + each * (node.bounds.low or 0)
             return 1 + min(8, root) if node.is_extensible else root

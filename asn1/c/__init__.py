@@ -11,6 +11,7 @@ from asn1.c.predicate import Predicates
 from asn1.c.tables import tables, text
 from asn1.c.validate import validator
 from asn1.layout import lay_out
+from asn1.memory import arena_octets
 from asn1.nodes import Layout, Node
 from asn1.types import Message, Module, Schema
 
@@ -61,7 +62,12 @@ def _code(module: Module, nodes: list[Node]) -> str:
 
 def _messages_header(layout: Layout) -> str:
     """Everything at once."""
-    lines = ["#ifndef CAPTAIN_MESSAGES_H", "#define CAPTAIN_MESSAGES_H", ""]
+    lines = [
+        "/* All messages of this library: made by captain-asn1. */",
+        "#ifndef CAPTAIN_MESSAGES_H",
+        "#define CAPTAIN_MESSAGES_H",
+        "",
+    ]
     lines += [f"#include <captain/{key}.h>" for key in sorted(layout.nodes)]
     return "\n".join([*lines, "", "#endif", ""])
 
@@ -69,7 +75,11 @@ def _messages_header(layout: Layout) -> str:
 def _messages(layout: Layout) -> str:
     messages = sorted(layout.messages, key=lambda message: (message.type, message.rank, message.name))
     modules = sorted({layout.pdus[message.name].module for message in messages})
-    lines = [*(f"#include <captain/{key}.h>" for key in modules), ""]
+    lines = [
+        "/* The list of the messages: made by captain-asn1. */",
+        *(f"#include <captain/{key}.h>" for key in modules),
+        "",
+    ]
     for index, message in enumerate(messages):
         lines += _message(layout, message, index)
     # A list of no message still has to be an array.
@@ -87,5 +97,5 @@ def _message(layout: Layout, message: Message, index: int) -> Iterator[str]:
         if values:
             yield f"    .{name} = (const uint8_t[]){{{', '.join(map(str, values))}}}, .{name}_count = {len(values)},"
     yield f"    .release = {message.release}, .is_experimental = {'true' if message.is_experimental else 'false'},"
-    yield f"    .btp_port = {message.btp_port}, .rank = {message.rank},"
+    yield f"    .btp_port = {message.btp_port}, .rank = {message.rank}, .arena = {arena_octets(pdu)},"
     yield "};"

@@ -115,9 +115,14 @@ class _Encoder(WriteValues):
             selector = f"{of}{member(node.fields[f.node.selector].name)}"
             self.call(f"captain_encode_open(w, at, &{f.node.c_name}_type, (int64_t){selector}, &{name})")
         elif f.is_pointer:
-            self.call(f"{f.node.c_name}_write(w, at, {name})")
+            self.pointed(f, name)
         else:
             self.value(f.node, name)
+
+    def pointed(self, f: Field, name: str) -> None:
+        self.flush()
+        self.refuse_if(f"{name} == NULL", "CAPTAIN_PRESENCE")
+        self.call(f"{f.node.c_name}_write(w, at, {name})")
 
     def addition(self, node: Node, group: list[Field], of: str) -> None:
         self.put("const size_t start = at;")
@@ -171,7 +176,7 @@ class _Encoder(WriteValues):
     def choose(self, f: Field) -> None:
         name = f"v->u.{member(f.name)}"
         if f.is_pointer:
-            self.call(f"{f.node.c_name}_write(w, at, {name})")
+            self.pointed(f, name)
         else:
             self.value(f.node, name)
 

@@ -135,6 +135,7 @@ class _Validator(Body):
             selector = f"{of}{member(node.fields[f.node.selector].name)}"
             self.call(f"captain_validate_open(&{f.node.c_name}_type, (int64_t){selector}, &{name})")
         elif f.is_pointer:
+            self.fail_if(f"{name} == NULL", "CAPTAIN_PRESENCE")
             self.call(f"{f.node.c_name}_check({name})")
         else:
             self.value(f.node, name)

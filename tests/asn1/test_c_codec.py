@@ -1,10 +1,14 @@
 """Generated C, by bits that were counted by hand from X.691 (02/2021); clauses stand beside them."""
 
+import json
+from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.asn1.compiled import Compiled, RefusedError, compiled, octets_of, schema_of
+from asn1 import c
+from asn1.text import load_schema
+from tests.asn1.compiled import ROOT, Compiled, RefusedError, compiled, octets_of, schema_of
 
 MODULE = """
 Narrow ::= INTEGER (-5..10)
@@ -301,3 +305,25 @@ def test_what_is_large_lies_behind_a_pointer(codec: Compiled) -> None:
     assert codec.decode("Holder", octets) == value
     with pytest.raises(RefusedError, match="out of memory"):
         codec.decode("Holder", octets, memory=200)
+
+
+REAL = json.loads((ROOT / "firmware" / "vectors.json").read_text())
+
+
+@pytest.mark.parametrize(
+    ("name", "standard"), [("cam-1.4.1", "CAM EN 302 637-2 v1.4.1"), ("denm-1.3.1", "DENM EN 302 637-3 v1.3.1")]
+)
+def test_real_messages_come_back_octet_for_octet(name: str, standard: str) -> None:
+    codec = compiled(load_schema(), ["cam-1.4.1", "denm-1.3.1"])
+    for vector in REAL:
+        if vector["module"] == standard:
+            octets = bytes.fromhex(vector["hex"])
+            assert codec.again(name, octets) == octets
+
+
+def test_the_same_schema_gives_the_same_octets(tmp_path: Path) -> None:
+    schema = load_schema()
+    first = c.generate(schema, ["cam-1.4.1"], tmp_path / "first")
+    second = c.generate(schema, ["cam-1.4.1"], tmp_path / "second")
+    assert [path.read_bytes() for path in first] == [path.read_bytes() for path in second]
+    assert first == sorted(first)

@@ -1,9 +1,11 @@
 """Layouts: which nodes there are, what they are called, how wide they are and what lies behind pointers."""
 
+import math
+
 import pytest
 
 from asn1.layout import Kind, Layout, Node, lay_out
-from asn1.memory import number_octets
+from asn1.memory import arena_octets, number_octets
 from asn1.text import load_schema
 from asn1.widths import is_flat, minimal_bits
 from tests.asn1.compiled import schema_of
@@ -153,3 +155,21 @@ def test_all_messages_of_all_editions_are_laid_out() -> None:
     layout = lay_out(schema, list(schema.messages.values()))
     assert set(layout.pdus) == set(schema.messages)
     assert len(named(layout)) == sum(map(len, layout.nodes.values()))
+
+
+def test_the_memory_that_a_message_may_ask_for_is_bounded_by_its_octets() -> None:
+    schema = load_schema()
+    layout = lay_out(schema, list(schema.messages.values()))
+    octets = {name: arena_octets(pdu) for name, pdu in layout.pdus.items()}
+    assert octets["rawtx-1"] == 0
+    assert octets["cam-1.4.1"] < 100
+    assert max(octets.values()) < 1000
+
+
+def test_memory_is_paid_by_bits_of_its_own() -> None:
+    # an element takes 2 octets and with what alignment may cost 9, and brings 9 bits
+    assert arena_octets(node("A ::= SEQUENCE OF INTEGER (0..511)")) == 8
+    # a struct of 16 octets for each list of it, paid by the 3 bits of its count
+    assert arena_octets(node("A ::= SEQUENCE OF SEQUENCE (SIZE(0..7)) OF INTEGER (0..511)")) == math.ceil(
+        8 * (16 + 7) / 3
+    )

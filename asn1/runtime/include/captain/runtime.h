@@ -46,7 +46,7 @@ typedef enum captain_status {
     CAPTAIN_ALTERNATIVE,  /* an alternative or enumeration item that does not exist and cannot be an extension */
     CAPTAIN_PRESENCE,     /* a component is missing that has to be there, or there where it may not be */
     CAPTAIN_LENGTH,       /* a length that is malformed: fragment sizes, an open type longer or shorter than its value */
-    CAPTAIN_DEPTH,        /* nested deeper than CAPTAIN_MAX_DEPTH */
+    CAPTAIN_DEPTH,        /* nested deeper than CAPTAIN_MAX_DEPTH, or too often within itself (CAPTAIN_RECURS) */
     CAPTAIN_NO_MEMORY,    /* the arena is used up */
     CAPTAIN_NO_SPACE,     /* the caller's buffer for the octets or the text is too small */
     CAPTAIN_TRAILING,     /* octets behind the end of the message */
@@ -185,7 +185,8 @@ typedef struct captain_type {
     uint16_t root_count;            /* of fields or names: those of the root */
     uint16_t additions_count;       /* extension additions known, a group counts once */
     uint8_t alphabet_count, gaps_count;
-    /* Generated code, for captain_decode and its like; NULL for types that only ever occur inline in others. `at` is the
+    /* Generated code, for captain_decode and its like. decode and encode are NULL for numbers, strings and small SEQUENCEs of
+     * numbers only that never stand in a list: they are part of the code of what holds them. `at` is the
      * offset in bits; what comes back is the offset behind the value, or CAPTAIN_FAILED. */
     size_t (*decode)(captain_reader *reader, size_t at, void *value);
     size_t (*encode)(captain_writer *writer, size_t at, const void *value);
@@ -205,6 +206,8 @@ typedef struct captain_message {
     bool is_experimental;
     uint16_t btp_port;
     uint16_t rank;         /* order of preference among editions: smallest first */
+    uint32_t arena;        /* decode takes at most so many octets from the arena for each octet of the message, whatever it
+                            * is; a list of 16384 elements and more, which comes in fragments, four times as many */
 } captain_message;
 
 /* Every message of this library, by type and rank; captain_messages_count of them. */
