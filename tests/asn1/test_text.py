@@ -4,7 +4,7 @@ import hashlib
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from asn1 import text
@@ -186,6 +186,7 @@ def structures(inner: st.SearchStrategy[t.Type]) -> st.SearchStrategy[t.Type]:
     )
 
 
+@settings(max_examples=40)  # making a type is slow, not the text
 @given(type_=st.recursive(LEAVES, structures, max_leaves=6), unit=st.none() | st.text(max_size=6))
 def test_any_type_comes_back_as_it_was(type_: t.Type, unit: str | None) -> None:
     module = t.Module("r1_x", "X", "", "s", "f", "0", {"A": t.Definition("A", type_, unit)})
