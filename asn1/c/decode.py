@@ -4,6 +4,8 @@ Neighbouring fields of fixed width make a run: one comparison with the end, one 
 bit may end a run together with what it decides about; where it is set, the offset goes back to behind it.
 """
 
+from functools import partial
+
 from asn1.c.defaults import default_lines
 from asn1.c.names import member, value_type
 from asn1.c.read_values import ReadValues, Use
@@ -64,6 +66,8 @@ def _function(head: str, body: "_Decoder") -> list[str]:
 
 
 class _Decoder(ReadValues):
+    """SEQUENCE, CHOICE and SEQUENCE OF."""
+
     def sequence(self, node: Node, to: str) -> None:
         if node.is_extensible:
             self.put("bool extended;")
@@ -80,10 +84,10 @@ class _Decoder(ReadValues):
     def preamble(self, fields: list[Field], to: str) -> None:
         for f in fields:
             if f.is_optional and not f.is_mandatory:
-                self.present(f"{to}has_{member(f.name)}")
+                self.add(1, partial(self.present, f"{to}has_{member(f.name)}"))
 
-    def present(self, flag: str) -> None:
-        self.add(1, lambda bits: self.put(f"{flag} = {bits} != 0;"))
+    def present(self, flag: str, bits: str) -> None:
+        self.put(f"{flag} = {bits} != 0;")
 
     def component(self, node: Node, f: Field, to: str) -> None:
         name = f"{to}{member(f.name)}"
@@ -103,7 +107,7 @@ class _Decoder(ReadValues):
         name = f"{to}{member(f.name)}"
         if f.node.kind is Kind.OPEN:
             selector = f"{to}{member(node.fields[f.node.selector].name)}"
-            self.call(f"captain_decode_open(r, at, &{f.node.c_name}_type, (int64_t){_later(self, selector)}, &{name})")
+            self.call(f"captain_decode_open(r, at, &{f.node.c_name}_type, (int64_t){selector}, &{name})")
         elif f.is_pointer:
             self.flush()
             self.put(f"{name} = captain_take(r, at, sizeof({f.node.c_name}));", f"if ({name} == NULL)")
@@ -270,9 +274,3 @@ class _Decoder(ReadValues):
         self.put("if (v->items == NULL)", "    return CAPTAIN_FAILED;")
         with self.block("for (uint32_t i = 0; i < v->count; i++)"):
             self.call(f"{item_function(node)}(r, at, &v->items[i])")
-
-
-def _later(body: _Decoder, selector: str) -> str:
-    """The selector has been read by then: a call ends the run before it."""
-    body.flush()
-    return selector

@@ -56,6 +56,8 @@ def _function(head: str, body: "_Encoder") -> list[str]:
 
 
 class _Encoder(WriteValues):
+    """SEQUENCE, CHOICE and SEQUENCE OF."""
+
     def sequence(self, node: Node, of: str) -> None:
         known = self.known_additions(node, of) if node.is_extensible else "0"
         if node.is_extensible:
