@@ -112,7 +112,8 @@ void captain_out_quoted(captain_out *out, const char *text, size_t octets)
         put_escaped(out, text[i]);
         from = i + 1;
     }
-    captain_out_put(out, text + from, octets - from);
+    if (octets > from) /* no text may have no address */
+        captain_out_put(out, text + from, octets - from);
     captain_out_character(out, '"');
 }
 
