@@ -65,6 +65,10 @@ def _function(head: str, body: "_Decoder") -> list[str]:
     return [head, "{", *body.lines[:1], *variables, *unused, *body.lines[1:], "    return at;", *exits, "}", ""]
 
 
+# Bits of the shortest general length: with fewer in the root both may be asked for at once.
+_LENGTH = 8
+
+
 class _Decoder(ReadValues):
     """SEQUENCE, CHOICE and SEQUENCE OF."""
 
@@ -219,7 +223,10 @@ class _Decoder(ReadValues):
     def list_(self, node: Node) -> None:
         width, low, high = count_width(node.bounds), node.bounds.low or 0, node.bounds.high
         if width is None:
-            self.general(node, is_root=not node.is_extensible)
+            if node.is_extensible:
+                self.add(1, lambda bits: self.put(f"x = {bits};"))
+                self.flush()
+            self.general(node, "x == 0" if node.is_extensible else "")
             return
 
         def use(bits: str) -> None:
@@ -233,8 +240,12 @@ class _Decoder(ReadValues):
             else:
                 self.put(f"v->count = {low};")
 
-        if node.is_extensible:
+        if node.is_extensible and width <= _LENGTH:
             self.add(1 + width, lambda bits: self.list_extended(node, bits, width, use))
+        elif node.is_extensible:
+            self.add(1, lambda bits: self.list_extended(node, bits, 0, lambda _: None))
+            self.flush()
+            self.add(width, use)
         elif width:
             self.add(width, use)
         else:
@@ -252,22 +263,21 @@ class _Decoder(ReadValues):
         with self.block(f"if (x >> {width} != 0)"):
             if width:
                 self.put(f"at -= {width};")
-            self.general(node, is_root=False)
+            self.general(node, None)
             self.put("return at;")
         use("x")
 
-    def general(self, node: Node, is_root: bool) -> None:
+    def general(self, node: Node, root: str | None) -> None:
+        """root: the condition under which its bounds hold, "" for always, None for never."""
         self.put("captain_list list;")
         least = minimal_bits(node.item, {})
         self.call(f"captain_decode_items(r, at, &list, sizeof *v->items, {least}, {item_function(node)})")
         self.put("v->count = list.count;", "v->items = list.items;")
-        wrong = []
-        if is_root and node.bounds.low:
-            wrong.append(f"v->count < {node.bounds.low}")
-        if is_root and node.bounds.high is not None:
-            wrong.append(f"v->count > {node.bounds.high}")
-        if wrong:
-            self.put(f"if ({' || '.join(wrong)})", f"    goto {self.exit('CAPTAIN_SIZE')};")
+        low, high = node.bounds.low, node.bounds.high
+        wrong = ([f"v->count < {low}"] if low else []) + ([f"v->count > {high}"] if high is not None else [])
+        if wrong and root is not None:
+            outside = " || ".join(wrong)
+            self.put(f"if ({f'{root} && ({outside})' if root else outside})", f"    goto {self.exit('CAPTAIN_SIZE')};")
 
     def items(self, node: Node) -> None:
         self.put(f"v->items = captain_take_items(r, at, v->count, sizeof *v->items, {minimal_bits(node.item, {})});")

@@ -38,6 +38,10 @@ Text ::= UTF8String (SIZE(1..3))
 Path ::= OBJECT IDENTIFIER
 Numbers ::= SEQUENCE (SIZE(0..3)) OF INTEGER (0..3)
 Pairs ::= SEQUENCE (SIZE(2, ...)) OF Pair
+Endless ::= SEQUENCE (SIZE(1..MAX, ...)) OF BOOLEAN
+Broad ::= SEQUENCE (SIZE(1..1000, ...)) OF BOOLEAN
+Huge ::= SEQUENCE (SIZE(0..70000)) OF BOOLEAN
+Before ::= SEQUENCE { seven INTEGER (0..127), broad Broad }
 Nothings ::= SEQUENCE OF NULL
 Many ::= SEQUENCE OF BOOLEAN
 Pair ::= SEQUENCE { a INTEGER (0..3), b BOOLEAN }
@@ -111,6 +115,11 @@ GOOD: list[tuple[str, Any, str]] = [
     ("Pairs", [{"a": 1, "b": True}, {"a": 2, "b": False}], "0 011 100"),  # 20.5: no length
     ("Pairs", [{"a": 1, "b": True}], "1 00000001 011"),
     ("Nothings", [None] * 5, "00000101"),
+    ("Endless", [True], "0 00000001 1"),
+    ("Endless", [], "1 00000000"),
+    ("Broad", [True], "0 0000000000 1"),
+    ("Before", {"seven": 0, "broad": []}, "0000000 1 00000000"),
+    ("Huge", [True], "00000001 1"),  # 11.9.4.1: an upper bound of 64K and more is none
     ("Record", {"b": {"a": 3, "b": False}, "c": "green", "d": "FF"}, "00 110 11111111"),  # 19.5
     ("Record", {"a": 0, "b": {"a": 3, "b": False}, "c": "red", "d": "00"}, "11 00 110 00 00000000"),
     ("Empty", {}, "00000000"),  # 11.1.3: an empty encoding is an octet; it is counted as one
