@@ -150,7 +150,7 @@ def wider(inner: st.SearchStrategy[t.ElementSet]) -> st.SearchStrategy[t.Element
     )
 
 
-CONSTRAINTS = st.lists(constraint_of(st.recursive(VALUES, wider, max_leaves=4)), max_size=2).map(tuple)
+CONSTRAINTS = st.lists(constraint_of(st.recursive(VALUES, wider, max_leaves=3)), max_size=2).map(tuple)
 NAMED = st.lists(st.builds(t.Named, NAMES, NUMBERS), max_size=3).map(tuple)
 DEFAULTS = st.one_of(
     st.none(), st.booleans(), NUMBERS, st.text(max_size=5), st.binary(max_size=4),
@@ -187,7 +187,7 @@ def structures(inner: st.SearchStrategy[t.Type]) -> st.SearchStrategy[t.Type]:
 
 
 @settings(max_examples=40)  # making a type is slow, not the text
-@given(type_=st.recursive(LEAVES, structures, max_leaves=6), unit=st.none() | st.text(max_size=6))
+@given(type_=st.recursive(LEAVES, structures, max_leaves=4), unit=st.none() | st.text(max_size=6))
 def test_any_type_comes_back_as_it_was(type_: t.Type, unit: str | None) -> None:
     module = t.Module("r1_x", "X", "", "s", "f", "0", {"A": t.Definition("A", type_, unit)})
     assert load(dump(module)) == module
