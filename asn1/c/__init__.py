@@ -46,7 +46,7 @@ def write(layout: Layout, folder: Path) -> list[Path]:
 
 
 def _code(module: Module, nodes: list[Node]) -> str:
-    predicates = Predicates(module.key)
+    predicates = Predicates()
     functions: list[str] = []
     for node in nodes:
         if needs_functions(node):

@@ -14,9 +14,9 @@ from asn1.types import AllExcept, AllOf, AnyOf, Constraint, Element, ElementSet,
 class Predicates:
     """Conditions, and the functions that they call."""
 
-    def __init__(self, module: str) -> None:
-        self.module = module
+    def __init__(self) -> None:
         self.functions: list[str] = []
+        self.count = 0
         self.free: dict[Node, bool] = {}
 
     def inner(self, constraint: Constraint, node: Node, of: str) -> str | None:
@@ -81,7 +81,8 @@ class Predicates:
         condition = self.constraint(constraint, node.item, "v->items[i]")
         if condition is None:
             return None
-        name = f"{node.c_name}_every_{len(self.functions)}"
+        self.count += 1
+        name = f"{node.c_name}_every_{self.count}"
         self.functions += [
             f"static bool {name}(const {node.c_name} *v)",
             "{",

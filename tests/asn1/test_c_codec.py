@@ -57,6 +57,9 @@ Holder ::= SEQUENCE { large Large OPTIONAL, either CHOICE { large Large, no NULL
 One ::= SEQUENCE (SIZE(1..4)) OF Choose
 Inner ::= Record (WITH COMPONENTS { ..., a PRESENT, c (red | blue) })
 Either ::= Old2 (WITH COMPONENTS { ..., p PRESENT, q ABSENT } | WITH COMPONENTS { ..., p ABSENT, q PRESENT })
+Twice ::= SEQUENCE { one Pairs2, other Pairs2 (WITH COMPONENT (WITH COMPONENTS { ..., b (TRUE) })) }
+Thrice ::= SEQUENCE { all Pairs2 (WITH COMPONENT (WITH COMPONENTS { ..., b (TRUE) })) }
+Pairs2 ::= SEQUENCE OF Pair (WITH COMPONENTS { ..., a (0 | 2) })
 Old2 ::= SEQUENCE { p NULL OPTIONAL, q NULL OPTIONAL }
 Serial ::= Pairs (WITH COMPONENT (WITH COMPONENTS { ..., a (ALL EXCEPT 1) }))
 HOLDS ::= CLASS { &id INTEGER (0..255) UNIQUE, &Type } WITH SYNTAX { &Type IDENTIFIED BY &id }
@@ -175,6 +178,9 @@ INVALID: list[tuple[str, Any, str]] = [
     ("Inner", {"a": 1, "b": {"a": 0, "b": True}, "c": "green", "d": "00"}, "breaks a constraint"),
     ("Either", {"p": None, "q": None}, "breaks a constraint"),
     ("Serial", [{"a": 0, "b": True}, {"a": 1, "b": True}], "breaks a constraint"),
+    ("Twice", {"one": [{"a": 1, "b": True}], "other": []}, "breaks a constraint"),
+    ("Twice", {"one": [], "other": [{"a": 2, "b": False}]}, "breaks a constraint"),
+    ("Thrice", {"all": [{"a": 2, "b": False}]}, "breaks a constraint"),
 ]
 
 
@@ -188,6 +194,7 @@ def test_what_the_encoding_does_not_see_is_seen_by_validate(codec: Compiled, nam
 def test_validate_takes_what_the_constraints_of_components_allow(codec: Compiled) -> None:
     codec.validate("Inner", {"a": 1, "b": {"a": 0, "b": True}, "c": "blue", "d": "00"})
     codec.validate("Either", {"q": None})
+    codec.validate("Twice", {"one": [{"a": 2, "b": False}], "other": [{"a": 0, "b": True}]})
     codec.validate("Serial", [{"a": 0, "b": True}, {"a": 2, "b": True}])
 
 
