@@ -74,6 +74,8 @@ class Constraints:
         self, text: syntax.Single | syntax.Between, scope: Scope, governor: Typed, characters: bool
     ) -> tuple[types.Range, ...]:
         if isinstance(text, syntax.Single) and characters and isinstance(text.value, syntax.Text):
+            if not text.value.value:
+                raise fault(text.value.place, "an alphabet without characters", "X.680 51.7")
             return merged([types.Range(ord(one), ord(one)) for one in text.value.value])
         if isinstance(text, syntax.Single):
             value = self._end(text.value, scope, governor, characters)

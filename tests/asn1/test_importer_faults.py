@@ -44,6 +44,7 @@ CLASS = "CLS ::= CLASS { &id INTEGER, &Type }  S CLS ::= { ... }"
         ("A ::= A", "a type that is only itself (X.680 3.8.41)"),
         ("A ::= SEQUENCE { a CLS.&Type } CLS ::= CLASS { &id INTEGER, &Type }", "an open type without a table constraint (X.682 10)"),
         ("A ::= CLS.&id({S}) CLS ::= CLASS { &a INTEGER, &b INTEGER } S CLS ::= {...}", "CLS has no field &id (X.681 14)"),
+        ("A ::= IA5String (FROM(\"\"))", "an alphabet without characters (X.680 51.7)"),
         ("A ::= INTEGER (TRUE)", "TRUE is neither defined nor imported"),
         ("A ::= BIT STRING { far(99999999) }", "a bit outside of 0..65535 (X.680 22.4)"),
         ("A ::= SEQUENCE { a ENUMERATED {x} DEFAULT v } v INTEGER ::= 9", "no item has the number 9 (X.680 20)"),
