@@ -8,7 +8,10 @@ import copy
 import hashlib
 import importlib.util
 import io
+import os
+import pickle
 from collections.abc import Callable
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -20,7 +23,7 @@ from tests.asn1.ranges import unfold
 from tests.asn1.reach import components
 from tests.asn1.reference import Encoder
 
-CACHE = Path("build/tests/pycrate")
+CACHE = Path("build/tests/oracles")  # what compilers make of a text, by its hash: they take a second
 Shape = Callable[[Any], Any]
 Makers = dict[type, Callable[[t.Type, Shape], Shape]]
 
@@ -39,7 +42,7 @@ class Asn1tools:
     name = "asn1tools"
 
     def __init__(self, schema: t.Schema, pdu: t.Reference) -> None:
-        self._specification = asn1tools.compile_string(texts(schema, "asn1tools"), "uper")
+        self._specification = asn1tools.compile_dict(_parsed(texts(schema, "asn1tools")), "uper")
         self._schema = schema
         self._reference = Encoder(schema)
         self._type = self._compiled(pdu)
@@ -192,19 +195,16 @@ class _Shaper:
         return type_.selector, {row.value: make(row.type, self.shape(row.type)) for row in rows}
 
 
-def _generated(text: str) -> Any:
-    """pycrate's Python for a text; it takes seconds, so that it is kept by the text's hash."""
-    from pycrate_asn1c import asnproc, setobj
+def _parsed(text: str) -> Any:
+    def parse(path: Path) -> None:
+        path.write_bytes(pickle.dumps(asn1tools.parse_string(text)))
 
-    setobj.ASN1Set._init = _patched(setobj, setobj.ASN1Set._init)
-    path = CACHE / f"p{hashlib.sha256(text.encode()).hexdigest()[:20]}.py"
-    if not path.exists():
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with contextlib.redirect_stdout(io.StringIO()):
-            asnproc.GLOBAL.clear()
-            asnproc.compile_text(text)
-            asnproc.generate_modules(asnproc.PycrateGenerator, str(path))
-            asnproc.GLOBAL.clear()
+    return pickle.loads(_cached(text, "asn1tools", "pickle", parse).read_bytes())
+
+
+def _generated(text: str) -> Any:
+    """The Python that pycrate makes of a text, imported."""
+    path = _cached(text, "pycrate", "py", lambda path: _generate(text, path))
     spec = importlib.util.spec_from_file_location(path.stem, path)
     assert spec is not None
     assert spec.loader is not None
@@ -212,6 +212,29 @@ def _generated(text: str) -> Any:
     with contextlib.redirect_stdout(io.StringIO()):
         spec.loader.exec_module(module)
     return module
+
+
+def _generate(text: str, path: Path) -> None:
+    from pycrate_asn1c import asnproc, setobj
+
+    setobj.ASN1Set._init = _patched(setobj, setobj.ASN1Set._init)
+    with contextlib.redirect_stdout(io.StringIO()):
+        asnproc.GLOBAL.clear()
+        asnproc.compile_text(text)
+        asnproc.generate_modules(asnproc.PycrateGenerator, str(path))
+        asnproc.GLOBAL.clear()
+
+
+def _cached(text: str, compiler: str, kind: str, make: Callable[[Path], None]) -> Path:
+    """Complete or not there: another process may make the same."""
+    digest = hashlib.sha256(f"{version(compiler)} {text}".encode()).hexdigest()
+    path = CACHE / f"{compiler}_{digest[:20]}.{kind}"
+    if not path.exists():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        unfinished = path.with_suffix(f".{os.getpid()}")
+        make(unfinished)
+        unfinished.rename(path)
+    return path
 
 
 def _patched(setobj: Any, init: Callable[[Any], None]) -> Callable[[Any], None]:
