@@ -11,7 +11,7 @@ import pytest
 from asn1 import c
 from tests.asn1.compiled import schema_of
 from tests.asn1.test_c_codec import MODULE, NAMES
-from tests.asn1.walker import BUILD, build_comparison
+from tests.asn1.walker import BUILD, RUNTIME, build_comparison
 
 MESSAGES = tuple(name for name in NAMES if name != "HOLDS")
 
@@ -42,3 +42,13 @@ def test_both_decoders_and_json_agree(constructs: Path, seed: int) -> None:
     told = {line.split()[0]: int(line.split()[2]) for line in ran.stdout.splitlines()}
     assert set(told) == set(MESSAGES)
     assert not [name for name, decoded in told.items() if decoded == 0]
+
+
+@pytest.mark.usefixtures("constructs")
+def test_every_name_that_a_program_could_clash_with_begins_with_captain() -> None:
+    # Hidden symbols of a static library clash as well.
+    objects = [BUILD / f"{source.stem}.o" for source in sorted(RUNTIME.glob("src/*.c"))]
+    names = subprocess.run(["nm", "-g", "--defined-only", *objects], capture_output=True, text=True, check=True).stdout
+    defined = {line.split()[-1] for line in names.splitlines() if len(line.split()) == 3}
+    assert len(defined) > 100
+    assert not [name for name in defined if not name.startswith("captain_")]

@@ -84,8 +84,8 @@ const char *captain_explain_flags_text(const explain_flags *flags, char text[EXP
 /* ---------------------------------------------------------------- explain_number.c */
 
 unsigned captain_explain_width(uint64_t range); /* bits that hold 0..range */
-/* The octets of a number, unsigned, behind their length (11.7, 11.8). */
-captain_status captain_explain_whole(explain *to, const explain_node *node, uint64_t *number, unsigned *octets);
+/* The octets of a number behind their length (11.7, 11.8), unsigned, and the bit that they begin at. */
+captain_status captain_explain_whole(explain *to, const explain_node *node, uint64_t *number, unsigned *octets, size_t *from);
 /* A normally small number (11.6). */
 captain_status captain_explain_small(explain *to, uint64_t *number);
 /* One length without bounds (11.9.3.5 to 11.9.3.8), and the clause it follows: without a step, and with one. */

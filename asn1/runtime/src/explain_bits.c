@@ -20,12 +20,13 @@ captain_status captain_explain_step(explain *to, const explain_node *node, unsig
     if (to->on_step == NULL)
         return CAPTAIN_OK;
     size_t width = to->taken > from ? to->taken - from : 0;
-    TRY(tell(to, what, (captain_step){.bit = from, .width = width, .type = node->type, .field = node->field, .text = text, .clause = clause}));
+    TRY(tell(to, what, (captain_step){.bit = from, .width = width, .type = node->type, .field = node->field, .text = text,
+                                      .clause = clause}));
     for (unsigned i = 0; i < to->headers_count; i++) {
         char octets[24];
-        explain_header *header = &to->headers[i];
-        snprintf(octets, sizeof octets, "%" PRIu64, header->octets);
-        TRY(tell(to, CAPTAIN_STEP_OPEN, (captain_step){.bit = header->bit, .width = header->width, .text = octets, .clause = header->clause}));
+        const explain_header *at = &to->headers[i];
+        snprintf(octets, sizeof octets, "%" PRIu64, at->octets);
+        TRY(tell(to, CAPTAIN_STEP_OPEN, (captain_step){.bit = at->bit, .width = at->width, .text = octets, .clause = at->clause}));
     }
     to->headers_count = 0;
     return CAPTAIN_OK;

@@ -65,11 +65,12 @@ static captain_status take_number(explain *to, const explain_part *part, uint64_
     return captain_explain_take(to, (unsigned)part->count * 8, number);
 }
 
-captain_status captain_explain_whole(explain *to, const explain_node *node, uint64_t *number, unsigned *octets)
+captain_status captain_explain_whole(explain *to, const explain_node *node, uint64_t *number, unsigned *octets, size_t *from)
 {
     explain_part part;
     TRY(captain_explain_length(to, node, &part));
     *octets = (unsigned)part.count;
+    *from = to->at;
     return take_number(to, &part, number);
 }
 

@@ -80,21 +80,21 @@ static captain_status integer(explain *to, explain_node *node)
     const captain_type *type = node->type;
     bool is_extended;
     TRY(captain_explain_extension_bit(to, node, &is_extended, "13.1"));
-    size_t from = to->at;
+    size_t from = to->at, digits;
     uint64_t bits = 0;
     unsigned octets;
     if (is_extended || (type->flags & CAPTAIN_UNBOUNDED_LOW)) {
-        TRY(captain_explain_whole(to, node, &bits, &octets));
+        TRY(captain_explain_whole(to, node, &bits, &octets, &digits));
         int64_t number = sign_extended(bits, octets);
         if (!is_extended && !captain_walk_in_range(type, number))
             return refuse_number(to, type, from, number);
-        return number_step(to, node, to->at - 8 * octets, number, is_extended ? "13.1" : "13.2.4");
+        return number_step(to, node, digits, number, is_extended ? "13.1" : "13.2.4");
     }
     if (type->flags & CAPTAIN_UNBOUNDED_HIGH) {
-        TRY(captain_explain_whole(to, node, &bits, &octets));
+        TRY(captain_explain_whole(to, node, &bits, &octets, &digits));
         if (bits > (uint64_t)INT64_MAX - (uint64_t)type->low)
             return captain_explain_refuse(to, from, CAPTAIN_RANGE, "the number has more than 64 bits");
-        return number_step(to, node, to->at - 8 * octets, (int64_t)((uint64_t)type->low + bits), "13.2.3");
+        return number_step(to, node, digits, (int64_t)((uint64_t)type->low + bits), "13.2.3");
     }
     uint64_t range = (uint64_t)type->high - (uint64_t)type->low;
     TRY(captain_explain_take(to, captain_explain_width(range), &bits));

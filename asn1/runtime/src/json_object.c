@@ -26,8 +26,9 @@ static captain_status refuse_name(json *from, const captain_type *type, const ch
 {
     char text[256], shown[JSON_MAX_NAME];
     captain_json_show(name, shown);
-    const char *near = from->report == NULL ? NULL : captain_walk_nearest(name, type->fields, sizeof *type->fields,
-                                                                          type->fields_count);
+    const char *near = NULL;
+    if (from->report != NULL)
+        near = captain_walk_nearest(name, type->fields, sizeof *type->fields, type->fields_count);
     snprintf(text, sizeof text, "%.60s is no %s of %.60s%s%.60s%s", shown, what, captain_type_text(type),
              near != NULL ? "; did you mean " : "", near != NULL ? near : "", near != NULL ? "?" : "");
     return captain_json_refuse(from, CAPTAIN_SYNTAX, text);
@@ -82,8 +83,7 @@ static captain_status read_unknown(json *from, members *of, const char *name, in
     char text[128];
     if (index < of->type->additions_count || index >= CAPTAIN_WALK_ADDITIONS) {
         snprintf(text, sizeof text, "addition %lld is not in %u..%u: those below have names", (long long)index,
-                 of->type->additions_count,
-                 CAPTAIN_WALK_ADDITIONS - 1u);
+                 of->type->additions_count, CAPTAIN_WALK_ADDITIONS - 1u);
         return captain_json_refuse(from, CAPTAIN_RANGE, text);
     }
     if (of->unknown_count == of->unknown_room)
@@ -199,17 +199,17 @@ static captain_status read_member(json *from, members *of)
     char name[JSON_MAX_NAME];
     TRY(captain_json_name(from, name));
     int index = find_field(of->type, name);
-    size_t path = captain_path_push(&from->path, index >= 0 ? of->type->fields[index].name : "");
-    if (index < 0)
-        captain_path_pop(&from->path, path);
-    bool is_open = of->type->additions != CAPTAIN_NOWHERE;
+    size_t path = from->path.length;
+    bool keeps_unknown = of->type->additions != CAPTAIN_NOWHERE;
+    if (index >= 0)
+        captain_path_push(&from->path, name);
     if (index >= 0 && is_seen(of, (unsigned)index))
         return refuse_twice(from, name);
     if (index >= 0)
         TRY(read_field(from, of, (unsigned)index));
-    else if (is_open && strcmp(name, "[]") == 0)
+    else if (keeps_unknown && strcmp(name, "[]") == 0)
         TRY(read_bitmap(from, of, name));
-    else if (is_open && captain_json_bracket(name) >= 0)
+    else if (keeps_unknown && captain_json_bracket(name) >= 0)
         TRY(read_unknown(from, of, name, captain_json_bracket(name)));
     else
         return refuse_name(from, of->type, name, "component");
