@@ -16,7 +16,7 @@ Dialect = Literal["asn1tools", "pycrate"]
 """What a compiler does not understand, and what is written instead; both leave the encoding as it is.
 
 asn1tools  RELATIVE-OID is not parsed: OCTET STRING, whose encoding is the same (a length and octets, X.691 25).
-pycrate    WITH COMPONENT and WITH COMPONENTS raise: left out (not PER-visible, X.691 10.3).
+pycrate    A union of WITH COMPONENTS is not parsed: what constrains components is left out (PER sees none, X.691 10.3).
 """
 
 

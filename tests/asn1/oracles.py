@@ -78,8 +78,8 @@ class Pycrate:
     name = "pycrate"
 
     def __init__(self, schema: t.Schema, pdu: t.Reference) -> None:
-        generated = _generated(texts(schema, "pycrate"))
-        module = generated.GLOBAL.MOD[schema.modules[pdu.module].name]
+        made = generated(texts(schema, "pycrate"))
+        module = made.GLOBAL.MOD[schema.modules[pdu.module].name]
         self._type = module[pdu.name]
         makers = {t.OpenType: self._open, t.ObjectIdentifier: _arcs, t.BitString: _number, t.Null: _zero}
         self.shape = shaper(schema, pdu, makers, lambda octets: ("_unk_004", octets))
@@ -202,7 +202,7 @@ def _parsed(text: str) -> Any:
     return pickle.loads(_cached(text, "asn1tools", "pickle", parse).read_bytes())
 
 
-def _generated(text: str) -> Any:
+def generated(text: str) -> Any:
     """The Python that pycrate makes of a text, imported."""
     path = _cached(text, "pycrate", "py", lambda path: _generate(text, path))
     spec = importlib.util.spec_from_file_location(path.stem, path)

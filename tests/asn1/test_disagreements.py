@@ -10,6 +10,8 @@ from typing import Any, NamedTuple
 import asn1tools
 import pytest
 
+from asn1 import asn
+from tests.asn1 import oracles
 from tests.asn1.disagreements import TABLE, Constructs
 from tests.asn1.effective import effective
 from tests.asn1.imported import snippet
@@ -134,6 +136,25 @@ def test_asn1tools_cannot_give_back_what_a_newer_sender_added(text: str, message
     except Exception:  # noqa: BLE001
         return
     assert again != bytes.fromhex(message)
+
+
+@pytest.mark.skipif(not HAS_PYCRATE, reason="pycrate is not installed")
+def test_pycrate_sends_trailing_zeros_of_named_bits():
+    # X.691 16.2: they mean nothing. Made values have none, so that the table has no row of it.
+    schema, root = snippet("Root ::= BIT STRING { first(0), last(7) }", "Root")
+    assert Encoder(schema).encode(root, (b"\x80", 8)) == octets("00000001 1")
+    theirs = Pycrate(schema, root)
+    assert theirs.encode(theirs.shape((b"\x80", 8))) == octets("00001000 10000000")
+
+
+@pytest.mark.skipif(not HAS_PYCRATE, reason="pycrate is not installed")
+def test_pycrate_does_not_parse_a_union_of_inner_constraints():
+    text = "Root ::= SEQUENCE { a NULL OPTIONAL, b NULL OPTIONAL } ((WITH COMPONENTS {a PRESENT}) | (WITH COMPONENTS {b PRESENT}))"
+    schema, root = snippet(text, "Root")
+    as_it_is = asn.text(schema, schema.modules[root.module])
+    with pytest.raises(Exception, match="invalid value reference"):
+        oracles.generated(as_it_is)
+    assert is_right(Pycrate(schema, root), Example("", "", {"a": None}, "10"))
 
 
 def test_a_size_with_additions_keeps_its_root_apart():
