@@ -97,6 +97,14 @@ def test_a_whole_number_has_many_forms(walker: Walker, text: str, number: int) -
     assert walker.json("small", text) == str(number)
 
 
+def test_an_exponent_may_be_as_long_as_the_digits(walker: Walker) -> None:
+    zeros = 20000
+    assert walker.json("small", f"0.{'0' * zeros}7e{zeros + 1}") == "7"
+    assert walker.json("small", f"7{'0' * zeros}e-{zeros}") == "7"
+    assert refused(walker.json("small", f"7{'0' * zeros}e-9{zeros}")).status == "syntax error"
+    assert refused(walker.json("small", f"7{'0' * zeros}e99999999999999999999999")).status == "out of range"
+
+
 def test_escapes_and_surrogates_are_characters(walker: Walker) -> None:
     assert walker.json("text", r'"\u00e4\ud83d\ude00\n"') == '"\u00e4\U0001f600\\n"'
     assert walker.json("text", r'"\u0000"') == r'"\u0000"'

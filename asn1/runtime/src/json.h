@@ -35,7 +35,7 @@ captain_status captain_json_expect(json *from, char character, const char *what)
 captain_status captain_json_refuse(json *from, captain_status status, const char *text);
 /* "what is expected, \"abc\" found" */
 captain_status captain_json_refuse_found(json *from, captain_status status, const char *expected);
-captain_status captain_json_word(json *from, const char *word, bool *is_there);
+bool captain_json_word(json *from, const char *word);
 captain_status captain_json_take_string(json *from, json_string *string, const char *expected);
 int captain_json_hex(char character); /* the value of a digit, or -1 */
 void captain_json_copy(const json_string *string, char *text); /* string->octets of them */

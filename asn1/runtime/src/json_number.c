@@ -1,9 +1,12 @@
 /* Numbers of JSON (RFC 8259 clause 6): whole ones, in all their forms. */
 #include "json.h"
 
+/* No text has so many digits that a larger exponent could bring them to the point. */
+#define MAX_EXPONENT INT64_C(1000000000000000)
+
 typedef struct number_text {
     const char *digits, *point, *end; /* of the mantissa; point: where its fraction begins, or end */
-    int exponent;                     /* cut at +-100000 */
+    int64_t exponent;                 /* cut above MAX_EXPONENT */
     bool is_negative;
 } number_text;
 
@@ -14,7 +17,7 @@ static const char *digits_end(const json *from, const char *at)
     return at;
 }
 
-static bool scan_exponent(const json *from, const char **at, int *exponent)
+static bool scan_exponent(const json *from, const char **at, int64_t *exponent)
 {
     *exponent = 0;
     if (*at == from->end || (**at != 'e' && **at != 'E'))
@@ -26,7 +29,7 @@ static bool scan_exponent(const json *from, const char **at, int *exponent)
     if (end == *at)
         return false;
     for (; *at < end; ++*at)
-        *exponent = *exponent < 100000 ? *exponent * 10 + (**at - '0') : *exponent;
+        *exponent = *exponent < MAX_EXPONENT ? *exponent * 10 + (**at - '0') : *exponent;
     *exponent = is_negative ? -*exponent : *exponent;
     return true;
 }
@@ -57,7 +60,7 @@ static bool scan_number(json *from, number_text *number)
 static uint64_t magnitude(const number_text *number, bool *is_whole, bool *is_small)
 {
     uint64_t result = 0;
-    int64_t left = (number->point - number->digits) + (int64_t)number->exponent; /* digits before the point */
+    int64_t left = (number->point - number->digits) + number->exponent; /* digits before the point */
     *is_whole = *is_small = true;
     for (const char *at = number->digits; at < number->end; at++) {
         if (at == number->point)
@@ -77,6 +80,16 @@ static uint64_t magnitude(const number_text *number, bool *is_whole, bool *is_sm
     return result;
 }
 
+static captain_status refuse_large(json *from, const char *end)
+{
+    char shown[JSON_FOUND];
+    captain_json_found(from, shown);
+    size_t length = (size_t)(end - from->next);
+    if (length < sizeof shown - 8)
+        shown[length] = 0;
+    return captain_walk_refuse(from->report, &from->path, 0, CAPTAIN_RANGE, "%s does not fit into 64 bits", shown);
+}
+
 captain_status captain_json_integer(json *from, bool is_unsigned64, int64_t *number)
 {
     number_text text;
@@ -88,20 +101,12 @@ captain_status captain_json_integer(json *from, bool is_unsigned64, int64_t *num
     *number = (int64_t)(text.is_negative ? 0 - value : value);
     uint64_t most = is_unsigned64 ? (text.is_negative ? 0 : UINT64_MAX) : (uint64_t)INT64_MAX + text.is_negative;
     const char *after = from->next;
-    if (!is_whole)
-        from->next = before;
+    if (is_whole && is_small && value <= most)
+        return CAPTAIN_OK;
+    from->next = before;
     if (!is_whole)
         return captain_json_refuse_found(from, CAPTAIN_SYNTAX, "a whole number");
-    if (!is_small || value > most) {
-        char shown[JSON_FOUND];
-        from->next = before;
-        captain_json_found(from, shown);
-        size_t length = (size_t)(after - from->next);
-        if (length < sizeof shown - 8)
-            shown[length] = 0;
-        return captain_walk_refuse(from->report, &from->path, 0, CAPTAIN_RANGE, "%s does not fit into 64 bits", shown);
-    }
-    return CAPTAIN_OK;
+    return refuse_large(from, after);
 }
 
 bool captain_json_skip_number(json *from)

@@ -27,20 +27,16 @@ int64_t captain_json_bracket(const char *name)
 
 static captain_status read_boolean(json *from, bool *value)
 {
-    bool is_false;
-    TRY(captain_json_word(from, "true", value));
-    if (*value)
+    *value = captain_json_word(from, "true");
+    if (*value || captain_json_word(from, "false"))
         return CAPTAIN_OK;
-    TRY(captain_json_word(from, "false", &is_false));
-    return is_false ? CAPTAIN_OK : captain_json_refuse_found(from, CAPTAIN_SYNTAX, "true or false");
+    return captain_json_refuse_found(from, CAPTAIN_SYNTAX, "true or false");
 }
 
 static captain_status read_null(json *from, bool *value)
 {
-    bool is_there;
     *value = false;
-    TRY(captain_json_word(from, "null", &is_there));
-    return is_there ? CAPTAIN_OK : captain_json_refuse_found(from, CAPTAIN_SYNTAX, "null");
+    return captain_json_word(from, "null") ? CAPTAIN_OK : captain_json_refuse_found(from, CAPTAIN_SYNTAX, "null");
 }
 
 static captain_status read_integer(json *from, const captain_type *type, void *value)
@@ -71,8 +67,9 @@ static captain_status read_item(json *from, const captain_type *type, void *valu
         captain_walk_set_number(type, value, CAPTAIN_UNKNOWN + index);
         return CAPTAIN_OK;
     }
-    const char *near = from->report == NULL ? NULL : captain_walk_nearest(name, type->names, sizeof *type->names,
-                                                                          type->names_count);
+    const char *near = NULL;
+    if (from->report != NULL)
+        near = captain_walk_nearest(name, type->names, sizeof *type->names, type->names_count);
     snprintf(text, sizeof text, "%.60s is no item of %.60s%s%.60s%s", captain_json_show(name, shown), captain_type_text(type),
              near != NULL ? "; did you mean " : "", near != NULL ? near : "", near != NULL ? "?" : "");
     return captain_json_refuse(from, CAPTAIN_ALTERNATIVE, text);

@@ -56,13 +56,13 @@ captain_status captain_json_expect(json *from, char character, const char *what)
     return captain_json_take(from, character) ? CAPTAIN_OK : captain_json_refuse_found(from, CAPTAIN_SYNTAX, what);
 }
 
-captain_status captain_json_word(json *from, const char *word, bool *is_there)
+bool captain_json_word(json *from, const char *word)
 {
     size_t length = strlen(word);
     captain_json_blanks(from);
-    *is_there = (size_t)(from->end - from->next) >= length && memcmp(from->next, word, length) == 0;
-    from->next += *is_there ? length : 0;
-    return CAPTAIN_OK;
+    bool is_there = (size_t)(from->end - from->next) >= length && memcmp(from->next, word, length) == 0;
+    from->next += is_there ? length : 0;
+    return is_there;
 }
 
 /* ---------------------------------------------------------------- strings */
@@ -245,6 +245,6 @@ captain_status captain_json_skip(json *from)
     if (captain_json_is(from, '"'))
         return captain_json_take_string(from, &string, "a value");
     for (unsigned i = 0; i < 3 && !is_there; i++)
-        captain_json_word(from, WORDS[i], &is_there);
+        is_there = captain_json_word(from, WORDS[i]);
     return is_there || captain_json_skip_number(from) ? CAPTAIN_OK : captain_json_refuse_found(from, CAPTAIN_SYNTAX, "a value");
 }

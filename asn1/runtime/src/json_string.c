@@ -90,8 +90,9 @@ static captain_status take_bits(json *from, json_string *string, size_t *octets,
             return captain_json_refuse(from, CAPTAIN_RANGE, "the length of a bit string is in 0..4294967295");
         TRY(captain_json_more(from, '{', &is_more));
     }
-    return has_value && *bits >= 0 ? CAPTAIN_OK : captain_json_refuse(from, CAPTAIN_PRESENCE,
-                                                                      "a bit string has the members value and length");
+    if (!has_value || *bits < 0)
+        return captain_json_refuse(from, CAPTAIN_PRESENCE, "a bit string has the members value and length");
+    return CAPTAIN_OK;
 }
 
 captain_status captain_json_read_bits(json *from, const captain_type *type, void *value)
