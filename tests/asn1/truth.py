@@ -25,7 +25,7 @@ LIBRARY = Path("build/codec/python")
 CHUNK = 10_000
 # Of how many values one goes to each. A value takes us 0.03 to 0.6 ms, asn1tools 0.2 to 2, pycrate 0.5 to 5 ms.
 EVERY = {"asn1tools": 20, "pycrate": 60, "tshark": 100}
-COLUMNS = "{:<16}{:>10}{:>10}{:>19}{:>17}{:>15}{:>11}{:>13}"
+COLUMNS = "{:<25}{:>10}{:>10}{:>19}{:>17}{:>15}{:>11}{:>13}"
 
 
 class Task(NamedTuple):
