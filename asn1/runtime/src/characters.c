@@ -35,6 +35,8 @@ captain_characters captain_alphabet(const captain_type *type)
 int captain_character(const captain_characters *set, unsigned code)
 {
     unsigned first = 0;
+    if (set->count == 1 && !set->by_index)
+        return (int64_t)code >= set->ranges->low && (int64_t)code <= set->ranges->high ? (int)code : -1;
     for (unsigned i = 0; i < set->count; i++) {
         const captain_range *range = &set->ranges[i];
         unsigned size = (unsigned)(range->high - range->low) + 1;

@@ -4,8 +4,14 @@
 /* Bits that have been compared with `end`; the last octet is filled up with zeros. */
 static void copy_bits(const captain_reader *reader, size_t at, uint8_t *to, size_t bits)
 {
+    if ((at & 7) == 0 && bits >= 8) {
+        memcpy(to, reader->octets + at / 8, bits / 8);
+        to += bits / 8;
+        at += bits & ~(size_t)7;
+        bits &= 7;
+    }
     for (; bits >= 32; bits -= 32, at += 32, to += 4) {
-        uint64_t word = captain_peek(reader, at);
+        uint64_t word = captain_load(reader, at);
         to[0] = (uint8_t)(word >> 56);
         to[1] = (uint8_t)(word >> 48);
         to[2] = (uint8_t)(word >> 40);
@@ -89,7 +95,7 @@ size_t captain_get_sized(captain_reader *reader, size_t at, size_t bits, const u
 size_t captain_put_sized(captain_writer *writer, size_t at, const uint8_t *octets, size_t bits)
 {
     for (; bits >= 32; bits -= 32, octets += 4)
-        at = captain_put_bits(writer, at, (uint32_t)octets[0] << 24 | (uint32_t)octets[1] << 16 | (uint32_t)octets[2] << 8 | octets[3], 32);
+        at = captain_put(writer, at, (uint32_t)octets[0] << 24 | (uint32_t)octets[1] << 16 | (uint32_t)octets[2] << 8 | octets[3], 32);
     for (; bits >= 8; bits -= 8, octets++)
         at = captain_put_bits(writer, at, *octets, 8);
     return bits == 0 ? at : captain_put_bits(writer, at, (uint64_t)*octets >> (8 - bits), (unsigned)bits);

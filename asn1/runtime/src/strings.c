@@ -35,11 +35,14 @@ static bool in_root(const captain_type *type, size_t count)
 
 static size_t get_characters(captain_reader *reader, size_t at, const captain_characters *set, size_t count, captain_text *text)
 {
-    char *to = captain_arena_take(reader->arena, count + 1);
+    char *to = captain_take(reader, at, count + 1);
+    uint64_t word = 0;
     if (to == NULL)
-        return captain_fail(reader, at, CAPTAIN_NO_MEMORY);
+        return CAPTAIN_FAILED;
     for (size_t i = 0; i < count; i++, at += set->bits) {
-        int point = captain_character(set, set->bits == 0 ? 0 : (unsigned)(captain_peek(reader, at) >> (64 - set->bits)));
+        /* One load holds seven characters and more. */
+        word = i % 7 == 0 ? captain_load(reader, at) : word << set->bits;
+        int point = captain_character(set, set->bits == 0 ? 0 : (unsigned)(word >> (64 - set->bits)));
         if (point < 0)
             return captain_fail(reader, at, CAPTAIN_ALPHABET);
         to[i] = (char)point;
