@@ -45,7 +45,6 @@ def build_python(generated: Path, out: Path, *, is_limited: bool = False, progre
     objects = out / ".objects"
     objects.mkdir(parents=True, exist_ok=True)
     jobs = [(source, flags + includes) for source in sorted((generated / "src").glob("*.c"))]
-    # The part in Python's language is looked at more closely by nobody but us: same flags.
     jobs += [(source, flags + includes + python) for source in sorted(HERE.glob("*.c"))]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         made = list(pool.map(lambda job: _compile(job[0], job[1], objects, progress), jobs))

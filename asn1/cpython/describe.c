@@ -4,11 +4,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const captain_type *pdu_of(PyObject *self)
-{
-    return ((const message *)(const void *)self)->message->pdu;
-}
-
 /* ---------------------------------------------------------------- text that grows */
 
 typedef struct buffer {
@@ -38,7 +33,7 @@ static PyObject *written(PyObject *self, PyObject *source, writer write)
 {
     decoded decoded;
     buffer buffer = {0};
-    if (!decoded_open(&decoded, pdu_of(self), source))
+    if (!decoded_open(&decoded, message_of(self)->message->pdu, source))
         return NULL;
     PyObject *text = NULL;
     if (write(decoded.type, decoded.value, append, &buffer) == CAPTAIN_OK)
@@ -77,7 +72,7 @@ static const char *json_text(PyObject *source, Py_ssize_t *count)
 
 PyObject *message_from_json(PyObject *self, PyObject *source)
 {
-    const captain_type *type = pdu_of(self);
+    const captain_type *type = message_of(self)->message->pdu;
     memory memory;
     _Alignas(max_align_t) unsigned char first[SCRATCH];
     captain_report report = {0};
@@ -173,7 +168,7 @@ PyObject *message_explain(PyObject *self, PyObject *source)
         return NULL;
     PyObject *steps = PyList_New(0);
     if (steps != NULL)
-        captain_explain(pdu_of(self), octets.data, octets.count, add_step, steps, &report);
+        captain_explain(message_of(self)->message->pdu, octets.data, octets.count, add_step, steps, &report);
     octets_close(&octets);
     if (PyErr_Occurred())
         Py_CLEAR(steps);

@@ -21,7 +21,12 @@ typedef struct message {
     PyObject *members[MEMBERS]; /* name, type, ... : see message.c */
 } message;
 
-bool messages_add(PyObject *module);
+static inline const message *message_of(PyObject *self)
+{
+    return (const message *)(const void *)self;
+}
+
+bool messages_add(PyObject *module); /* messages.c */
 
 /* A message while a call looks at it. */
 typedef struct decoded {
@@ -41,7 +46,11 @@ captain_status decode_octets(const captain_type *type, void *value, const octets
 /* A value in memory to bytes; NULL and EncodeError. */
 PyObject *encoded(const captain_type *type, const void *value);
 
-/* Methods of describe.c and tree.c. */
+/* Methods: of message.c, describe.c and tree.c. */
+PyObject *message_decode(PyObject *self, PyObject *source);
+PyObject *message_view(PyObject *self, PyObject *source);
+PyObject *message_encode(PyObject *self, PyObject *value);
+PyObject *message_validate(PyObject *self, PyObject *value);
 PyObject *message_to_json(PyObject *self, PyObject *source);
 PyObject *message_from_json(PyObject *self, PyObject *text);
 PyObject *message_text(PyObject *self, PyObject *source);

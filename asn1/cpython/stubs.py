@@ -26,7 +26,7 @@ NAMED = (Kind.SEQUENCE, Kind.CHOICE, Kind.ENUMERATED)
 
 
 def write(layout: Layout, folder: Path) -> None:
-    """captain_messages.pyi, and the marker of PEP 561's stub-only form is not needed: it lies beside the module."""
+    """captain_messages.pyi, beside the module."""
     (folder / "captain_messages.pyi").write_text(text(layout), encoding="utf-8")
 
 

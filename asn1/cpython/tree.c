@@ -217,7 +217,7 @@ static PyStructSequence_Desc FIELD = {"captain_messages.Field", "A component or 
 PyObject *message_type_tree(PyObject *self, PyObject *unused)
 {
     (void)unused;
-    return type_object(((const message *)(const void *)self)->shape);
+    return type_object(message_of(self)->shape);
 }
 
 bool tree_add(PyObject *module)
