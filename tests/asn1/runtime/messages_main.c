@@ -224,6 +224,85 @@ static void make(const captain_type *type, void *value, captain_arena *arena, un
     memcpy(value, &octets, sizeof octets);
 }
 
+/* ---------------------------------------------------------------- values that are wrong */
+
+static void *pointed(const captain_field *field, void *structure)
+{
+    void *at = (char *)structure + field->offset;
+    if (field->flags & CAPTAIN_POINTER)
+        memcpy(&at, at, sizeof at);
+    return at;
+}
+
+static void spoil(const captain_type *type, void *value);
+
+static void spoil_sequence(const captain_type *type, char *structure)
+{
+    if (type->fields_count == 0)
+        return;
+    const captain_field *field = &type->fields[next_random() % type->fields_count];
+    captain_additions *additions = NULL;
+    if (type->additions != CAPTAIN_NOWHERE)
+        memcpy(&additions, structure + type->additions, sizeof additions);
+    if (additions != NULL && additions->count > 0 && chance(4)) {
+        ((captain_addition *)(uintptr_t)additions->unknown)[next_random() % additions->count].index = (uint32_t)(next_random() >> (next_random() % 32 + 32));
+        return;
+    }
+    if (field->present != CAPTAIN_NOWHERE && !structure[field->present])
+        return;
+    if (field->present != CAPTAIN_NOWHERE && chance(8))
+        structure[field->present] = 0;
+    else
+        spoil(field->type, pointed(field, structure));
+}
+
+/* Something in it becomes another value, most often one that is not allowed. Memory stays what it was. */
+static void spoil(const captain_type *type, void *value)
+{
+    uint64_t number = next_random() >> (next_random() % 64);
+    uint32_t choice = 0;
+    captain_list list;
+    captain_octets octets;
+    captain_open *open = value;
+    switch (type->kind) {
+    case CAPTAIN_BOOLEAN:
+    case CAPTAIN_NULL:
+    case CAPTAIN_FIXED_OCTETS: return;
+    case CAPTAIN_INTEGER:
+    case CAPTAIN_SMALL_BITS: memcpy(value, &number, type->width); return;
+    case CAPTAIN_ENUMERATED: memcpy(value, &number, 4); return;
+    case CAPTAIN_SEQUENCE: spoil_sequence(type, value); return;
+    case CAPTAIN_CHOICE:
+        memcpy(&choice, value, sizeof choice);
+        if (choice > 0 && choice <= type->fields_count && !chance(10)) {
+            spoil(type->fields[choice - 1].type, pointed(&type->fields[choice - 1], value));
+            return;
+        }
+        choice = chance(2) ? 0 : type->fields_count + 1 + (uint32_t)(number & 0xff);
+        memcpy(value, &choice, sizeof choice);
+        return;
+    case CAPTAIN_LIST:
+        memcpy(&list, value, sizeof list);
+        if (list.count > 0 && chance(4))
+            list.count = (uint32_t)(next_random() % list.count);
+        else if (list.count > 0)
+            spoil(type->element, (char *)list.items + next_random() % list.count * type->element->size);
+        memcpy(value, &list, sizeof list);
+        return;
+    case CAPTAIN_OPEN:
+        if (open->type != NULL)
+            spoil(open->type, open->value);
+        return;
+    default:
+        memcpy(&octets, value, sizeof octets);
+        if (octets.count > 0 && chance(2))
+            octets.count = (uint32_t)(next_random() % octets.count);
+        else if (octets.count > 0 && type->kind != CAPTAIN_OID && type->kind != CAPTAIN_RELATIVE_OID)
+            ((uint8_t *)(uintptr_t)octets.octets)[next_random() % (type->kind == CAPTAIN_BIT_STRING ? 1 : octets.count)] = (uint8_t)number;
+        memcpy(value, &octets, sizeof octets);
+    }
+}
+
 /* ---------------------------------------------------------------- comparisons */
 
 static const char *message_name;
@@ -341,6 +420,26 @@ static bool check_octets(const captain_type *type, const uint8_t *octets, size_t
     return true;
 }
 
+/* Both ways to refuse a value in memory say the same. */
+static void check_refusals(const captain_type *type, const void *value)
+{
+    captain_report report;
+    size_t bits;
+    captain_status status = captain_encode(type, value, again, sizeof again, &bits), told = captain_explain_value(type, value, false, &report);
+    if (status != CAPTAIN_NO_SPACE && (status == CAPTAIN_OK) != (told == CAPTAIN_OK)) {
+        printf("encode: %s, explain_value: %s %s %s\n", captain_status_text(status), captain_status_text(told), report.path, report.text);
+        fail("what encode refuses differs", NULL, 0);
+    }
+    status = captain_validate(type, value);
+    told = captain_explain_value(type, value, true, &report);
+    if (status != CAPTAIN_OK && status == told)
+        return;
+    if ((status == CAPTAIN_OK) != (told == CAPTAIN_OK)) {
+        printf("validate: %s, explain_value: %s %s %s\n", captain_status_text(status), captain_status_text(told), report.path, report.text);
+        fail("what validate refuses differs", NULL, 0);
+    }
+}
+
 static size_t change(size_t size)
 {
     for (uint64_t changes = next_random() % 3; changes > 0; changes--)
@@ -391,6 +490,10 @@ static unsigned long check_message(const captain_message *message, unsigned long
             memcpy(exact, encoded, part);
             check_octets(message->pdu, exact, part);
             free(exact);
+        }
+        for (unsigned k = 0; k < 5; k++) {
+            spoil(message->pdu, values[0]);
+            check_refusals(message->pdu, values[0]);
         }
     }
     return decoded;
