@@ -10,6 +10,8 @@ from asn1 import types as t
 from tests.asn1 import codec, tshark
 from tests.asn1.bits import Bits
 from tests.asn1.disagreements import TABLE
+from tests.asn1.imported import snippet
+from tests.asn1.older import UnsaidError, seen_by_older
 from tests.asn1.oracles import Asn1tools
 from tests.asn1.reach import pruned
 from tests.asn1.reference import Encoder
@@ -81,6 +83,14 @@ def test_messages_linked_into_one_library_do_not_disturb_each_other():
         for message, value, octets in made[start::6]:
             assert message.decode(octets) == value
             assert message.encode(value) == octets
+
+
+def test_an_older_receiver_sees_a_value_without_what_it_does_not_know():
+    schema, root = snippet("Root ::= SEQUENCE { a BOOLEAN, ..., b ENUMERATED { c, ... } }", "Root")
+    newer = {"a": True, "b": "c", "[2]": b"\x01", "[]": 3}
+    assert seen_by_older(schema, root, newer) == {"a": True, "b": "c"}
+    with pytest.raises(UnsaidError):
+        seen_by_older(schema, root, {"a": True, "b": 1})
 
 
 class Broken:

@@ -94,7 +94,8 @@ def report(tallies: dict[str, Tally], rates: dict[str, int]) -> Iterator[str]:
     """The table by message, the table of what is explained, and examples of what is not."""
     yield "All values: our octets are those of an encoder written from the text of X.691, and decode to the value."
     shares = ", ".join(f"{name} 1 in {one}" for name, one in rates.items() if one)
-    yield f"Of those without unknown additions (newer), agreed / compared, octets and decoded value: {shares}.\n"
+    yield f"Agreed / compared, octets and decoded value: {shares}."
+    yield "Newer values hold additions that no edition knows: of those only what asn1tools reads, which skips them.\n"
     yield COLUMNS.format("message", "values", "newer", "asn1tools", "pycrate", "tshark", "explained", "unexplained")
     total = Tally()
     for name, tally in tallies.items():
