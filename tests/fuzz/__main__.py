@@ -20,13 +20,14 @@ def main() -> int:
     messages = selection.named(schema, args.messages) if args.messages else tuple(schema.messages)
     try:
         programs = build.programs(schema, messages, FOLDER, args.jobs)
+        module = build.python_module(FOLDER) if args.python or not args.messages else None
     except build.BuildError as error:
         print(f"fuzz: {error}", file=sys.stderr)
         return 1
     with ThreadPoolExecutor(args.jobs) as pool:
         jobs = [pool.submit(run.target, name, program, FOLDER, args) for name, program in programs.items()]
-        if not args.messages or args.python:
-            jobs.append(pool.submit(run.python_target, FOLDER, args))
+        if module is not None:
+            jobs.append(pool.submit(run.python_target, module, FOLDER, args))
         outcomes = [job.result() for job in jobs]
     return run.report(outcomes)
 

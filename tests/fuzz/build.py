@@ -1,7 +1,10 @@
 """Builds a fuzzing program per message: clang with libFuzzer, AddressSanitizer and UndefinedBehaviorSanitizer."""
 
+import os
 import shutil
 import subprocess
+import sys
+import sysconfig
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -42,6 +45,20 @@ def programs(schema: Schema, messages: tuple[str, ...], folder: Path, jobs: int)
     return dict(zip(messages, made, strict=True))
 
 
+def python_module(folder: Path) -> Path:
+    """The folder of the Python module, compiled so that atheris sees the coverage of its C. Raises BuildError."""
+    module = folder / "python"
+    command = [sys.executable, "-m", "asn1", "generate", "--all", "--form", "python", "--to", str(module)]
+    _run(command, CC="clang", CFLAGS="-O1 -g -fsanitize=fuzzer-no-link,undefined -fno-sanitize-recover=all")
+    return module
+
+
+def preload(module: Path) -> dict[str, str]:
+    """The environment in which atheris runs with such a module: the fuzzer comes first, then UBSan finds itself in it."""
+    fuzzer = Path(sysconfig.get_path("platlib")) / "ubsan_with_fuzzer.so"
+    return {"LD_PRELOAD": str(fuzzer), "PYTHONPATH": str(module)}
+
+
 def _object(clang: str, flags: list[str], source: Path, folder: Path, headers_ns: int) -> Path:
     made = folder / f"{source.stem}.o"
     if not _is_newer(made, max(headers_ns, source.stat().st_mtime_ns)):
@@ -68,7 +85,7 @@ def _is_newer(made: Path, than_ns: int) -> bool:
     return made.exists() and made.stat().st_mtime_ns >= than_ns
 
 
-def _run(command: list[str]) -> None:
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+def _run(command: list[str], **environment: str) -> None:
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env={**os.environ, **environment})
     if done.returncode:
         raise BuildError(f"{command[0]} failed:\n{done.stderr[-4000:]}")

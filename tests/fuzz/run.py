@@ -1,6 +1,7 @@
 """Runs fuzzing programs, and says what each has found."""
 
 import argparse
+import os
 import re
 import shutil
 import subprocess
@@ -8,7 +9,7 @@ import sys
 from pathlib import Path
 from typing import NamedTuple
 
-from tests.fuzz import corpus
+from tests.fuzz import build, corpus
 
 MAX_LEN = 1400  # octets: what fits a packet of ITS-G5; longer inputs reach no other code
 TIMEOUT_S = 10  # for one input: a hang
@@ -36,13 +37,15 @@ def target(name: str, program: Path, folder: Path, args: argparse.Namespace) -> 
     return outcome
 
 
-def python_target(folder: Path, args: argparse.Namespace) -> Outcome:
-    """The same for the Python module, by atheris."""
+def python_target(module: Path, folder: Path, args: argparse.Namespace) -> Outcome:
+    """The same for the Python module in a folder, by atheris."""
     findings = folder / "findings"
     findings.mkdir(parents=True, exist_ok=True)
     learned = folder / "corpus" / "python"
     corpus.unpack("python", learned)
-    return _run("python", [sys.executable, "-m", "tests.fuzz.python"], [learned], findings, args)
+    return _run(
+        "python", [sys.executable, "-m", "tests.fuzz.python"], [learned], findings, args, **build.preload(module)
+    )
 
 
 def report(outcomes: list[Outcome]) -> int:
@@ -56,7 +59,9 @@ def report(outcomes: list[Outcome]) -> int:
     return 1 if any(one.finding for one in outcomes) else 0
 
 
-def _run(name: str, program: list[str], folders: list[Path], findings: Path, args: argparse.Namespace) -> Outcome:
+def _run(
+    name: str, program: list[str], folders: list[Path], findings: Path, args: argparse.Namespace, **environment: str
+) -> Outcome:
     options = [
         f"-runs={args.runs}", f"-seed={args.seed}", f"-max_total_time={args.seconds}", f"-max_len={MAX_LEN}",
         f"-timeout={TIMEOUT_S}", f"-rss_limit_mb={MEMORY_MB}", f"-artifact_prefix={findings}/{name}-",
@@ -64,7 +69,7 @@ def _run(name: str, program: list[str], folders: list[Path], findings: Path, arg
     ]  # fmt: skip
     print(f"fuzz: {name}", file=sys.stderr)
     done = subprocess.run([*program, *options, *map(str, folders)], capture_output=True, text=True,
-                          errors="replace", check=False, cwd=corpus.ROOT)  # fmt: skip
+                          errors="replace", check=False, cwd=corpus.ROOT, env={**os.environ, **environment})  # fmt: skip
     inputs = re.search(r"stat::number_of_executed_units:\s+(\d+)", done.stderr)
     covered = re.findall(r"cov: (\d+)", done.stderr)
     return Outcome(
