@@ -48,8 +48,17 @@ def build_python(generated: Path, out: Path, *, is_limited: bool = False, progre
     jobs += [(source, flags + includes + python) for source in sorted(HERE.glob("*.c"))]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         made = list(pool.map(lambda job: _compile(job[0], job[1], objects, progress), jobs))
+    _remove_others(objects, made)
     suffix = ".abi3.so" if is_limited else sysconfig.get_config_var("EXT_SUFFIX")
     return _link(made, out / f"{NAME}{suffix}")
+
+
+def _remove_others(objects: Path, made: list[Path]) -> None:
+    """Objects of sources that are no more."""
+    stems = {object_.stem for object_ in made} | {"link"}
+    for path in objects.iterdir():
+        if path.stem not in stems:
+            path.unlink()
 
 
 def _compile(source: Path, flags: tuple[str, ...], objects: Path, progress: Progress) -> Path:
@@ -59,6 +68,7 @@ def _compile(source: Path, flags: tuple[str, ...], objects: Path, progress: Prog
     if object_.exists() and key.exists() and key.read_text() == _key(flags, needs):
         return object_
     progress(source.name)
+    key.unlink(missing_ok=True)  # until the object is whole
     _run((*_compiler(), *flags, "-MMD", "-MF", str(needs), "-c", str(source), "-o", str(object_)))
     key.write_text(_key(flags, needs))
     return object_
