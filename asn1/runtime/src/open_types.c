@@ -126,7 +126,8 @@ size_t captain_put_unknown(captain_writer *writer, size_t at, const captain_octe
     bool more;
     do {
         at = captain_put_fragment(writer, at, octets->count - done, &length, &more);
-        at = captain_put_octets(writer, at, octets->octets + done, length);
+        if (length > 0) /* without octets there may be no address */
+            at = captain_put_octets(writer, at, octets->octets + done, length);
         done += length;
     } while (more);
     return at;
