@@ -167,6 +167,8 @@ static size_t put_characters(captain_writer *writer, size_t at, const captain_ch
 
 static size_t put_units(captain_writer *writer, size_t at, const captain_type *type, const captain_characters *set, const void *value, size_t from, size_t count)
 {
+    if (count == 0)
+        return at; /* without octets there may be no address */
     if (is_text(type) && type->kind != CAPTAIN_UTF8)
         return put_characters(writer, at, set, value, from, count);
     if (type->kind == CAPTAIN_BIT_STRING)
