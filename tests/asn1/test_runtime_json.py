@@ -1,9 +1,11 @@
 """JSON in and out, text and equality, over types of every kind (tests/asn1/runtime/every.c)."""
 
+import functools
 import json
 from collections.abc import Iterator
 from typing import Any
 
+import asn1tools
 import pytest
 
 from tests.asn1.walker import Refusal, Walker, build
@@ -113,6 +115,46 @@ def test_escapes_and_surrogates_are_characters(walker: Walker) -> None:
 
 def test_octets_in_place_of_a_known_open_type_are_kept(walker: Walker) -> None:
     assert walker.json("Selected", '{"id":2,"value":"60"}') == '{"id":2,"value":"60"}'
+
+
+PEER = """M DEFINITIONS AUTOMATIC TAGS ::= BEGIN
+Flag ::= BOOLEAN  Nothing ::= NULL  Small ::= INTEGER (-10..300)  Colour ::= ENUMERATED {red, green}  Mask ::= BIT STRING (SIZE(7))
+Big ::= BIT STRING (SIZE(70))  Named ::= BIT STRING (SIZE(0..20))  Key ::= OCTET STRING (SIZE(3))  Data ::= OCTET STRING
+Name ::= IA5String  Text ::= UTF8String  Oid ::= OBJECT IDENTIFIER  Nulls ::= SEQUENCE OF NULL
+Which ::= CHOICE {number INTEGER, inner Inner}  Inner ::= SEQUENCE {a INTEGER, b BOOLEAN OPTIONAL} END"""
+
+
+@pytest.mark.parametrize(
+    ("type_name", "value"),
+    [
+        ("flag", False),
+        ("nothing", None),
+        ("small", -3),
+        ("colour", "green"),
+        ("mask", (b"\xa2", 7)),
+        ("big", (b"\x01" * 8 + b"\xfc", 70)),
+        ("named", (b"\x80\x40", 10)),
+        ("key", b"\xc0\xff\xee"),
+        ("data", b"\x01"),
+        ("name", 'a"\x01'),
+        ("text", "\u00e4\u20ac"),
+        ("oid", "1.2.840"),
+        ("nulls", [None, None]),
+        ("which", ("inner", {"a": 3})),
+        ("Inner", {"a": 0, "b": True}),
+    ],
+)
+def test_the_shapes_are_those_of_another_codec_of_jer(walker: Walker, type_name: str, value: object) -> None:
+    text = peer().encode(type_name.capitalize(), value).decode()
+    written = walker.json(type_name, text)
+    assert isinstance(written, str), written
+    assert json.loads(written) == json.loads(text)
+    assert " " not in written
+
+
+@functools.cache
+def peer() -> Any:
+    return asn1tools.compile_string(PEER, "jer")
 
 
 # ---------------------------------------------------------------- what is refused
