@@ -2,10 +2,19 @@
 
 #ifdef Py_LIMITED_API
 
+static bool has_holes(PyObject *view)
+{
+    PyObject *answer = PyObject_GetAttrString(view, "c_contiguous");
+    if (answer == Py_False)
+        PyErr_SetString(PyExc_BufferError, "octets with holes between them");
+    Py_XDECREF(answer);
+    return answer != Py_True;
+}
+
 bool octets_open_any(octets *octets, PyObject *source)
 {
     PyObject *view = PyMemoryView_FromObject(source);
-    octets->copy = view == NULL ? NULL : PyBytes_FromObject(view);
+    octets->copy = view == NULL || has_holes(view) ? NULL : PyBytes_FromObject(view);
     Py_XDECREF(view);
     if (octets->copy == NULL)
         return false;
