@@ -27,11 +27,14 @@ def by_octets(message: Any, octets: bytes) -> None:
         assert 0 <= error.bit <= 8 * len(octets)
         assert error.reason
         return
-    again = message.encode(value)
-    assert message.decode(again) == value
-    assert message.encode(message.view(octets)) == again
+    # Not the same octets each time: a view and JSON keep a bitmap of additions that are all absent, a dict does not.
+    for again in (
+        message.encode(value),
+        message.encode(message.view(octets)),
+        message.from_json(message.to_json(octets)),
+    ):
+        assert message.decode(again) == value
     assert message.view(octets).to_dict() == value
-    assert message.from_json(message.to_json(octets)) == again
     message.text(octets)
     message.explain(octets)
 
