@@ -2,7 +2,8 @@
 # make ... ARGS='...' passes options on to the program that a target starts.
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run codec import-check docs test test-binary check portable fuzz bench lab binary lock proof clean
+.PHONY: help setup run codec import-check docs test test-binary check portable fuzz truth \
+	bench bench-station bench-messages lab binary lock proof clean
 
 PYTEST := .venv/bin/python -m pytest
 
@@ -44,8 +45,17 @@ docs: setup ## a page per message, in build/docs/messages
 fuzz: setup-fuzz ## random octets, led by coverage, for every message in C and in Python; ARGS='--runs 10000000'
 	@.venv/bin/python -m tests.fuzz $(ARGS)
 
-bench: setup-test binary ## latency, loss-free rate, processor and memory beside a C forwarder in the same run
+bench: bench-station bench-messages ## both of the following
+
+bench-station: setup-test binary ## latency, loss-free rate, processor and memory beside a C forwarder in the same run
 	@.venv/bin/python -m tests.bench $(ARGS)
+
+bench-messages: setup-test ## the message library beside asn1tools and pycrate in the same run, and how large it is
+	@.venv/bin/python -m tests.bench.messages
+	@.venv/bin/python -m tests.bench.sizes
+
+truth: setup-test ## made values of every message, ours against every other codec; ARGS='--count 1000000'
+	@.venv/bin/python -m tests.asn1.truth $(ARGS)
 
 lab: setup-test ## ten messages at 10 Hz for 60 s between two stations, by UDP and by raw Ethernet; tshark decodes all
 	@mkdir -p build
