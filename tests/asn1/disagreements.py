@@ -58,7 +58,7 @@ TABLE = (
     ),
     Disagreement(
         "open type of 16384 octets and more", ("asn1tools",), "X.691 11.9.3.8",
-        "it is sent in fragments; asn1tools refuses",
+        "it is sent in fragments; asn1tools does not put it together again",
     ),
     Disagreement(
         "INTEGER beyond 32 bits", ("tshark",), "X.691 11.8, 13.2.6",
