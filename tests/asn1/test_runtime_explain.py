@@ -30,7 +30,7 @@ def test_a_sequence_is_told_bit_by_bit(walker: Walker) -> None:
     assert [step for step in steps if step.what not in ("enter", "leave")] == [
         Step("extension", 0, 1, "", "1", "19.1"),
         Step("value", 1, 2, "a", "2", "13.2.2"),
-        Step("length", 3, 7, "", "4", "19.7"),
+        Step("length", 3, 7, "", "4", "19.8"),
         Step("presence", 10, 4, "", "1101", "19.7"),
         Step("open", 14, 8, "", "1", "11.2"),
         Step("value", 22, 1, "b", "true", "12.2"),

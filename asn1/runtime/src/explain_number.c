@@ -157,5 +157,5 @@ captain_status captain_explain_bitmap_length(explain *to, const explain_node *no
     if (number == 0 || number > EXPLAIN_MAX_ADDITIONS || part.has_more)
         return captain_explain_refuse(to, from, CAPTAIN_LENGTH, "the bitmap of the additions has no length that can be");
     *count = (unsigned)number;
-    return captain_explain_number_step(to, node, CAPTAIN_STEP_LENGTH, from, number, "19.7");
+    return captain_explain_number_step(to, node, CAPTAIN_STEP_LENGTH, from, number, "19.8");
 }

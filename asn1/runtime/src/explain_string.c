@@ -4,7 +4,7 @@
 #include <inttypes.h>
 #include <stdio.h>
 
-/* What a string type says where: whether it has bounds that are seen, and its clauses. */
+/* What a string type says where: whether it has bounds that are seen, and its clauses (empty: NULL where none is of its own). */
 typedef struct string_rules {
     unsigned item_bits;
     bool has_bounds;
@@ -17,10 +17,10 @@ static string_rules rules_of(const captain_type *type)
     case CAPTAIN_BIT_STRING: return (string_rules){1, true, "16.6", "16.8", type->high <= 16 ? "16.9" : "16.10", "16.11"};
     case CAPTAIN_FIXED_OCTETS:
     case CAPTAIN_OCTET_STRING: return (string_rules){8, true, "17.3", "17.5", type->high <= 2 ? "17.6" : "17.7", "17.8"};
-    case CAPTAIN_UTF8: return (string_rules){8, false, "30.6", "30.6", "30.6", "30.6"};
-    case CAPTAIN_OID: return (string_rules){8, false, "24", "24", "24", "24"};
-    case CAPTAIN_RELATIVE_OID: return (string_rules){8, false, "25", "25", "25", "25"};
-    default: return (string_rules){type->character_bits, true, "30.4", "30.5.5", "30.5.6", "30.5.7"};
+    case CAPTAIN_UTF8: return (string_rules){8, false, "30.6", NULL, "30.6", "30.6"};
+    case CAPTAIN_OID: return (string_rules){8, false, "24", NULL, "24", "24"};
+    case CAPTAIN_RELATIVE_OID: return (string_rules){8, false, "25", NULL, "25", "25"};
+    default: return (string_rules){type->character_bits, true, "30.4", NULL, "30.5.6", "30.5.7"};
     }
 }
 
@@ -131,7 +131,7 @@ captain_status captain_explain_string(explain *to, explain_node *node)
     while (part.has_more) {
         TRY(is_counted ? captain_explain_size(to, node, true, &part) : captain_explain_length(to, node, &part));
         const char *clause = is_counted && node->type->low == node->type->high ? rules.fixed : rules.variable;
-        TRY(part_of_string(to, node, &state, part.count, part.count == 0 ? rules.empty : clause));
+        TRY(part_of_string(to, node, &state, part.count, part.count == 0 && rules.empty != NULL ? rules.empty : clause));
     }
     return end_of_string(to, &state, from, is_counted ? part.count : total);
 }
