@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator
 
 from asn1.nodes import STRUCTS, Field, Kind, Node
-from asn1.widths import count_width, own_bits, unit_bits
+from asn1.widths import count_width, minimal_bits, own_bits, unit_bits
 
 # A component that may be absent, or is one of several, lies behind a pointer where its struct is larger (octets).
 INLINE_MAX = 128
@@ -93,14 +93,22 @@ def arena_octets(pdu: Node) -> int:
     """The most that decode takes from the arena for each octet of a message, as a whole number.
 
     Every struct that lies there is paid by bits of its own, those of its numbers, presence bits, lengths and strings,
-    and not by what stands in other structs; every string is paid by its bits once more. A list of 16384 elements and
-    more comes in fragments and costs up to four times as much.
+    and not by what stands in other structs; every string is paid by its bits once more. An element of a list that has
+    no bits of its own is paid by those of what it holds once more, or by the length of the list. What has 16384 units
+    and more comes in fragments and costs up to four times as much.
     """
     sizes: dict[Node, tuple[int, int]] = {}
     nodes = _reached(pdu)
     structs = max((_rate(*one) for node in nodes for one in _structs(node, sizes)), default=0.0)
     strings = max((_rate(*one) for node in nodes for one in _strings(node)), default=0.0)
-    return math.ceil(8 * (structs + strings))
+    poor = sum(_rate(*_poor(node.item, sizes)) for node in nodes if node.kind is Kind.LIST and not own_bits(node.item))
+    return math.ceil(8 * (structs + strings + poor))
+
+
+def _poor(item: Node, sizes: dict[Node, tuple[int, int]]) -> tuple[int, int]:
+    """Of an element without bits of its own: no list of the standards has one."""
+    size, bits = measure(item, sizes)[0], minimal_bits(item, {})
+    return (size, bits) if bits else (16383 * size, 16)
 
 
 def _rate(octets: int, bits: int) -> float:
@@ -115,15 +123,15 @@ def _structs(node: Node, sizes: dict[Node, tuple[int, int]]) -> Iterator[tuple[i
     """What a node's decoder takes for structs: octets, and the fewest bits that pay for them."""
     match node.kind:
         case Kind.LIST:
-            # Elements without bits are bounded by their number alone: no list of the standards has them.
-            yield measure(node.item, sizes)[0], max(1, own_bits(node.item))
+            if own_bits(node.item):
+                yield measure(node.item, sizes)[0], own_bits(node.item)
         case Kind.SEQUENCE | Kind.CHOICE:
             for f in node.fields:
                 if f.is_pointer:
                     yield measure(f.node, sizes)[0], max(1, own_bits(f.node) + (_LENGTH if f.addition else 0))
         case Kind.OPEN:
             for _, row in node.rows:
-                yield measure(row, sizes)[0], own_bits(row) + _LENGTH
+                yield measure(row, sizes)[0], _LENGTH  # that its content will suffice is not known
         case _:
             pass
 
@@ -137,12 +145,32 @@ def _strings(node: Node) -> Iterator[tuple[int, int]]:
             yield 1, _LENGTH
         case Kind.CHOICE if node.is_extensible:
             yield 1, _LENGTH
-        case Kind.BIT_STRING | Kind.OCTET_STRING | Kind.IA5 | Kind.VISIBLE | Kind.PRINTABLE | Kind.NUMERIC:
-            low, width = node.bounds.low or 0, count_width(node.bounds)
-            least = (_LENGTH if width is None else width) + low * unit_bits(node)
-            yield 1 + low * (unit_bits(node) + 7) // 8, max(1, min(_LENGTH, least) if node.is_extensible else least)
+        case Kind.BIT_STRING | Kind.OCTET_STRING:
+            yield 1 + (node.bounds.low or 0) * unit_bits(node) // 8, _least_bits(node)
+        case Kind.IA5 | Kind.VISIBLE | Kind.PRINTABLE | Kind.NUMERIC:
+            yield from _texts(node)
         case _:
             pass
+
+
+def _texts(node: Node) -> Iterator[tuple[int, int]]:
+    """An octet a character and one behind them; with a general length they are gathered in packed form before."""
+    least, bits = _least_bits(node), unit_bits(node)
+    if node.is_extensible or count_width(node.bounds) is None:
+        yield 1 + _ALIGNMENT, _LENGTH
+    # Few characters cost most by what goes along with each string, many by the octet that each of them takes.
+    yield 1 + (node.bounds.low or 0), least
+    if bits == 0:
+        yield 1 + (node.bounds.high or 0), least
+    else:
+        yield _ALIGNMENT, _ALIGNMENT * bits
+
+
+def _least_bits(node: Node) -> int:
+    """Of a string of variable size, with its length."""
+    width = count_width(node.bounds)
+    least = (_LENGTH if width is None else width) + (node.bounds.low or 0) * unit_bits(node)
+    return max(1, min(_LENGTH, least) if node.is_extensible else least)
 
 
 _ADDITION = 24 + 16  # octets of a captain_addition, and of the captain_additions that holds it

@@ -148,12 +148,13 @@ size_t captain_decode_open(captain_reader *reader, size_t at, const captain_type
     *value = (captain_open){content, NULL, {0, NULL}};
     if (content == NULL)
         return captain_get_unknown(reader, at, &value->octets);
+    at = captain_open_begin(reader, at, &outside);
+    if (at == CAPTAIN_FAILED)
+        return at;
     value->value = captain_take(reader, at, content->size);
     if (value->value == NULL)
         return CAPTAIN_FAILED;
-    at = captain_open_begin(reader, at, &outside);
-    if (at != CAPTAIN_FAILED)
-        at = content->decode(reader, at, value->value);
+    at = content->decode(reader, at, value->value);
     return at == CAPTAIN_FAILED ? at : captain_open_end(reader, at, &outside);
 }
 
