@@ -6,7 +6,7 @@ from pathlib import Path
 
 from asn1 import library, output, selection
 from asn1.cpython.build import BuildError
-from asn1.importer.fault import ImportFault
+from asn1.importer.fault import ImportFault, MissingError
 
 PROGRAM = "captain-asn1"
 FAILED, USAGE, INTERRUPTED = 1, 2, 130  # the last as a shell reports SIGINT
@@ -38,7 +38,7 @@ def run(args: argparse.Namespace) -> int:
         return commands.COMMANDS[args.command](args)
     except (selection.UnknownMessageError, commands.UsageError) as error:
         return _fail(str(error), USAGE)
-    except (output.NotOursError, ImportFault, BuildError, commands.CommandError) as error:
+    except (output.NotOursError, ImportFault, MissingError, BuildError, commands.CommandError) as error:
         return _fail(str(error))
     except BrokenPipeError:
         raise

@@ -13,7 +13,8 @@ from typing import NamedTuple
 
 from asn1 import asn, selection, text
 from asn1.importer import syntax
-from asn1.importer.fault import Place, fault
+from asn1.importer.crosscheck import crosscheck
+from asn1.importer.fault import Place, Problem, fault
 from asn1.importer.module_parser import parse
 from asn1.importer.program import Source
 from asn1.importer.resolver import Resolver
@@ -41,22 +42,29 @@ class WishError(ValueError):
 
 
 class Added(NamedTuple):
-    """imported: standards that the file takes something from; same_id: other messages with its messageID."""
+    """imported: standards that the file takes something from; same_id: other messages with its messageID.
+
+    note: why asn1tools could not compare the file.
+    """
 
     message: Message
     paths: tuple[Path, ...]
     imported: tuple[str, ...]
     same_id: tuple[str, ...]
+    note: Problem | None
 
 
 def add(wish: Wish, schema: Schema, folder: Path) -> Added:
     """Write <key>.schema per module and <name>.toml into a folder that `text.load_schema` reads.
 
-    The same name again replaces the message. Raises WishError, ImportFault with every problem of the file, OSError.
+    The same name again replaces the message. Raises WishError, ImportFault with every problem of the file,
+    MissingError, OSError.
     """
     _check(wish, schema)
     octets = wish.file.read_bytes()
-    parsed = parse(octets.decode("utf-8", "replace"), wish.file.name)
+    words = octets.decode("utf-8", "replace")
+    parsed = parse(words, wish.file.name)
+    note = crosscheck(words, wish.file.name, parsed)
     own = _keys(wish, parsed)
     sources = _sources(parsed, own, schema)
     key = own[_module_with(wish, parsed).name]
@@ -75,7 +83,7 @@ def add(wish: Wish, schema: Schema, folder: Path) -> Added:
         schema.modules[one].standard for one in resolved if one in schema.modules and one not in own.values()
     )
     same_id = tuple(one.name for one in schema.messages.values() if wish.id in one.ids and one.name != wish.name)
-    return Added(message, tuple(_write(folder, modules, message)), imported, same_id)
+    return Added(message, tuple(_write(folder, modules, message)), imported, same_id, note)
 
 
 def _check(wish: Wish, schema: Schema) -> None:

@@ -116,7 +116,7 @@ def import_standards(args: argparse.Namespace) -> int:
     """The schema from the modules of the standards."""
     from asn1 import importer
 
-    schema = importer.import_modules(_with_modules(args.folder))
+    schema = importer.import_modules(_with_modules(args.folder), tell=print)
     changed = importer.write_schema(schema)
     for path in changed:
         print(f"changed: {path}")
@@ -134,7 +134,7 @@ def check_import(args: argparse.Namespace) -> int:
     if lines:
         print("the schema differs", file=sys.stderr)
         return 1
-    here, imported = _schema([]), importer.import_modules(args.folder)
+    here, imported = _schema([]), importer.import_modules(args.folder, tell=print)
     messages = tuple(name for name in imported.messages if name in here.messages)
     files = library.differences(here, imported, messages)
     for file in files:
@@ -154,6 +154,8 @@ def add_message(args: argparse.Namespace) -> int:
         raise CommandError(str(error)) from error
     for path in added.paths:
         print(f"written: {path}")
+    if added.note:
+        print(added.note)
     for standard in dict.fromkeys(added.imported):
         print(f"it takes types from {standard}")
     if added.same_id:

@@ -3,7 +3,7 @@
 import dataclasses
 import difflib
 import hashlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 from asn1 import text, types
@@ -21,17 +21,23 @@ __all__ = ["ImportFault", "check", "import_modules", "write_schema"]
 
 
 def import_modules(
-    source: Path, table: Path = text.EDITIONS, units_table: Path = UNITS, folder: Path = text.SCHEMA
+    source: Path,
+    table: Path = text.EDITIONS,
+    units_table: Path = UNITS,
+    folder: Path = text.SCHEMA,
+    tell: Callable[[Problem], None] = lambda note: None,
 ) -> types.Schema:
     """The schema of every edition whose files are in a directory, as editions.toml says where.
 
     source  the directory, or a list of addresses that fill one (see download.py)
     folder  an earlier schema: where files of other editions are not there, what those used of a module stays in it
+    tell    called for a file that asn1tools could not compare
 
-    Editions without files there are left out, with their messages. Raises ImportFault with every problem, or OSError.
+    Editions without files there are left out, with their messages. Raises ImportFault with every problem,
+    MissingError, OSError.
     """
     with directory_of(source) as directory:
-        return _import(directory, table, units_table, folder)
+        return _import(directory, table, units_table, folder, tell)
 
 
 def write_schema(schema: types.Schema, folder: Path = text.SCHEMA) -> list[Path]:
@@ -60,9 +66,11 @@ def check(source: Path, folder: Path = text.SCHEMA) -> list[str]:
     return lines
 
 
-def _import(directory: Path, table: Path, units_table: Path, folder: Path) -> types.Schema:
+def _import(
+    directory: Path, table: Path, units_table: Path, folder: Path, tell: Callable[[Problem], None]
+) -> types.Schema:
     editions = read_editions(table)
-    found = _present(editions, directory)
+    found = _present(editions, directory, tell)
     sources = {key: one.source for key, one in found.items()}
     _check_imports(editions, sources)
     messages = {name: one for name, one in editions.messages.items() if one.pdu.module in sources}
@@ -114,7 +122,7 @@ class _Found:
     sha256: str
 
 
-def _present(editions: Editions, directory: Path) -> dict[str, _Found]:
+def _present(editions: Editions, directory: Path, tell: Callable[[Problem], None]) -> dict[str, _Found]:
     """By key: the editions whose files are there, read."""
     found: dict[str, _Found] = {}
     problems: list[Problem] = []
@@ -122,7 +130,7 @@ def _present(editions: Editions, directory: Path) -> dict[str, _Found]:
     for key, edition in editions.modules.items():
         paths = edition.paths(directory)
         try:
-            modules = [_module_of(edition, path, directory, parsed) for path in paths]
+            modules = [_module_of(edition, path, directory, parsed, tell) for path in paths]
         except ImportFault as error:
             problems += error.problems
             continue
@@ -141,12 +149,20 @@ def _present(editions: Editions, directory: Path) -> dict[str, _Found]:
     return found
 
 
-def _module_of(edition: Edition, path: Path, directory: Path, parsed: dict[Path, list[syntax.Module]]) -> syntax.Module:
+def _module_of(
+    edition: Edition,
+    path: Path,
+    directory: Path,
+    parsed: dict[Path, list[syntax.Module]],
+    tell: Callable[[Problem], None],
+) -> syntax.Module:
     if path not in parsed:
         file = str(path.relative_to(directory)) if path.is_relative_to(directory) else path.name
         words = _decoded(path.read_bytes())
         parsed[path] = parse(words, file)
-        crosscheck(words, file, parsed[path])
+        note = crosscheck(words, file, parsed[path])
+        if note:
+            tell(note)
     for module in parsed[path]:
         if module.name == edition.name:
             return module

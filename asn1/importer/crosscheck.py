@@ -10,10 +10,8 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
-import asn1tools  # type: ignore[import-untyped]
-
 from asn1.importer import syntax
-from asn1.importer.fault import ImportFault, Place, Problem
+from asn1.importer.fault import ImportFault, MissingError, Place, Problem
 
 _Tree = dict[str, Any]
 
@@ -22,8 +20,17 @@ _INSTEAD = {"RELATIVE-OID": "BOOLEAN"}
 _LINE = re.compile(r"line (\d+)")
 
 
-def crosscheck(text: str, file: str, modules: Sequence[syntax.Module]) -> None:
-    """Raises ImportFault with every place where asn1tools reads something else, or where it cannot read on."""
+def crosscheck(text: str, file: str, modules: Sequence[syntax.Module]) -> Problem | None:
+    """None where both read the same; why nothing was compared where asn1tools cannot read on.
+
+    Raises ImportFault with every place where asn1tools reads something else, MissingError.
+    """
+    try:
+        import asn1tools  # type: ignore[import-untyped]  # the station, the codecs and the binary do without
+    except ImportError:
+        raise MissingError(
+            "asn1tools is not installed, which reads every module once more: pip install asn1tools"
+        ) from None
     for word, instead in _INSTEAD.items():
         text = re.sub(rf"\b{word}\b", instead, text)
     try:
@@ -31,12 +38,14 @@ def crosscheck(text: str, file: str, modules: Sequence[syntax.Module]) -> None:
     except asn1tools.ParseError as error:
         line = _LINE.search(str(error))
         place = Place(file, int(line[1]) if line else 1)
-        raise ImportFault([Problem(place, f"asn1tools does not read this: {error}")]) from None
-    except (ValueError, TypeError, LookupError, AttributeError):
-        return  # it breaks on a DEFAULT of INTEGER by reference, for one: there is no tree to compare
+        return Problem(place, f"not compared: asn1tools does not read this: {error}")
+    except (ValueError, TypeError, LookupError, AttributeError) as error:
+        # A DEFAULT of INTEGER by reference, for one: there is no tree to compare.
+        return Problem(Place(file, 1), f"not compared: asn1tools stops with {type(error).__name__}: {error}")
     problems = [problem for module in modules for problem in _module(module, trees.get(module.name))]
     if problems:
         raise ImportFault(problems)
+    return None
 
 
 def _module(ours: syntax.Module, theirs: _Tree | None) -> Iterator[Problem]:

@@ -32,6 +32,10 @@ class ImportFault(ValueError):  # noqa: N818
         super().__init__("\n".join(str(problem) for problem in self.problems))
 
 
+class MissingError(RuntimeError):
+    """A package that reading modules takes is not installed; str() names the remedy."""
+
+
 def fault(place: Place, text: str, clause: str = "") -> ImportFault:
     """A fault of one problem."""
     return ImportFault([Problem(place, text, clause)])

@@ -7,6 +7,7 @@ import pytest
 
 from asn1 import add, text
 from asn1.importer.fault import ImportFault
+from asn1.importer.module_parser import parse
 from asn1.types import Reference, Schema
 
 PLAIN = """
@@ -69,6 +70,19 @@ def test_a_message_that_is_added_again_is_replaced(tmp_path: Path, schema: Schem
 
 def test_messages_with_the_same_id_are_named(tmp_path: Path, schema: Schema):
     assert "cam-1.4.1" in add.add(wish(tmp_path, PLAIN, id=2), schema, tmp_path / "out").same_id
+
+
+def test_asn1tools_reads_the_file_as_well(tmp_path: Path, schema: Schema, monkeypatch: pytest.MonkeyPatch):
+    added = add.add(wish(tmp_path, PLAIN), schema, tmp_path / "out")
+    assert added.note is None
+    default = PLAIN.replace("level INTEGER (0..7)", "level INTEGER DEFAULT most").replace(
+        "END", "most INTEGER ::= 7 END"
+    )
+    added = add.add(wish(tmp_path, default), schema, tmp_path / "out")
+    assert str(added.note).startswith("alarm.asn:1: not compared: asn1tools stops with")
+    monkeypatch.setattr(add, "parse", lambda words, file: parse(words.replace("0..7", "0..8"), file))
+    with pytest.raises(ImportFault, match=r"alarm.asn:3: the range of Alarm.level: we read \[\(0, 8\)\], asn1tools"):
+        add.add(wish(tmp_path, PLAIN), schema, tmp_path / "other")
 
 
 @pytest.mark.parametrize(

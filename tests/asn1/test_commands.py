@@ -91,6 +91,34 @@ def test_a_message_of_one_s_own_is_added_with_one_command_and_listed(
     assert "my-alarm" in capsys.readouterr().out
 
 
+WITHOUT_ASN1TOOLS = """
+import sys
+sys.modules["asn1tools"] = None
+from asn1.__main__ import main
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+def run_without_asn1tools(*words: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", WITHOUT_ASN1TOOLS, *map(str, words)]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+
+
+def test_only_what_reads_modules_needs_asn1tools(tmp_path: Path):
+    done = run_without_asn1tools("generate", "cam", "--form", "docs", "--to", tmp_path / "out")
+    assert (done.returncode, done.stderr) == (0, "[1/1] cam-1.4.1\n")
+
+
+def test_where_asn1tools_is_missing_the_remedy_is_said(tmp_path: Path):
+    (tmp_path / "my.asn").write_text(ASN)
+    done = run_without_asn1tools("add", tmp_path / "my.asn", "--pdu", "Alarm", "--name", "my-alarm", "--id", 2,
+                                 "--port", 2999, "--to", tmp_path / "own")  # fmt: skip
+    assert done.returncode == 1
+    assert done.stderr.startswith("captain-asn1: asn1tools is not installed")
+    assert "pip install asn1tools" in done.stderr
+    assert not (tmp_path / "own").exists()
+
+
 def test_import_check_shows_the_difference(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
