@@ -19,8 +19,6 @@ def decoder(node: Node) -> list[str]:
     lines = _item_function(node) if has_item_function(node) else []
     name = node.c_name
     body.put(f"{name} *v = to;" if node.kind in STRUCTS else f"{value_type(node)} *v = to;")
-    if node.recurs and node.kind is Kind.SEQUENCE:
-        body.put("if (++r->depth > CAPTAIN_MAX_RECURSION)", f"    goto {body.exit('CAPTAIN_DEPTH')};")
     match node.kind:
         case Kind.SEQUENCE:
             body.sequence(node, "v->")
@@ -31,9 +29,25 @@ def decoder(node: Node) -> list[str]:
         case _:
             body.value(node, "v" if node.kind is Kind.FIXED_OCTETS else "*v")
     body.flush()
-    if node.recurs and node.kind is Kind.SEQUENCE:
-        body.put("r->depth--;")
-    return [*lines, *_function(f"size_t {name}_read(captain_reader *r, size_t at, void *to)", body)]
+    parameters = "captain_reader *r, size_t at, void *to"
+    if not node.recurs:
+        return [*lines, *_function(f"size_t {name}_read({parameters})", body)]
+    return [*lines, *_function(f"static size_t {name}_read_inside({parameters})", body), *_counted(name)]
+
+
+def _counted(name: str) -> list[str]:
+    """What contains itself counts how often, whichever way its decoder is left; after a failure nothing is read."""
+    return [
+        f"size_t {name}_read(captain_reader *r, size_t at, void *to)",
+        "{",
+        "    if (++r->depth > CAPTAIN_MAX_RECURSION)",
+        "        return captain_fail(r, at, CAPTAIN_DEPTH);",
+        f"    at = {name}_read_inside(r, at, to);",
+        "    r->depth--;",
+        "    return at;",
+        "}",
+        "",
+    ]
 
 
 def has_item_function(node: Node) -> bool:

@@ -16,8 +16,6 @@ def encoder(node: Node) -> list[str]:
     body = _Encoder()
     lines = _item_function(node) if node.kind is Kind.LIST and node.item.kind not in STRUCTS else []
     body.put(f"const {node.c_name if node.kind in STRUCTS else value_type(node)} *v = from;")
-    if node.recurs and node.kind is Kind.SEQUENCE:
-        body.put("if (++w->depth > CAPTAIN_MAX_RECURSION)", f"    goto {body.exit('CAPTAIN_DEPTH')};")
     match node.kind:
         case Kind.SEQUENCE:
             body.sequence(node, "v->")
@@ -28,9 +26,25 @@ def encoder(node: Node) -> list[str]:
         case _:
             body.value(node, "v" if node.kind is Kind.FIXED_OCTETS else "*v")
     body.flush()
-    if node.recurs and node.kind is Kind.SEQUENCE:
-        body.put("w->depth--;")
-    return [*lines, *_function(f"size_t {node.c_name}_write(captain_writer *w, size_t at, const void *from)", body)]
+    name, parameters = node.c_name, "captain_writer *w, size_t at, const void *from"
+    if not node.recurs:
+        return [*lines, *_function(f"size_t {name}_write({parameters})", body)]
+    return [*lines, *_function(f"static size_t {name}_write_inside({parameters})", body), *_counted(name)]
+
+
+def _counted(name: str) -> list[str]:
+    """As that of the decoder."""
+    return [
+        f"size_t {name}_write(captain_writer *w, size_t at, const void *from)",
+        "{",
+        "    if (++w->depth > CAPTAIN_MAX_RECURSION)",
+        "        return captain_refuse(w, CAPTAIN_DEPTH);",
+        f"    at = {name}_write_inside(w, at, from);",
+        "    w->depth--;",
+        "    return at;",
+        "}",
+        "",
+    ]
 
 
 def item_function(node: Node) -> str:

@@ -7,7 +7,7 @@ from asn1.c.header import title
 from asn1.c.names import has_check, has_public_table, literal, member, needs_functions, value_type
 from asn1.constraints import Ranges
 from asn1.memory import number_octets
-from asn1.nodes import Field, Kind, Node
+from asn1.nodes import STRUCTS, Field, Kind, Node
 from asn1.types import Module
 from asn1.widths import unit_bits
 
@@ -119,7 +119,7 @@ def _flags(node: Node) -> Iterator[str]:
         yield "SIGNED"
     if node.kind in (Kind.BIT_STRING, Kind.SMALL_BITS) and node.names:
         yield "NAMED_BITS"
-    if node.recurs:
+    if node.recurs and node.kind in STRUCTS:
         yield "RECURS"
 
 

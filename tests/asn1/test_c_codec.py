@@ -52,6 +52,10 @@ New ::= SEQUENCE { a BOOLEAN, ..., b INTEGER (0..255), [[ c BOOLEAN, d Pair OPTI
 Choose ::= CHOICE { x NULL, y Pair, ... }
 Chosen ::= CHOICE { x NULL, y Pair, ..., z INTEGER (0..7), w OCTET STRING }
 Deep ::= SEQUENCE { here INTEGER (0..1), more Deep OPTIONAL }
+Nest ::= CHOICE { leaf INTEGER (0..1), more Nest }
+Nests ::= SEQUENCE OF Nests
+Branch ::= CHOICE { leaf NULL, ..., more Branch }
+Branches ::= SEQUENCE OF Branch
 Large ::= SEQUENCE { first OCTET STRING (SIZE(64)), second OCTET STRING (SIZE(64)), third INTEGER (0..255) }
 Holder ::= SEQUENCE { large Large OPTIONAL, either CHOICE { large Large, no NULL } }
 One ::= SEQUENCE (SIZE(1..4)) OF Choose
@@ -307,11 +311,33 @@ def test_a_type_inside_itself_has_a_bound(codec: Compiled) -> None:
     def nested(depth: int) -> Any:
         return {"here": 1, "more": nested(depth - 1)} if depth else {"here": 0}
 
-    assert codec.bits("Deep", nested(15)) == "11" * 15 + "00"
+    assert codec.bits("Deep", nested(31)) == "11" * 31 + "00"
     with pytest.raises(RefusedError, match="nested too deeply"):
-        codec.bits("Deep", nested(16))
+        codec.bits("Deep", nested(32))
     with pytest.raises(RefusedError, match="nested too deeply"):
         codec.decode("Deep", b"\xff" * 100)
+
+
+def test_a_choice_or_list_inside_itself_has_the_same_bound(codec: Compiled) -> None:
+    choice: Any = {"leaf": 1}
+    list_: Any = []
+    for _ in range(31):
+        choice, list_ = {"more": choice}, [list_]
+    assert codec.bits("Nest", choice) == "1" * 31 + "01"
+    assert codec.decode("Nests", octets_of(codec.bits("Nests", list_))) == list_
+    for name, value in (("Nest", {"more": choice}), ("Nests", [list_])):
+        with pytest.raises(RefusedError, match="nested too deeply"):
+            codec.bits(name, value)
+    for name, octet in (("Nest", b"\xff"), ("Nests", b"\1"), ("Branch", b"\x80\x64")):
+        with pytest.raises(RefusedError, match=r"nested too deeply|truncated"):
+            codec.decode(name, octet * 100_000)
+
+
+def test_what_stands_beside_one_another_is_not_nested(codec: Compiled) -> None:
+    value = [{"more": {"more": {"leaf": None}}}, {"[5]": "00"}] * 40
+    octets = octets_of(codec.bits("Branches", value))
+    assert codec.decode("Branches", octets) == value
+    assert codec.again("Branches", octets) == octets
 
 
 def test_what_is_large_lies_behind_a_pointer(codec: Compiled) -> None:

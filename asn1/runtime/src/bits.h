@@ -20,9 +20,9 @@ extern "C" {
 
 /* A list whose elements take no bits is bounded by nothing in the octets. */
 #define CAPTAIN_MAX_EMPTY 65536u
-/* How often a SEQUENCE that contains itself may stand within itself: the tables count every container on the way,
- * CAPTAIN_MAX_DEPTH in all. */
-#define CAPTAIN_MAX_RECURSION 16u
+/* How many containers that contain themselves may stand within one another: each turn of IVIM's signs takes eight. The tables
+ * count every container on the way, CAPTAIN_MAX_DEPTH in all. */
+#define CAPTAIN_MAX_RECURSION 32u
 /* A bitmap of additions is not longer than this: longer ones are fragmented (11.9.3.8), and no type has so many. */
 #define CAPTAIN_MAX_ADDITIONS 16383u
 

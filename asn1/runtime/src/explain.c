@@ -239,7 +239,7 @@ static captain_status explain_value(explain *to, explain_node *node)
 {
     if (node->type->kind < CAPTAIN_SEQUENCE)
         return captain_explain_simple(to, node);
-    unsigned again = node->type->kind == CAPTAIN_SEQUENCE && (node->type->flags & CAPTAIN_RECURS) ? 1 : 0;
+    unsigned again = node->type->flags & CAPTAIN_RECURS ? 1 : 0;
     if (to->depth == CAPTAIN_MAX_DEPTH || to->recursion + again > CAPTAIN_WALK_RECURSION)
         return captain_explain_refuse(to, to->at, CAPTAIN_DEPTH, "nested too deeply");
     to->depth++;

@@ -142,7 +142,7 @@ captain_status captain_json_value(json *from, const captain_type *type, void *va
     case CAPTAIN_LIST: break;
     default: return captain_json_read_text(from, type, value);
     }
-    unsigned again = type->kind == CAPTAIN_SEQUENCE && (type->flags & CAPTAIN_RECURS) ? 1 : 0;
+    unsigned again = type->flags & CAPTAIN_RECURS ? 1 : 0;
     if (from->depth == CAPTAIN_WALK_DEPTH || from->recursion + again > CAPTAIN_WALK_RECURSION)
         return captain_json_refuse(from, CAPTAIN_DEPTH, "nested too deeply");
     from->depth++;

@@ -233,7 +233,7 @@ static captain_status check_value(locate *in, const captain_type *type, const vo
     default: return check_string(in, type, captain_walk_octets(value));
     }
     /* What encode refuses, decode would refuse as well. */
-    unsigned again = !in->is_strict && type->kind == CAPTAIN_SEQUENCE && (type->flags & CAPTAIN_RECURS) ? 1 : 0;
+    unsigned again = !in->is_strict && (type->flags & CAPTAIN_RECURS) ? 1 : 0;
     if (in->depth == CAPTAIN_WALK_DEPTH || in->recursion + again > CAPTAIN_WALK_RECURSION)
         return refuse(in, CAPTAIN_DEPTH, "nested too deeply");
     in->depth++;

@@ -40,8 +40,8 @@ bool captain_walk_has_character(const captain_type *type, bool in_root, uint32_t
 /* Extension additions of a SEQUENCE: above it the length of their bitmap would be fragmented (11.9.3.8), and no type has so many. */
 enum { CAPTAIN_WALK_ADDITIONS = 16383 };
 
-/* So many SEQUENCEs that contain themselves may stand within one another (CAPTAIN_RECURS). */
-enum { CAPTAIN_WALK_RECURSION = 16 };
+/* So many containers that contain themselves may stand within one another (CAPTAIN_RECURS). */
+enum { CAPTAIN_WALK_RECURSION = 32 };
 
 /* How deep a value in memory is followed: what decode gives is never deeper, a struct that points to itself is. */
 enum { CAPTAIN_WALK_DEPTH = 2 * CAPTAIN_MAX_DEPTH };

@@ -132,7 +132,7 @@ enum { /* captain_type.flags */
     CAPTAIN_UNBOUNDED_HIGH = 4, /* high is MAX */
     CAPTAIN_SIGNED = 8,      /* an INTEGER that lies in a signed type */
     CAPTAIN_NAMED_BITS = 16, /* BIT STRING with named bits: trailing zeros do not count (X.691 16.2) */
-    CAPTAIN_RECURS = 32      /* contains itself: of such SEQUENCEs 16 may stand within one another, else CAPTAIN_DEPTH */
+    CAPTAIN_RECURS = 32      /* contains itself: 32 such containers may stand within one another, else CAPTAIN_DEPTH */
 };
 enum { /* captain_field.flags */
     CAPTAIN_OPTIONAL = 1,    /* may be absent: `present` is valid */
