@@ -128,8 +128,7 @@ class _Decoder(ReadValues):
             self.call(f"captain_decode_open(r, at, &{f.node.c_name}_type, (int64_t){selector}, &{name})")
         elif f.is_pointer:
             self.flush()
-            self.put(f"{name} = captain_take(r, at, sizeof({f.node.c_name}));", f"if ({name} == NULL)")
-            self.put("    return CAPTAIN_FAILED;")
+            self.put(f"{name} = {_take(f.node)};", f"if ({name} == NULL)", "    return CAPTAIN_FAILED;")
             self.call(f"{f.node.c_name}_read(r, at, {name})")
         else:
             self.value(f.node, name)
@@ -199,7 +198,7 @@ class _Decoder(ReadValues):
         if f.is_pointer:
             kind = f.node.c_name
             self.put(
-                f"{kind} *chosen = captain_take(r, at, sizeof *chosen);",
+                f"{kind} *chosen = {_take(f.node)};",
                 "if (chosen == NULL)",
                 "    return CAPTAIN_FAILED;",
             )
@@ -298,3 +297,8 @@ class _Decoder(ReadValues):
         self.put("if (v->items == NULL)", "    return CAPTAIN_FAILED;")
         with self.block("for (uint32_t i = 0; i < v->count; i++)"):
             self.call(f"{item_function(node)}(r, at, &v->items[i])")
+
+
+def _take(node: Node) -> str:
+    """Memory for a struct, once the octets can hold one."""
+    return f"captain_take_items(r, at, 1, sizeof({node.c_name}), {minimal_bits(node, {})})"

@@ -2,11 +2,14 @@
 
 import json
 from pathlib import Path
+from random import Random
 from typing import Any
 
 import pytest
 
 from asn1 import c
+from asn1.layout import lay_out
+from asn1.memory import arena_octets
 from asn1.text import load_schema
 from tests.asn1.compiled import ROOT, Compiled, RefusedError, compiled, octets_of, schema_of
 
@@ -70,13 +73,14 @@ HOLDS ::= CLASS { &id INTEGER (0..255) UNIQUE, &Type } WITH SYNTAX { &Type IDENT
 Held HOLDS ::= { { Pair IDENTIFIED BY 1 } | { INTEGER (0..3) IDENTIFIED BY 2 }, ... }
 Open ::= SEQUENCE { id HOLDS.&id ({Held}), value HOLDS.&Type ({Held}{@id}) }
 """
-NAMES = tuple(line.split()[0] for line in MODULE.strip().splitlines() if "::=" in line and line.split()[1] == "::=")
+NAMES_OF_TYPES = tuple(
+    line.split()[0] for line in MODULE.strip().splitlines() if line.split()[1] == "::=" and line.split()[0] != "HOLDS"
+)
 
 
 @pytest.fixture(scope="module")
 def codec() -> Compiled:
-    names = [name for name in NAMES if name != "HOLDS"]
-    return compiled(schema_of(MODULE, *names), names)
+    return compiled(schema_of(MODULE, *NAMES_OF_TYPES), NAMES_OF_TYPES)
 
 
 # name, value as JSON, bits
@@ -361,6 +365,20 @@ def test_real_messages_come_back_octet_for_octet(name: str, standard: str) -> No
         if vector["module"] == standard:
             octets = bytes.fromhex(vector["hex"])
             assert codec.again(name, octets) == octets
+
+
+def test_no_octets_ask_for_more_memory_than_is_stated(codec: Compiled) -> None:
+    # the arena ends where arena_octets says: whatever the octets are, it is never used up
+    schema = schema_of(MODULE, *NAMES_OF_TYPES)
+    layout = lay_out(schema, [schema.messages[name] for name in NAMES_OF_TYPES])
+    random = Random(7)
+    for name, pdu in layout.pdus.items():
+        for size in range(1, 40):
+            octets = random.randbytes(size) if size % 3 else bytes([random.randrange(64)]) + bytes(size - 1)
+            try:
+                codec.decode(name, octets, memory=arena_octets(pdu) * size)
+            except RefusedError as error:
+                assert str(error) not in ("out of memory", "buffer too small"), (name, octets.hex())
 
 
 def test_the_same_schema_gives_the_same_octets(tmp_path: Path) -> None:

@@ -207,7 +207,7 @@ typedef struct captain_message {
     uint16_t btp_port;
     uint16_t rank;         /* order of preference among editions: smallest first */
     uint32_t arena;        /* decode takes at most so many octets from the arena for each octet of the message, whatever it
-                            * is; a list of 16384 elements and more, which comes in fragments, four times as many */
+                            * is; what has 16384 elements or octets and more comes in fragments, and may take four times as many */
 } captain_message;
 
 /* Every message of this library, by type and rank; captain_messages_count of them. */
