@@ -38,27 +38,41 @@ captain_status captain_check_text(const captain_type *type, bool in_root, const 
     return CAPTAIN_OK;
 }
 
-/* The first field of the group that is there, or NULL. */
-static const captain_field *group_member(const captain_type *type, const void *structure, unsigned addition)
+/* Whether the encoding holds it: what equals its default is left out (19.5). */
+static bool is_encoded(const captain_field *field, const void *structure)
 {
-    for (unsigned i = type->root_count; i < type->fields_count; i++)
-        if (type->fields[i].addition == addition && captain_walk_is_present(&type->fields[i], structure))
-            return &type->fields[i];
-    return NULL;
+    if (!captain_walk_is_present(field, structure))
+        return false;
+    const void *value = captain_walk_field(field, structure);
+    return !(field->flags & CAPTAIN_DEFAULT) || value == NULL || !captain_equal(field->type, value, field->default_value);
 }
 
-captain_status captain_check_groups(const captain_type *type, const void *structure, captain_report *report, captain_path *path)
+/* The first field of the group that is there, or NULL. */
+static const captain_field *group_member(const captain_type *type, const void *structure, unsigned addition, bool is_strict)
 {
     for (unsigned i = type->root_count; i < type->fields_count; i++) {
         const captain_field *field = &type->fields[i];
-        bool is_needed = (field->flags & CAPTAIN_GROUP) && (field->flags & CAPTAIN_MANDATORY) && !(field->flags & CAPTAIN_DEFAULT);
-        if (!is_needed || captain_walk_is_present(field, structure))
+        bool is_there = is_strict ? captain_walk_is_present(field, structure) : is_encoded(field, structure);
+        if (field->addition == addition && is_there)
+            return field;
+    }
+    return NULL;
+}
+
+captain_status captain_check_groups(const captain_type *type, const void *structure, bool is_strict, captain_report *report,
+                                    captain_path *path)
+{
+    for (unsigned i = type->root_count; i < type->fields_count; i++) {
+        const captain_field *field = &type->fields[i];
+        bool is_needed = (field->flags & CAPTAIN_GROUP) && (field->flags & CAPTAIN_MANDATORY);
+        if (!is_needed || (field->flags & CAPTAIN_DEFAULT) || captain_walk_is_present(field, structure))
             continue;
-        const captain_field *other = group_member(type, structure, field->addition);
+        const captain_field *other = group_member(type, structure, field->addition, is_strict);
         if (other == NULL)
             continue;
         captain_path_push(path, field->name);
-        return captain_walk_refuse(report, path, 0, CAPTAIN_PRESENCE, "is missing: %s is there, and both come together", other->name);
+        return captain_walk_refuse(report, path, 0, CAPTAIN_PRESENCE, "is missing: %s is there, and both come together",
+                                   other->name);
     }
     return CAPTAIN_OK;
 }

@@ -235,6 +235,16 @@ static captain_status container(explain *to, const explain_node *node)
     }
 }
 
+static const char *container_clause(const captain_type *type)
+{
+    switch (type->kind) {
+    case CAPTAIN_SEQUENCE: return "19";
+    case CAPTAIN_CHOICE: return "23";
+    case CAPTAIN_LIST: return "20";
+    default: return "11.2";
+    }
+}
+
 static captain_status explain_value(explain *to, explain_node *node)
 {
     if (node->type->kind < CAPTAIN_SEQUENCE)
@@ -244,11 +254,11 @@ static captain_status explain_value(explain *to, explain_node *node)
         return captain_explain_refuse(to, to->at, CAPTAIN_DEPTH, "nested too deeply");
     to->depth++;
     to->recursion += again;
-    TRY(captain_explain_step(to, node, CAPTAIN_STEP_ENTER, to->at, "", ""));
+    TRY(captain_explain_step(to, node, CAPTAIN_STEP_ENTER, to->at, "", container_clause(node->type)));
     TRY(container(to, node));
     to->recursion -= again;
     to->depth--;
-    return captain_explain_step(to, node, CAPTAIN_STEP_LEAVE, to->at, "", "");
+    return captain_explain_step(to, node, CAPTAIN_STEP_LEAVE, to->at, "", container_clause(node->type));
 }
 
 /* ---------------------------------------------------------------- the message */

@@ -226,7 +226,7 @@ static captain_status check_missing(json *from, const members *of)
         captain_path_push(&from->path, field->name);
         return captain_json_refuse(from, CAPTAIN_PRESENCE, "is missing");
     }
-    return captain_check_groups(of->type, of->structure, from->report, &from->path);
+    return captain_check_groups(of->type, of->structure, false, from->report, &from->path);
 }
 
 static captain_status read_members(json *from, members *of)

@@ -162,7 +162,7 @@ static captain_status check_sequence(locate *in, const captain_type *type, const
             TRY(check_selected(in, type, field, value));
         TRY(check_field(in, field, value));
     }
-    TRY(captain_check_groups(type, value, in->report, &in->path));
+    TRY(captain_check_groups(type, value, in->is_strict, in->report, &in->path));
     /* What is kept of additions is no value of the standard: only the encoding sees it. */
     return in->is_strict ? CAPTAIN_OK : check_additions(in, type, captain_walk_additions(type, value));
 }

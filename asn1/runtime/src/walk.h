@@ -127,7 +127,8 @@ captain_status captain_check_size(const captain_type *type, uint64_t count, capt
 /* in_root: outside the root of an extensible size the alphabet is that of the whole string type (30.4). */
 captain_status captain_check_text(const captain_type *type, bool in_root, const char *text, uint32_t octets,
                                   captain_report *report, const captain_path *path);
-captain_status captain_check_groups(const captain_type *type, const void *structure, captain_report *report,
+/* is_strict: a member that equals its default is there as well. */
+captain_status captain_check_groups(const captain_type *type, const void *structure, bool is_strict, captain_report *report,
                                     captain_path *path);
 
 /* The name nearest to this one, of `count` structs that begin with a name; NULL where none is near. */

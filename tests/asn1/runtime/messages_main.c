@@ -28,10 +28,17 @@ static uint64_t next_random(void)
 static bool chance(unsigned one_in) { return next_random() % one_in == 0; }
 
 /* Now and then a value goes as deep into a type that contains itself as decode and encode allow, and deeper. */
-enum { DEEPEST = 60 };
+enum { DEEPEST = 60, MOST_CONTAINERS = 2000 };
 static bool is_deep;
+static unsigned containers; /* of the value that is made: what contains itself twice would have no end */
 
-static bool goes_deep(const captain_type *type, unsigned depth) { return is_deep && depth < DEEPEST && (type->flags & CAPTAIN_RECURS); }
+static bool goes_deep(const captain_type *type, unsigned depth)
+{
+    return is_deep && depth < DEEPEST && containers < MOST_CONTAINERS / 4 && (type->flags & CAPTAIN_RECURS);
+}
+
+/* Only what has to be there, and the shortest. */
+static bool is_short(unsigned depth) { return depth > 8 || containers > MOST_CONTAINERS; }
 
 /* ---------------------------------------------------------------- values */
 
@@ -60,7 +67,7 @@ static int64_t make_number(const captain_type *type)
 static uint32_t make_count(const captain_type *type, unsigned depth)
 {
     uint64_t low = (uint64_t)type->low, high = type->flags & CAPTAIN_UNBOUNDED_HIGH ? low + 5 : (uint64_t)type->high;
-    uint64_t most = depth > 6 ? low + 1 : low + 4;
+    uint64_t most = is_short(depth) ? low : depth > 6 ? low + 1 : low + 4;
     if ((type->flags & CAPTAIN_EXTENSIBLE) && chance(8))
         return (uint32_t)(high + 1 + next_random() % 3);
     if (depth < 3 && chance(50) && high < 300)
@@ -131,7 +138,8 @@ static void make_open(const captain_type *type, const captain_type *holder, cons
 
 static void make_sequence(const captain_type *type, char *structure, captain_arena *arena, unsigned depth)
 {
-    unsigned rare = depth > 8 ? 8 : 2;
+    unsigned rare = containers > MOST_CONTAINERS ? UINT32_MAX : depth > 8 ? 8 : 2;
+    containers++;
     bool group = false;
     captain_init(type, structure);
     for (unsigned i = 0; i < type->fields_count; i++) {
@@ -165,7 +173,8 @@ static void make_sequence(const captain_type *type, char *structure, captain_are
 
 static void make_choice(const captain_type *type, char *structure, captain_arena *arena, unsigned depth)
 {
-    uint32_t choice = (uint32_t)(next_random() % (depth > 8 ? 1 : type->fields_count)) + 1;
+    uint32_t choice = (uint32_t)(next_random() % (is_short(depth) ? 1 : type->fields_count)) + 1;
+    containers++;
     memset(structure, 0, type->size);
     for (uint32_t i = 0; i < type->root_count; i++)
         choice = goes_deep(type->fields[i].type, depth) ? i + 1 : choice;
@@ -458,6 +467,7 @@ static unsigned long check_message(const captain_message *message, unsigned long
         captain_report report;
         captain_arena_init(&arena, memory[0], sizeof memory[0]);
         is_deep = chance(8);
+        containers = 0;
         make(message->pdu, values[0], &arena, 0);
         size_t bits;
         captain_status status = captain_encode(message->pdu, values[0], encoded, sizeof encoded, &bits);
