@@ -7,6 +7,7 @@ same names; both exist for type checkers only. Enumerations are literals, a CHOI
 import keyword
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TypeAlias
 
 from asn1.layout import Field, Kind, Layout, Node
 from asn1.types import Message
@@ -23,6 +24,7 @@ LEAVES = INTEGERS | {
     ),
 }
 NAMED = (Kind.SEQUENCE, Kind.CHOICE, Kind.ENUMERATED)
+Around: TypeAlias = frozenset[Node]
 
 
 def write(layout: Layout, folder: Path) -> None:
@@ -101,33 +103,39 @@ def attribute(name: str) -> str:
     return f"{name}_" if keyword.iskeyword(name) else name
 
 
-def _value(node: Node) -> str:
-    """In a dict."""
+def _value(node: Node, around: Around = frozenset()) -> str:
+    """In a dict. around: what it is written inside of; there it is Any."""
+    if node in around:
+        return "Any"
+    inside = around | {node}
     match node.kind:
         case kind if kind in NAMED:
             return node.c_name
         case Kind.LIST:
-            return f"list[{_value(node.item)}]"
+            return f"list[{_value(node.item, inside)}]"
         case Kind.OPEN:
-            return " | ".join(dict.fromkeys([*(_value(row) for _, row in node.rows), "bytes"]))
+            return " | ".join(dict.fromkeys([*(_value(row, inside) for _, row in node.rows), "bytes"]))
         case kind:
             return LEAVES[kind]
 
 
-def _seen(node: Node) -> str:
-    """In a view."""
+def _seen(node: Node, around: Around = frozenset()) -> str:
+    """In a view. around: as in `_value`."""
+    if node in around:
+        return "Any"
+    inside = around | {node}
     match node.kind:
         case Kind.SEQUENCE:
             return f"{node.c_name}_View"
         case Kind.CHOICE:
             values = dict.fromkeys(
-                [*(_seen(field.node) for field in node.fields), *(["bytes"] if node.is_extensible else [])]
+                [*(_seen(field.node, inside) for field in node.fields), *(["bytes"] if node.is_extensible else [])]
             )
             return f"ChoiceView[{node.c_name}, {' | '.join(values)}]"
         case Kind.LIST:
-            return f"ListView[{_value(node.item)}, {_seen(node.item)}]"
+            return f"ListView[{_value(node.item, inside)}, {_seen(node.item, inside)}]"
         case Kind.OPEN:
-            return " | ".join(dict.fromkeys([*(_seen(row) for _, row in node.rows), "bytes"]))
+            return " | ".join(dict.fromkeys([*(_seen(row, inside) for _, row in node.rows), "bytes"]))
         case _:
             return _value(node)
 

@@ -5,6 +5,7 @@ import ast
 from asn1.cpython import stubs
 from asn1.layout import lay_out
 from asn1.text import load_schema
+from tests.asn1.compiled import schema_of
 
 
 def classes(text):
@@ -43,6 +44,19 @@ def test_a_message_is_found_by_name_and_by_type():
     text = of("cam-1.4.1", "cam-2.3.1")
     assert 'def find(name: Literal["cam-2.3.1"], /) -> Message[r2_cam231_CAM, r2_cam231_CAM_View]: ...' in text
     assert text.count('name: Literal["cam"], /') == 1
+
+
+def test_types_inside_themselves_end_where_they_begin_again():
+    names = ("Deep", "Nests", "Tree")
+    schema = schema_of(
+        "Deep ::= CHOICE { leaf BOOLEAN, more Deep } Nests ::= SEQUENCE OF Nests Tree ::= SEQUENCE OF Deep", *names
+    )
+    text = stubs.text(lay_out(schema, list(schema.messages.values())))
+    ast.parse(text)
+    assert 'm_Deep: TypeAlias = tuple[Literal["leaf"], bool] | tuple[Literal["more"], m_Deep]' in text
+    assert 'find(name: Literal["deep"], /) -> Message[m_Deep, ChoiceView[m_Deep, bool | Any]]: ...' in text
+    assert 'find(name: Literal["nests"], /) -> Message[list[Any], ListView[Any, Any]]: ...' in text
+    assert "Message[list[m_Deep], ListView[m_Deep, ChoiceView[m_Deep, bool | Any]]]: ..." in text
 
 
 def test_the_stub_of_all_messages_is_python_and_the_same_twice():
