@@ -57,8 +57,8 @@ def running(command: list[str], address: str) -> Iterator["subprocess.Popen[byte
             child.kill()
 
 
-def test_there_is_a_sender_and_a_receiver_in_both_languages() -> None:
-    assert set(PROGRAMS) == {"sender.py", "sender.cpp", "receiver.py", "receiver.cpp"}
+def test_there_are_the_programs_that_follow() -> None:
+    assert set(PROGRAMS) == {"sender.py", "sender.cpp", "receiver.py", "receiver.cpp", "messages.py"}
 
 
 @pytest.mark.parametrize("name", PROGRAMS)
@@ -86,6 +86,15 @@ def test_the_receiver_prints_what_comes_by_the_interface(btp: Bench, programs: d
         said = child.stdout.readline().decode()
     assert "cam" in said
     assert f"{len(sent)} octets" in said
+
+
+def test_the_program_with_messages_reads_changes_and_is_told_what_is_wrong(programs: dict[str, list[str]]) -> None:
+    said = subprocess.run(programs["messages.py"], capture_output=True, text=True, check=True).stdout.splitlines()
+    assert said[0] == "station 2602961571 at 50.0401189 14.4050093"
+    assert said[1].startswith("020200001267")
+    assert said[2].startswith("cam.generationDeltaTime: ")
+    assert "70000" in said[2]
+    assert "0..65535" in said[2]
 
 
 @pytest.mark.parametrize("text", TOML, ids=range(len(TOML)))
