@@ -27,6 +27,8 @@ Colour ::= ENUMERATED { red, green, blue }
 Sparse ::= ENUMERATED { low(-3), high(70000), ..., late(5), later(9) }
 Flags ::= BIT STRING { first(0), third(2) } (SIZE(1..12))
 Wanted ::= BIT STRING { first(0), third(2) } (SIZE(3..8))
+Signs ::= BIT STRING { first(0), third(2) } (SIZE(8, ...))
+Crowd ::= BIT STRING { first(0), third(2) } (SIZE(70000..MAX))
 Mask ::= BIT STRING (SIZE(4))
 Long ::= BIT STRING (SIZE(70))
 Bits ::= BIT STRING (SIZE(2..5, ...))
@@ -107,6 +109,10 @@ GOOD: list[tuple[str, Any, str]] = [
     ("Flags", {"value": "A000", "length": 12}, "0010 101"),  # 16.2: trailing zeros of named bits are left out
     ("Flags", {"value": "00", "length": 3}, "0000 0"),  # but for those that the size needs
     ("Wanted", {"value": "D0", "length": 4}, "001 1101"),
+    ("Wanted", {"value": "80", "length": 1}, "000 100"),  # 16.3: zeros are added where the size needs them
+    ("Signs", {"value": "80", "length": 1}, "0 10000000"),
+    ("Signs", {"value": "", "length": 0}, "0 00000000"),
+    ("Signs", {"value": "8080", "length": 9}, "1 00001001 100000001"),
     ("Mask", "A0", "1010"),
     ("Long", "00" * 8 + "04", "0" * 69 + "1"),
     ("Bits", {"value": "C0", "length": 3}, "0 01 110"),
@@ -282,6 +288,13 @@ def test_long_values_are_fragmented(codec: Compiled, count: int) -> None:
     content = octets_of(bits)
     assert inside == "10000001" + _fragmented(content)
     assert codec.decode("Chosen", octets_of(inside)) == {"w": text}
+
+
+def test_named_bits_are_filled_up_in_fragments(codec: Compiled) -> None:
+    bits = codec.bits("Crowd", {"value": "A0", "length": 3})
+    assert bits == "11000100" + "101" + "0" * 65533 + f"{0x8000 | 4464:016b}" + "0" * 4464
+    assert bits == codec.bits("Crowd", {"value": "A0" + "00" * 8749, "length": 70000})
+    codec.validate("Crowd", {"value": "A0", "length": 3})
 
 
 def _fragmented(octets: bytes) -> str:

@@ -105,7 +105,8 @@ captain_status captain_json_read_bits(json *from, const captain_type *type, void
         TRY(take_hex(from, &string, &octets));
     else
         TRY(take_bits(from, &string, &octets, &bits));
-    TRY(captain_check_size(type, (uint64_t)bits, from->report, &from->path));
+    bool is_filled = (type->flags & CAPTAIN_NAMED_BITS) && bits < type->low; /* by encode (16.3) */
+    TRY(captain_check_size(type, (uint64_t)(is_filled ? type->low : bits), from->report, &from->path));
     if (octets != ((uint64_t)bits + 7) / 8) {
         char text[96];
         snprintf(text, sizeof text, "%lld bits take %lld octets, %zu are there", (long long)bits, (long long)(bits + 7) / 8,

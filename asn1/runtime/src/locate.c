@@ -65,7 +65,7 @@ static captain_status check_small_bits(locate *in, const captain_type *type, con
     return refuse(in, CAPTAIN_SIZE, text);
 }
 
-/* Named bits go out without trailing zeros, so that more of them than allowed may be there (16.2, 16.3). */
+/* Named bits go out with as many trailing zeros as the size needs: more or fewer may be there (16.2, 16.3). */
 static captain_status check_bits(locate *in, const captain_type *type, const captain_bits *bits)
 {
     uint32_t count = bits->count;
@@ -73,7 +73,7 @@ static captain_status check_bits(locate *in, const captain_type *type, const cap
         return refuse(in, CAPTAIN_PRESENCE, "the string has a length and no octets");
     if (type->flags & CAPTAIN_NAMED_BITS) {
         uint32_t least = captain_walk_bits(type, bits);
-        count = count > (uint64_t)type->low ? (least > (uint64_t)type->low ? least : (uint32_t)type->low) : count;
+        count = least > (uint64_t)type->low ? least : (uint32_t)type->low;
     }
     TRY(captain_check_size(type, count, in->report, &in->path));
     return check_gap(in, type, count);

@@ -144,13 +144,27 @@ size_t captain_decode_string(captain_reader *reader, size_t at, const captain_ty
 
 /* ---------------------------------------------------------------- encode */
 
-/* 16.2: trailing zeros of named bits go, as far as the size allows. */
-static size_t trimmed(const captain_type *type, const captain_bits *bits)
+/* 16.2, 16.3: trailing zeros of named bits go as far as the size allows, and come where it needs them. */
+static size_t named_count(const captain_type *type, const captain_bits *bits)
 {
     size_t count = bits->count;
     while ((int64_t)count > type->low && (bits->octets[(count - 1) / 8] >> (7 - (count - 1) % 8) & 1) == 0)
         count--;
-    return count;
+    return (int64_t)count > type->low ? count : (size_t)type->low;
+}
+
+/* Behind the string's own bits are zeros. */
+static size_t put_bits(captain_writer *writer, size_t at, const captain_bits *bits, size_t from, size_t count)
+{
+    size_t own = from < bits->count ? bits->count - from : 0;
+    own = own < count ? own : count;
+    if (own != 0)
+        at = captain_put_sized(writer, at, bits->octets + from / 8, own);
+    for (size_t left = count - own, part; left != 0; left -= part) {
+        part = left < 32 ? left : 32;
+        at = captain_put_bits(writer, at, 0, (unsigned)part);
+    }
+    return at;
 }
 
 static size_t put_characters(captain_writer *writer, size_t at, const captain_characters *set, const captain_text *text, size_t from, size_t count)
@@ -172,7 +186,7 @@ static size_t put_units(captain_writer *writer, size_t at, const captain_type *t
     if (is_text(type) && type->kind != CAPTAIN_UTF8)
         return put_characters(writer, at, set, value, from, count);
     if (type->kind == CAPTAIN_BIT_STRING)
-        return captain_put_sized(writer, at, ((const captain_bits *)value)->octets + from / 8, count);
+        return put_bits(writer, at, value, from, count);
     if (type->kind == CAPTAIN_UTF8)
         return captain_put_sized(writer, at, (const uint8_t *)((const captain_text *)value)->text + from, count * 8);
     return captain_put_sized(writer, at, ((const captain_octets *)value)->octets + from, count * 8);
@@ -193,7 +207,7 @@ static size_t put_general(captain_writer *writer, size_t at, const captain_type 
 static size_t string_count(const captain_type *type, const void *value)
 {
     if (type->kind == CAPTAIN_BIT_STRING)
-        return type->flags & CAPTAIN_NAMED_BITS ? trimmed(type, value) : ((const captain_bits *)value)->count;
+        return type->flags & CAPTAIN_NAMED_BITS ? named_count(type, value) : ((const captain_bits *)value)->count;
     return is_text(type) ? ((const captain_text *)value)->count : ((const captain_octets *)value)->count;
 }
 

@@ -102,6 +102,8 @@ static captain_octets make_octets(uint32_t count, captain_arena *arena)
 static void make_bits(const captain_type *type, captain_bits *bits, captain_arena *arena)
 {
     uint32_t count = make_count(type, 0);
+    if ((type->flags & CAPTAIN_NAMED_BITS) && chance(4)) /* trailing zeros may be left out, X.680 22.7 */
+        count = (uint32_t)(next_random() % (count + 1));
     captain_octets octets = make_octets((count + 7) / 8, arena);
     uint8_t *last = (uint8_t *)(uintptr_t)octets.octets;
     if (count % 8 != 0)
