@@ -228,7 +228,7 @@ static size_t brackets_to_octets(const captain_text *text, uint8_t *to)
 
 captain_status captain_json_read_oid(json *from, const captain_type *type, void *value)
 {
-    captain_text text;
+    captain_text text = {0, NULL};
     void *memory;
     TRY(take_text(from, &text, "an object identifier in quotes"));
     TRY(captain_json_take_memory(from, text.count + 2u, &memory));
