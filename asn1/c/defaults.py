@@ -15,11 +15,18 @@ def default_lines(node: Node, default: Default, name: str) -> list[str]:
         case Kind.ENUMERATED:
             return [f"{name} = {next(item.value for item in node.names if item.name == default)};"]
         case Kind.SMALL_BITS if isinstance(default, tuple):
-            return [f"{name} = {unsigned(int.from_bytes(default[0], 'big') >> (-default[1] % 8))};"]
+            return [f"{name} = {unsigned(_number(node, *default))};"]
         case Kind.FIXED_OCTETS if isinstance(default, bytes):
             return [f"{name}[{i}] = {octet:#04x};" for i, octet in enumerate(default)]
         case _:
             raise ValueError(f"{node.c_name}: a DEFAULT of this type: {default!r}")
+
+
+def _number(node: Node, octets: bytes, count: int) -> int:
+    """A string of fixed size as a number. Named bits are filled up with zeros (X.691 16.3)."""
+    if count > node.size or (count < node.size and not node.names):
+        raise ValueError(f"{node.c_name}: a DEFAULT of {count} bits where the size is {node.size}")
+    return int.from_bytes(octets, "big") >> (-count % 8) << (node.size - count)
 
 
 def differs(node: Node, default: Default, of: str) -> str:
@@ -32,7 +39,7 @@ def differs(node: Node, default: Default, of: str) -> str:
         case Kind.ENUMERATED:
             return f"{of} != {next(item.value for item in node.names if item.name == default)}"
         case Kind.SMALL_BITS if isinstance(default, tuple):
-            return f"{of} != {unsigned(int.from_bytes(default[0], 'big') >> (-default[1] % 8))}"
+            return f"{of} != {unsigned(_number(node, *default))}"
         case Kind.FIXED_OCTETS if isinstance(default, bytes):
             octets = "".join(f"\\{octet:03o}" for octet in default)
             return f'memcmp({of}, "{octets}", {len(default)}) != 0'

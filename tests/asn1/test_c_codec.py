@@ -51,6 +51,7 @@ Nothings ::= SEQUENCE OF NULL
 Many ::= SEQUENCE OF BOOLEAN
 Pair ::= SEQUENCE { a INTEGER (0..3), b BOOLEAN }
 Record ::= SEQUENCE { a INTEGER (0..3) OPTIONAL, b Pair, c Colour DEFAULT green, d OCTET STRING (SIZE(1)) }
+Signal ::= SEQUENCE { some BIT STRING { a(0), c(2) } (SIZE(8)) DEFAULT { a, c }, none BIT STRING { a(0) } (SIZE(4)) DEFAULT {} }
 Empty ::= SEQUENCE {}
 Old ::= SEQUENCE { a BOOLEAN, ... }
 New ::= SEQUENCE { a BOOLEAN, ..., b INTEGER (0..255), [[ c BOOLEAN, d Pair OPTIONAL ]], e NULL }
@@ -139,6 +140,8 @@ GOOD: list[tuple[str, Any, str]] = [
     ("Huge", [True], "00000001 1"),  # 11.9.4.1: an upper bound of 64K and more is none
     ("Record", {"b": {"a": 3, "b": False}, "c": "green", "d": "FF"}, "00 110 11111111"),  # 19.5
     ("Record", {"a": 0, "b": {"a": 3, "b": False}, "c": "red", "d": "00"}, "11 00 110 00 00000000"),
+    ("Signal", {"some": "A0", "none": "00"}, "00"),  # a DEFAULT has the size of its type
+    ("Signal", {"some": "05", "none": "80"}, "11 00000101 1000"),
     ("Empty", {}, "00000000"),  # 11.1.3: an empty encoding is an octet; it is counted as one
     ("Old", {"a": True}, "0 1"),
     ("New", {"a": True}, "0 1"),
@@ -355,6 +358,10 @@ def test_what_stands_beside_one_another_is_not_nested(codec: Compiled) -> None:
     octets = octets_of(codec.bits("Branches", value))
     assert codec.decode("Branches", octets) == value
     assert codec.again("Branches", octets) == octets
+
+
+def test_a_default_of_named_bits_has_the_size_of_its_type(codec: Compiled) -> None:
+    assert codec.decode("Signal", octets_of("00")) == {"some": "A0", "none": "00"}
 
 
 def test_what_is_large_lies_behind_a_pointer(codec: Compiled) -> None:
