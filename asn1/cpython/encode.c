@@ -15,7 +15,7 @@ static bool refuse_range(maker *maker, const shape *shape, PyObject *value)
     return false;
 }
 
-/* An int for what is none but can be taken as one (numpy's, ctypes'). NULL: refused. */
+/* An int for what is none but can be taken as one (numpy's, ctypes'), and is held. NULL: refused. */
 static PyObject *as_int(maker *maker, PyObject *value)
 {
     if (PyLong_Check(value) && !PyBool_Check(value))
@@ -24,12 +24,10 @@ static PyObject *as_int(maker *maker, PyObject *value)
         refuse_class(maker, value, "int");
         return NULL;
     }
-    Py_INCREF(value);
     maker->foreign++;
     PyObject *number = PyNumber_Index(value);
     if (number == NULL)
         refuse_error(maker, "__index__");
-    Py_DECREF(value);
     return number;
 }
 
@@ -58,10 +56,12 @@ bool other_integer_from(maker *maker, const shape *shape, PyObject *value, unsig
     int64_t number;
     if (small_integer(value, &number)) /* it was looked at before: out of range */
         return refuse_range(maker, shape, value);
-    if (!large_integer(maker, shape, value, &number))
-        return false;
-    put_integer(shape, number, at);
-    return true;
+    Py_INCREF(value);
+    bool is_good = large_integer(maker, shape, value, &number);
+    Py_DECREF(value);
+    if (is_good)
+        put_integer(shape, number, at);
+    return is_good;
 }
 
 static bool boolean_from(maker *maker, PyObject *value, unsigned char *at)
@@ -91,7 +91,7 @@ static bool unknown_item(maker *maker, const captain_type *type, PyObject *value
     }
     if (!(type->flags & CAPTAIN_EXTENSIBLE))
         return refuse_class(maker, value, "str: this enumeration has no unknown items");
-    if (index < known || index >= 65536)
+    if (index < known || index >= CAPTAIN_UNKNOWN)
         return refuse(maker, "out of range: %lld is no index of an unknown item, which begin at %lld", (long long)index,
                       (long long)known);
     PUT(int32_t, at, CAPTAIN_UNKNOWN + index);
@@ -109,12 +109,7 @@ bool enumerated_from(maker *maker, const shape *shape, PyObject *value, unsigned
         return unknown_item(maker, shape->type, value, at);
     if (!PyUnicode_Check(value))
         return refuse_class(maker, value, "str");
-    PyObject *text = shown(value), *nearest = suggestion(shape->type, value);
-    if (text != NULL && nearest != NULL)
-        refuse(maker, "%U is no item of %s%U", text, captain_type_text(shape->type), nearest);
-    Py_XDECREF(text);
-    Py_XDECREF(nearest);
-    return false;
+    return refuse_name(maker, value, "item", shape->type);
 }
 
 /* ---------------------------------------------------------------- containers */
@@ -175,12 +170,7 @@ static bool unknown_alternative(maker *maker, const shape *shape, PyObject *name
         PUT(uint32_t, at, CAPTAIN_UNKNOWN + index);
         return octets_from(maker, value, (captain_octets *)(void *)(at + union_offset(type)));
     }
-    PyObject *text = shown(name), *nearest = suggestion(type, name);
-    if (text != NULL && nearest != NULL)
-        refuse(maker, "%U is no alternative of %s%U", text, captain_type_text(type), nearest);
-    Py_XDECREF(text);
-    Py_XDECREF(nearest);
-    return false;
+    return refuse_name(maker, name, "alternative", type);
 }
 
 static bool alternative_from(maker *maker, const shape *shape, PyObject *name, PyObject *value, unsigned char *at)

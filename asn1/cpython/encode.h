@@ -1,6 +1,7 @@
 /* Python objects to a value in memory. Whatever is wrong with an object, the answer is false and a reason, never a crash:
  * containers are held while they are walked, strings are copied, and every look at a list asks again how long it is, because the
- * __index__ of some element may have changed it. */
+ * __index__ of some element may have changed it. An object is borrowed from its container: where code of its own may run (its
+ * __index__, its buffer, its metaclass when it is named) and it is needed behind that, it is held. */
 #ifndef CAPTAIN_ENCODE_H
 #define CAPTAIN_ENCODE_H
 
@@ -54,6 +55,7 @@ bool view_from(maker *maker, const shape *shape, PyObject *value, unsigned char 
 /* All return false. Formats are PyUnicode_FromFormat's. */
 bool refuse(maker *maker, const char *format, ...);
 bool refuse_class(maker *maker, PyObject *value, const char *wanted); /* "1.5 is a float, not an int" */
+bool refuse_name(maker *maker, PyObject *name, const char *what, const captain_type *type); /* "'x' is no item of T" */
 bool refuse_error(maker *maker, const char *what); /* an exception of the object's own is set */
 bool under_name(maker *maker, const char *name);   /* the failure was inside this component */
 bool under_index(maker *maker, Py_ssize_t index);
@@ -104,7 +106,7 @@ static inline bool quick_from(maker *maker, const shape *shape, PyObject *value,
     return value_from(maker, shape, value, at);
 }
 
-/* "[3]" to 3; false: no such text. */
+/* "[3]" to 3; false: no such text, or CAPTAIN_UNKNOWN and more. */
 bool index_of(PyObject *name, uint32_t *index);
 
 #endif

@@ -121,7 +121,9 @@ PyObject *raise_unheld(void)
 
 PyObject *class_name(PyObject *value)
 {
-    PyObject *name = PyObject_GetAttrString((PyObject *)Py_TYPE(value), "__name__");
+    PyObject *class = Py_NewRef((PyObject *)Py_TYPE(value));
+    PyObject *name = PyObject_GetAttrString(class, "__name__");
+    Py_DECREF(class);
     if (name != NULL && PyUnicode_CheckExact(name))
         return name;
     PyErr_Clear(); /* a metaclass may do as it likes */

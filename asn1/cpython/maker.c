@@ -83,11 +83,25 @@ bool refuse(maker *maker, const char *format, ...)
 
 bool refuse_class(maker *maker, PyObject *value, const char *wanted)
 {
+    Py_INCREF(value); /* its metaclass may run */
     PyObject *text = shown(value), *class = class_name(value);
     if (text != NULL && class != NULL)
         refuse(maker, "%U is of class %U, not %s", text, class, wanted);
     Py_XDECREF(text);
     Py_XDECREF(class);
+    Py_DECREF(value);
+    return false;
+}
+
+bool refuse_name(maker *maker, PyObject *name, const char *what, const captain_type *type)
+{
+    Py_INCREF(name); /* its metaclass may run */
+    PyObject *text = shown(name), *nearest = suggestion(type, name);
+    if (text != NULL && nearest != NULL)
+        refuse(maker, "%U is no %s of %s%U", text, what, captain_type_text(type), nearest);
+    Py_XDECREF(text);
+    Py_XDECREF(nearest);
+    Py_DECREF(name);
     return false;
 }
 
@@ -155,13 +169,13 @@ bool index_of(PyObject *name, uint32_t *index)
         PyErr_Clear();
         return false;
     }
-    if (length < 3 || length > 7 || text[0] != '[' || text[length - 1] != ']' || (text[1] == '0' && length > 3))
+    if (length < 3 || text[0] != '[' || text[length - 1] != ']' || (text[1] == '0' && length > 3))
         return false;
     *index = 0;
     for (Py_ssize_t at = 1; at < length - 1; at++) {
-        if (text[at] < '0' || text[at] > '9')
+        if (text[at] < '0' || text[at] > '9' || *index >= CAPTAIN_UNKNOWN / 10 + 1)
             return false;
         *index = *index * 10 + (uint32_t)(text[at] - '0');
     }
-    return *index < 65536;
+    return *index < CAPTAIN_UNKNOWN;
 }

@@ -39,7 +39,8 @@ static void message_dealloc(PyObject *self)
 static PyType_Slot SLOTS[] = {{Py_tp_dealloc, message_dealloc}, {Py_tp_repr, message_repr}, {Py_tp_methods, METHODS},
                               {Py_tp_members, ATTRIBUTES}, {Py_tp_doc, "One PDU of one edition of a standard."}, {0}};
 static PyType_Spec SPEC = {.name = "captain_messages.Message", .basicsize = (int)sizeof(message),
-                           .flags = Py_TPFLAGS_DEFAULT | Py_TPFLAGS_DISALLOW_INSTANTIATION, .slots = SLOTS};
+                           .flags = Py_TPFLAGS_DEFAULT | Py_TPFLAGS_IMMUTABLETYPE | Py_TPFLAGS_DISALLOW_INSTANTIATION,
+                           .slots = SLOTS};
 
 static PyObject *numbers(const uint8_t *list, uint8_t count)
 {
@@ -83,7 +84,7 @@ static PyObject *module_all(PyObject *module, PyObject *unused)
     return Py_NewRef(messages);
 }
 
-static PyObject *refuse_name(PyObject *name)
+static PyObject *no_message(PyObject *name)
 {
     PyObject *there = PyUnicode_FromString("");
     for (size_t index = 0; there != NULL && index < captain_messages_count; index++) {
@@ -111,7 +112,7 @@ static PyObject *module_find(PyObject *module, PyObject *name)
     for (size_t index = 0; found != NULL && index < captain_messages_count; index++)
         if (captain_messages[index] == found)
             return Py_NewRef(TUPLE_ITEM(messages, (Py_ssize_t)index));
-    return refuse_name(name);
+    return no_message(name);
 }
 
 static PyMethodDef FUNCTIONS[] = {

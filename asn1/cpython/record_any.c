@@ -14,16 +14,6 @@ typedef struct unknowns {
     bool has_bits;
 } unknowns;
 
-static bool refuse_key(maker *maker, const captain_type *type, PyObject *key)
-{
-    PyObject *text = shown(key), *nearest = suggestion(type, key);
-    if (text != NULL && nearest != NULL)
-        refuse(maker, "%U is no component of %s%U", text, captain_type_text(type), nearest);
-    Py_XDECREF(text);
-    Py_XDECREF(nearest);
-    return false;
-}
-
 static bool bits_from(maker *maker, PyObject *value, unknowns *unknowns)
 {
     int overflow;
@@ -42,11 +32,11 @@ static bool unknown_from(maker *maker, const shape *shape, PyObject *dict, PyObj
     uint32_t index;
     const captain_type *type = shape->type;
     if (type->additions == CAPTAIN_NOWHERE || !PyUnicode_Check(key))
-        return refuse_key(maker, type, key);
+        return refuse_name(maker, key, "component", type);
     if (PyUnicode_CompareWithASCIIString(key, "[]") == 0)
         return bits_from(maker, value, unknowns);
     if (!index_of(key, &index) || index < type->additions_count)
-        return refuse_key(maker, type, key);
+        return refuse_name(maker, key, "component", type);
     if (unknowns->list == NULL) {
         unknowns->room = PyDict_Size(dict);
         unknowns->list = maker_take(maker, (size_t)unknowns->room * sizeof *unknowns->list);

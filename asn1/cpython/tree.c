@@ -205,7 +205,8 @@ static PyGetSetDef ATTRIBUTES[] = {
 static PyType_Slot SLOTS[] = {{Py_tp_dealloc, type_dealloc}, {Py_tp_repr, type_repr}, {Py_tp_richcompare, type_compare},
                               {Py_tp_hash, type_hash}, {Py_tp_getset, ATTRIBUTES}, {Py_tp_doc, "A type of the ASN.1."}, {0}};
 static PyType_Spec SPEC = {.name = "captain_messages.Type", .basicsize = (int)sizeof(type),
-                           .flags = Py_TPFLAGS_DEFAULT | Py_TPFLAGS_DISALLOW_INSTANTIATION, .slots = SLOTS};
+                           .flags = Py_TPFLAGS_DEFAULT | Py_TPFLAGS_IMMUTABLETYPE | Py_TPFLAGS_DISALLOW_INSTANTIATION,
+                           .slots = SLOTS};
 
 static PyStructSequence_Field FIELD_FIELDS[] = {
     {"name", "in the ASN.1"}, {"type", "a Type"}, {"unit", "where the component has one of its own"},

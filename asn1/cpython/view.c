@@ -79,8 +79,10 @@ static PyType_Slot LIST_SLOTS[] = {COMMON, {Py_sq_length, list_length}, {Py_sq_i
                                    {Py_mp_length, list_length}, {Py_mp_subscript, list_subscript},
                                    {Py_tp_doc, "A SEQUENCE OF: a sequence."}, {0}};
 
+/* A view that became one of another class would read its struct as another type. */
+#define FIXED Py_TPFLAGS_IMMUTABLETYPE
 #define SPEC(class, table, flag) \
-    {.name = "captain_messages." class, .basicsize = (int)sizeof(view), .flags = Py_TPFLAGS_DEFAULT | flag, .slots = table}
+    {.name = "captain_messages." class, .basicsize = (int)sizeof(view), .flags = Py_TPFLAGS_DEFAULT | FIXED | flag, .slots = table}
 static PyType_Spec VIEW_SPEC = SPEC("View", VIEW_SLOTS, Py_TPFLAGS_BASETYPE);
 static PyType_Spec RECORD_SPEC = SPEC("RecordView", RECORD_SLOTS, 0);
 static PyType_Spec CHOICE_SPEC = SPEC("ChoiceView", CHOICE_SLOTS, 0);

@@ -229,6 +229,67 @@ def test_a_list_that_changes_while_it_is_walked_does_no_harm():
         message.encode(value)
 
 
+def emptied(holder):
+    """Drop what a dict or list holds, and write over the memory of what is gone."""
+    holder.clear()
+    return [bytes(size) for size in range(200) for _ in range(50)]
+
+
+def acting(base, holder):
+    """A class of `base` that empties the holder of its value when somebody asks for its name."""
+
+    class Acting(type):
+        def __getattribute__(cls, name):
+            if name == "__name__":
+                emptied(holder)
+            return super().__getattribute__(name)
+
+    return Acting("Acts", (base,), {})
+
+
+@pytest.mark.parametrize("base", [object, str, float])
+@pytest.mark.parametrize("place", ["latitude", "altitude", "key"])
+def test_a_class_that_clears_what_holds_its_value_does_no_harm(base, place):
+    value = CAM.decode(CAM_OCTETS)
+    position = at(value, POSITION)
+    acts = acting(base, position)
+    if place == "key":
+        position[acts()] = 1
+    else:
+        position[place] = acts()
+    with pytest.raises(EncodeError) as caught:
+        CAM.encode(value)
+    assert "class Acts" in caught.value.reason
+
+
+@pytest.mark.parametrize("base", [object, str])
+def test_a_class_that_clears_the_list_of_its_value_does_no_harm(base):
+    message = captain_messages.find("mapem-2.1.1")
+    value = message.decode(real("mapem-2.1.1", 536))
+    lanes = value["map"]["intersections"][0]["laneSet"]
+    lanes[0] = acting(base, lanes)()
+    with pytest.raises(EncodeError, match="class Acts"):
+        message.encode(value)
+    item = at(CAM.decode(CAM_OCTETS), POSITION)["altitude"]
+    item["altitudeConfidence"] = acting(base, item)()
+    with pytest.raises(EncodeError, match="class Acts"):
+        CAM.encode(cam(altitude=item))
+
+
+def test_an_index_out_of_range_that_clears_what_holds_it_does_no_harm():
+    value = CAM.decode(CAM_OCTETS)
+    position = at(value, POSITION)
+
+    class Clears:
+        def __index__(self):
+            emptied(position)
+            return 2**70
+
+    position["latitude"] = Clears()
+    with pytest.raises(EncodeError, match="a value of class Clears is not in"):
+        CAM.encode(value)
+
+
 def test_a_list_of_a_wrong_size_is_refused_before_it_is_walked():
     message = captain_messages.find("mapem-2.1.1")
     value = message.decode(real("mapem-2.1.1", 536))

@@ -80,6 +80,25 @@ def test_an_unknown_alternative_is_a_pair_of_number_and_octets():
     assert CAM.encode(CAM.view(octets)) == octets
 
 
+@pytest.mark.parametrize("index", [65536, 2**30 - 1])
+def test_an_index_may_be_as_large_as_decode_gives_it(index):
+    value = CAM.decode(CAM_OCTETS)
+    value["cam"]["camParameters"]["highFrequencyContainer"] = (f"[{index}]", b"\xca\xfe")
+    assert CAM.decode(CAM.encode(value)) == value
+    ssem, status = captain_messages.find("ssem"), _ssem(index)
+    assert ssem.decode(ssem.encode(status)) == status
+
+
+@pytest.mark.parametrize("index", [2**30, 2**32 + 5, 10**20])
+def test_a_larger_index_is_refused(index):
+    value = CAM.decode(CAM_OCTETS)
+    value["cam"]["camParameters"]["highFrequencyContainer"] = (f"[{index}]", b"\xca\xfe")
+    with pytest.raises(EncodeError, match="is no alternative"):
+        CAM.encode(value)
+    with pytest.raises(EncodeError, match="is no index of an unknown item"):
+        captain_messages.find("ssem").encode(_ssem(index))
+
+
 def test_an_unknown_item_is_the_number_of_its_addition():
     ssem = captain_messages.find("ssem")
     kinds = []
@@ -95,10 +114,7 @@ def test_an_unknown_item_is_the_number_of_its_addition():
     look(ssem.type_tree(), ())
     path, kind = next((path, kind) for path, kind in kinds if kind.name == "PrioritizationResponseStatus")
     assert path[-1] == "status"
-    value = {
-        "header": {"protocolVersion": 1, "messageID": 10, "stationID": 1},
-        "ssm": {"second": 0, "status": [{"sequenceNumber": 0, "id": {"id": 1}, "sigStatus": [_status(3)]}]},
-    }
+    value = _ssem(3)
     assert ssem.decode(ssem.encode(value)) == value
     value["ssm"]["status"][0]["sigStatus"] = [_status("processing")]
     assert ssem.decode(ssem.encode(value)) == value
@@ -108,6 +124,13 @@ def test_an_unknown_item_is_the_number_of_its_addition():
         with pytest.raises(EncodeError) as caught:
             ssem.encode(value)
         assert caught.value.path == "ssm.status[0].sigStatus[0].status"
+
+
+def _ssem(status):
+    return {
+        "header": {"protocolVersion": 1, "messageID": 10, "stationID": 1},
+        "ssm": {"second": 0, "status": [{"sequenceNumber": 0, "id": {"id": 1}, "sigStatus": [_status(status)]}]},
+    }
 
 
 def _status(status):

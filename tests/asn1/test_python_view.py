@@ -135,6 +135,15 @@ def test_views_come_from_messages_alone():
             kind()
 
 
+def test_a_class_of_views_does_not_change():
+    view = CAM.view(CAM_OCTETS)
+    with pytest.raises(TypeError):
+        view.__class__ = captain_messages.ListView
+    for kind in (captain_messages.View, captain_messages.RecordView, captain_messages.Message):
+        with pytest.raises(TypeError):
+            kind.to_dict = None
+
+
 def test_the_type_tree_holds_the_tables():
     tree = CAM.type_tree()
     assert (tree.kind, tree.name, tree.standard) == ("SEQUENCE", "CAM", "ETSI EN 302 637-2 v1.4.1")
