@@ -174,7 +174,7 @@ class Resolver:
         _distinct(text.place, components)
         flag = members.is_extensible
         if text.name == "SEQUENCE":
-            _selected(text.place, components)
+            _selected(text.place, (*root, *tail), additions)
             return types.Sequence(root, flag, additions, tail, constraints=constraints)
         if tail:
             raise fault(text.place, "alternatives behind a second ellipsis", "X.680 29.1")
@@ -276,15 +276,27 @@ def _distinct(place: Place, components: list[types.Component]) -> None:
         raise fault(place, f"two components are called {twice[0]}", "X.680 25.11")
 
 
-def _selected(place: Place, components: list[types.Component]) -> None:
-    """Every open type has its identifier, of the same object set, beside it."""
-    fields = {one.name: one.type for one in components}
-    for one in components:
-        if isinstance(one.type, types.OpenType):
-            beside = fields.get(one.type.selector)
-            if not isinstance(beside, types.ClassField) or beside.set_ != one.type.set_:
-                text = f"{one.name}: {one.type.selector} beside it is no field of the same class and set"
-                raise fault(place, text, "X.682 10.8")
+def _selected(
+    place: Place, root: tuple[types.Component, ...], additions: tuple[types.Component | types.Group, ...]
+) -> None:
+    """Every open type has its identifier, of the same object set, beside it: always there, and encoded before."""
+    parts = [root, *map(_of, additions)]
+    fields = {one.name: one.type for part in parts for one in part}
+    before: set[str] = set()
+    for part in parts:
+        known = set(before)  # an addition that is there says nothing of others
+        for one in part:
+            if isinstance(one.type, types.OpenType):
+                beside = fields.get(one.type.selector)
+                if not isinstance(beside, types.ClassField) or beside.set_ != one.type.set_:
+                    text = f"{one.name}: {one.type.selector} beside it is no field of the same class and set"
+                    raise fault(place, text, "X.682 10.8")
+                if one.type.selector not in known:
+                    text = f"{one.name}: {one.type.selector}, which tells its type, may be absent or comes behind it"
+                    raise fault(place, text, "X.682 10.8")
+            if not one.is_optional and one.default is None:
+                known.add(one.name)
+        before = before if part is not root else known
 
 
 def _closed(type_: types.Type, place: Place) -> types.Type:

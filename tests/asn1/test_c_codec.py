@@ -74,6 +74,7 @@ Old2 ::= SEQUENCE { p NULL OPTIONAL, q NULL OPTIONAL }
 Serial ::= Pairs (WITH COMPONENT (WITH COMPONENTS { ..., a (ALL EXCEPT 1) }))
 HOLDS ::= CLASS { &id INTEGER (0..255) UNIQUE, &Type } WITH SYNTAX { &Type IDENTIFIED BY &id }
 Held HOLDS ::= { { Pair IDENTIFIED BY 1 } | { INTEGER (0..3) IDENTIFIED BY 2 }, ... }
+OpenLater ::= SEQUENCE { a BOOLEAN, ..., [[ id HOLDS.&id ({Held}), value HOLDS.&Type ({Held}{@id}) ]] }
 Open ::= SEQUENCE { id HOLDS.&id ({Held}), value HOLDS.&Type ({Held}{@id}) }
 """
 NAMES_OF_TYPES = tuple(
@@ -155,6 +156,7 @@ GOOD: list[tuple[str, Any, str]] = [
     ("Holder", {"either": {"no": None}}, "0 1"),
     ("Open", {"id": 1, "value": {"a": 3, "b": True}}, "00000001 00000001 11100000"),
     ("Open", {"id": 2, "value": 3}, "00000010 00000001 11000000"),
+    ("OpenLater", {"a": True, "id": 2, "value": 3}, "1 1 0000000 1 00000011 00000010 00000001 11000000"),
     ("Open", {"id": 3, "value": "ABCD"}, "00000011 00000010 10101011 11001101"),
 ]
 
