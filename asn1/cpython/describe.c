@@ -6,6 +6,9 @@
 
 /* ---------------------------------------------------------------- text that grows */
 
+/* Octets of memory for a character of JSON: an element of a list takes at least two, and its struct some hundred octets. */
+enum { JSON_RATE = 1024 };
+
 typedef struct buffer {
     char *text;
     size_t count, room;
@@ -33,7 +36,7 @@ static PyObject *written(PyObject *self, PyObject *source, writer write)
 {
     decoded decoded;
     buffer buffer = {0};
-    if (!decoded_open(&decoded, message_of(self)->message->pdu, source))
+    if (!decoded_open(&decoded, message_of(self)->message, source))
         return NULL;
     PyObject *text = NULL;
     if (write(decoded.type, decoded.value, append, &buffer) == CAPTAIN_OK)
@@ -82,8 +85,7 @@ PyObject *message_from_json(PyObject *self, PyObject *source)
         return PyErr_ExceptionMatches(PyExc_UnicodeError)
             ? (PyErr_Clear(), raise_reason(EncodeError, "", PyUnicode_FromString("a lone surrogate, which UTF-8 has not"), NULL))
             : NULL;
-    /* A list of n elements takes at least 2 n characters, an element's struct is some hundred octets. */
-    memory_open(&memory, first, sizeof first, DECODE_BUDGET(type, (size_t)count));
+    memory_open(&memory, first, sizeof first, type->size + 65536 + JSON_RATE * (size_t)count);
     void *value = captain_arena_take(&memory.arena, type->size);
     captain_status status = CAPTAIN_NO_MEMORY;
     if (value != NULL)

@@ -4,9 +4,8 @@
 
 #include <captain/runtime.h>
 
-/* What decoding may take: a struct is at most some 128 octets for one bit of the message (what is larger stands behind a
- * pointer that only a present one gets), so this refuses nothing that is a message. */
-#define DECODE_BUDGET(type, octets) ((type)->size + 65536 + 1024 * (octets))
+/* Octets of the shortest message that may hold a fragment: 16384 elements of one bit. */
+enum { FRAGMENT = 2048 };
 
 typedef struct memory {
     captain_arena arena;
@@ -14,6 +13,14 @@ typedef struct memory {
     size_t budget;      /* octets that further chunks may take */
     bool is_exhausted;  /* malloc had none, which is not the budget's doing */
 } memory;
+
+/* What decoding a message of so many octets may take beyond its first stretch: what runtime.h promises, four times that where
+ * fragments fit in; all of it twice, because a chunk may end half used; and a few chunks. */
+static inline size_t decode_budget(const captain_message *message, size_t octets)
+{
+    size_t promised = (size_t)message->arena * octets * (octets < FRAGMENT ? 1 : 4);
+    return message->pdu->size + 65536 + 2 * promised;
+}
 
 /* Stays where it is until memory_close: the arena points to it. */
 void memory_open(memory *memory, void *first, size_t octets, size_t budget);

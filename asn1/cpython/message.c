@@ -18,13 +18,14 @@ captain_status decode_octets(const captain_type *type, void *value, const octets
     return status;
 }
 
-bool decoded_open(decoded *decoded, const captain_type *type, PyObject *source)
+bool decoded_open(decoded *decoded, const captain_message *message, PyObject *source)
 {
+    const captain_type *type = message->pdu;
     memory *memory = &decoded->memory;
     if (!octets_open(&decoded->octets, source))
         return false;
     size_t count = decoded->octets.count;
-    memory_open(memory, decoded->first, sizeof decoded->first, DECODE_BUDGET(type, count));
+    memory_open(memory, decoded->first, sizeof decoded->first, decode_budget(message, count));
     decoded->type = type;
     decoded->value = captain_arena_take(&memory->arena, type->size);
     captain_status status = CAPTAIN_NO_MEMORY;
@@ -46,7 +47,7 @@ void decoded_close(decoded *decoded)
 PyObject *message_decode(PyObject *self, PyObject *source)
 {
     decoded decoded;
-    if (!decoded_open(&decoded, message_of(self)->message->pdu, source))
+    if (!decoded_open(&decoded, message_of(self)->message, source))
         return NULL;
     PyObject *dict = python_value(message_of(self)->shape, decoded.value);
     decoded_close(&decoded);
@@ -60,7 +61,7 @@ PyObject *message_view(PyObject *self, PyObject *source)
     PyObject *view = NULL;
     if (!octets_open(&octets, source))
         return NULL;
-    storage *storage = storage_new(type, octets.count);
+    storage *storage = storage_new(message_of(self)->message, octets.count);
     if (storage != NULL) {
         void *value = captain_arena_take(&storage->memory.arena, type->size);
         captain_status status = decode_octets(type, value, &octets, &storage->memory.arena);
@@ -154,12 +155,12 @@ static PyObject *validated(const captain_type *type, const void *value)
     return raise_report(ValidateError, &report);
 }
 
-static PyObject *validate_octets(const captain_type *type, PyObject *source)
+static PyObject *validate_octets(const captain_message *message, PyObject *source)
 {
     decoded decoded;
-    if (!decoded_open(&decoded, type, source))
+    if (!decoded_open(&decoded, message, source))
         return NULL;
-    PyObject *result = validated(type, decoded.value);
+    PyObject *result = validated(message->pdu, decoded.value);
     decoded_close(&decoded);
     return result;
 }
@@ -169,7 +170,7 @@ PyObject *message_validate(PyObject *self, PyObject *value)
     maker maker;
     _Alignas(max_align_t) unsigned char first[SCRATCH];
     if (PyBytes_Check(value) || PyByteArray_Check(value) || PyMemoryView_Check(value))
-        return validate_octets(message_of(self)->message->pdu, value);
+        return validate_octets(message_of(self)->message, value);
     maker_open(&maker, first, sizeof first);
     const void *struct_ = struct_of(&maker, message_of(self)->shape, value, ValidateError);
     PyObject *result = struct_ == NULL ? NULL : validated(message_of(self)->message->pdu, struct_);

@@ -38,7 +38,7 @@ typedef struct decoded {
 } decoded;
 
 /* False and an exception (nothing to close then): DecodeError, TypeError, MemoryError. */
-bool decoded_open(decoded *decoded, const captain_type *type, PyObject *source);
+bool decoded_open(decoded *decoded, const captain_message *message, PyObject *source);
 void decoded_close(decoded *decoded);
 /* Without the GIL where that pays. */
 captain_status decode_octets(const captain_type *type, void *value, const octets *octets, captain_arena *arena);

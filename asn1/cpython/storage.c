@@ -17,9 +17,9 @@ static int class_of(size_t octets)
     return class;
 }
 
-storage *storage_new(const captain_type *type, size_t octets)
+storage *storage_new(const captain_message *message, size_t octets)
 {
-    size_t wanted = type->size + 4 * octets + 64; /* lists mostly take less than four octets for one of the message */
+    size_t wanted = message->pdu->size + 4 * octets + 64; /* lists mostly take less than four octets for one of the message */
     int class = class_of(wanted);
     storage *storage;
     if (class < CLASSES && spare[class] != NULL) {
@@ -36,7 +36,7 @@ storage *storage_new(const captain_type *type, size_t octets)
         storage->room = room;
     }
     storage->holders = 1;
-    memory_open(&storage->memory, storage->first, storage->room, DECODE_BUDGET(type, octets));
+    memory_open(&storage->memory, storage->first, storage->room, decode_budget(message, octets));
     return storage;
 }
 

@@ -24,7 +24,7 @@ typedef struct view {
 } view;
 
 /* For a message of so many octets; holders is 1. NULL and an exception: no memory. */
-storage *storage_new(const captain_type *type, size_t octets);
+storage *storage_new(const captain_message *message, size_t octets);
 void storage_free(storage *storage);
 
 static inline storage *storage_hold(storage *storage)
