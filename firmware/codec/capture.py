@@ -8,7 +8,7 @@ import struct
 from collections.abc import Iterator
 from typing import BinaryIO, NamedTuple
 
-from board.errors import ProtocolError
+from board.errors import ProtocolError, RequestError
 
 # The first four octets: byte order, and the unit of the time stamps in ns.
 PCAP = {
@@ -201,6 +201,8 @@ def header() -> bytes:
 
 
 def record(frame: bytes, when_ns: int) -> bytes:
-    """One frame, destination address first; when_ns is Unix time."""
+    """One frame, destination address first; when_ns is Unix time. Raises RequestError where pcap has no such time."""
     seconds, nanoseconds = divmod(when_ns, 10**9)
+    if not 0 <= seconds < 1 << 32:
+        raise RequestError(f"a frame is of {seconds} s Unix time: pcap has 0 to {(1 << 32) - 1} s", "take --to json")
     return struct.pack("<IIII", seconds, nanoseconds, len(frame), len(frame)) + frame

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from board.errors import ProtocolError
+from board.errors import ProtocolError, RequestError
 from firmware.codec import capture
 from tests.firmware.codec.captures import (
     WHEN_NS,
@@ -117,6 +117,14 @@ def test_a_pipe_that_gives_octets_in_pieces_is_no_capture_cut_off():
 
     octets = pcap(FRAMES)
     assert len(list(capture.frames(octets[:4], Pieces(octets[4:])))) == 3
+
+
+@pytest.mark.parametrize("when_ns", [-1, 10**9 << 32])
+def test_a_time_that_pcap_cannot_say_is_refused(when_ns):
+    # pcapng has 64 bits and an offset, pcap 32 bits of seconds
+    with pytest.raises(RequestError, match=f"{when_ns // 10**9} s"):
+        capture.record(b"frame", when_ns)
+    assert len(capture.record(b"frame", (10**9 << 32) - 1)) == 21
 
 
 def test_what_is_written_is_read_again_and_by_tshark(tmp_path):
