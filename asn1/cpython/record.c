@@ -119,7 +119,7 @@ static const form *find_form(const shape *shape, uint64_t mask)
     for (const form *form = shape->forms; form != NULL; form = form->next, count++)
         if (form->mask == mask)
             return form;
-    if (!dicts_are_known || count >= MAX_FORMS || shape->slots_count > MAX_MASK)
+    if (!dicts_are_known || count >= MAX_FORMS)
         return NULL;
     form *form = form_new(shape, mask);
     if (form != NULL) {
@@ -175,6 +175,8 @@ static PyObject *by_form(const form *form, const unsigned char *record)
 
 static PyObject *components(const shape *shape, const unsigned char *record)
 {
+    if (shape->slots_count > MAX_MASK)
+        return by_items(shape, record);
     const form *form = find_form(shape, mask_of(shape, record));
     return form != NULL ? by_form(form, record) : by_items(shape, record);
 }
