@@ -69,7 +69,7 @@ def arguments() -> argparse.ArgumentParser:
     _with(one)
 
     one = commands.add_parser("import", help="the modules of the standards into the schema of this project")
-    one.add_argument("folder", type=Path, metavar="DIR", help="with the modules, where editions.toml says")
+    one.add_argument("folder", type=Path, metavar="DIR", help="with the modules, or a list of their addresses")
 
     one = commands.add_parser("import-check", help="whether an import gives the schema and codecs that are here")
     one.add_argument("folder", type=Path, metavar="DIR")

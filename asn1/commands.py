@@ -78,11 +78,11 @@ def _schema(folders: list[Path]) -> Schema:
 
 
 def _with_modules(folder: Path) -> Path:
-    """The directory, where at least one file is in it that editions.toml names."""
+    """A list of addresses; or a directory, where at least one file is in it that editions.toml names."""
     from asn1.importer.editions import read_editions
 
     editions = [edition for edition in read_editions().modules.values() if not edition.is_ours]
-    if not any(edition.paths(folder) for edition in editions):
+    if not folder.is_file() and not any(edition.paths(folder) for edition in editions):
         example = editions[0].files[0]
         raise CommandError(f"{folder}: none of the files that editions.toml names is there, as {folder / example}")
     return folder
@@ -128,13 +128,13 @@ def check_import(args: argparse.Namespace) -> int:
     """0 where the modules of the standards give the schema and the C that are here, else what differs and 1."""
     from asn1 import importer
 
-    lines = importer.check(_with_modules(args.folder))
+    here, imported = _schema([]), importer.import_modules(_with_modules(args.folder), tell=print)
+    lines = importer.compare(imported, args.folder)
     for line in lines:
         print(line)
     if lines:
         print("the schema differs", file=sys.stderr)
         return 1
-    here, imported = _schema([]), importer.import_modules(args.folder, tell=print)
     messages = tuple(name for name in imported.messages if name in here.messages)
     files = library.differences(here, imported, messages)
     for file in files:

@@ -57,8 +57,13 @@ def check(source: Path, folder: Path = text.SCHEMA) -> list[str]:
 
     Only modules whose files are there are compared. Raises what import_modules raises.
     """
+    return compare(import_modules(source, folder=folder), source, folder)
+
+
+def compare(schema: types.Schema, source: Path, folder: Path = text.SCHEMA) -> list[str]:
+    """`check` of what has been imported from a source already."""
     lines: list[str] = []
-    for key, module in import_modules(source, folder=folder).modules.items():
+    for key, module in schema.modules.items():
         path = folder / f"{key}.schema"
         old = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
         new = text.dump(module).splitlines()

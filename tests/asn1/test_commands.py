@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from asn1 import __main__ as program
-from asn1 import commands, progress
+from asn1 import commands, progress, selection, text
 
 ROOT = Path(__file__).resolve().parents[2]
 ASN = "Mine DEFINITIONS AUTOMATIC TAGS ::= BEGIN Alarm ::= SEQUENCE { level INTEGER (0..7), ... } END\n"
@@ -123,9 +123,22 @@ def test_import_check_shows_the_difference(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setattr(commands, "_with_modules", lambda folder: folder)
-    monkeypatch.setattr("asn1.importer.check", lambda folder: ["--- a", "+++ b", "-old", "+new"])
+    monkeypatch.setattr("asn1.importer.import_modules", lambda folder, tell: text.load_schema())
+    monkeypatch.setattr("asn1.importer.compare", lambda schema, folder: ["--- a", "+++ b", "-old", "+new"])
     assert run("import-check", tmp_path) == 1
     assert capsys.readouterr().out.splitlines() == ["--- a", "+++ b", "-old", "+new"]
+
+
+def test_import_check_compares_the_codecs_where_the_schema_is_the_same(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(commands, "_with_modules", lambda folder: folder)
+    monkeypatch.setattr(
+        "asn1.importer.import_modules", lambda folder, tell: selection.part(text.load_schema(), ["cam-1.4.1"])
+    )
+    monkeypatch.setattr("asn1.importer.compare", lambda schema, folder: [])
+    assert run("import-check", tmp_path) == 0
+    assert capsys.readouterr().out == "2 modules: the same schema and the same codecs, octet for octet\n"
 
 
 def test_a_reader_that_leaves_is_no_error():
