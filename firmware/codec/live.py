@@ -89,7 +89,11 @@ def _says(row: Row, decoder: Decoder) -> str:
         return bad
     found = decoder.find(row.pdu, is_quick=True)
     if isinstance(found, Identity):
-        return "  ".join(part for part in (glance(found.message, row.pdu), bad) if part)
+        try:
+            said = glance(found.message, row.pdu)
+        except (ValueError, MemoryError) as error:  # it decodes, and yet Python does not hold it
+            said = f"! {error}"
+        return "  ".join(part for part in (said, bad) if part)
     return f"{bad}: {found.why if found.nearest is None else found.nearest}"
 
 

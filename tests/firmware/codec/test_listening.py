@@ -34,6 +34,16 @@ def test_the_table_says_what_the_last_message_of_each_station_says(standin, caps
     assert "octets" not in said
 
 
+@pytest.mark.parametrize("error", [ValueError("no digits for it"), MemoryError("no digits for it")])
+def test_a_message_that_cannot_be_looked_at_does_not_end_the_table(standin, capsys, monkeypatch, error):
+    def look(*_: object) -> str:
+        raise error
+
+    monkeypatch.setitem(fields.LOOKS, "door", (look,))
+    assert listened(on_air("door", GOOD), "--count", "1") == 0
+    assert "0.0 s  ! no digits for it" in capsys.readouterr().out
+
+
 def test_a_message_that_does_not_decode_is_in_the_table_with_the_reason(standin, capsys):
     assert listened(on_air("door", GOOD) + on_air("door", BAD), "--count", "2") == 0
     said = " ".join(capsys.readouterr().out.split())
