@@ -109,7 +109,7 @@ def _print_row(case: Case, kind: str, goal: int, peers: list[str], medians: dict
         f"{medians[peer, other] * 1e6:>9.1f} us" if (peer, other) in medians else f"{'fails':>12}" for peer in peers
     ]
     ratio = medians[peers[0], other] / ours if peers and (peers[0], other) in medians else None
-    verdict = "" if ratio is None else f"{ratio:>8.1f}{goal:>6}{'' if ratio >= goal else '  missed'}"
+    verdict = "" if ratio is None else f"{ratio:>8.1f}{goal:>6}  {'reached' if ratio >= goal else 'MISSED'}"
     print(f"{case.name:14}{len(case.octets):>7}  {kind:8}{ours * 1e9:>7.0f} ns" + "".join(cells) + verdict)
 
 
