@@ -384,7 +384,7 @@ def replaced(value, path, new):
     return type(value)(items)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=200, deadline=None)
 @given(data=st.data(), anything=ANYTHING)
 def test_any_object_in_any_place_is_encoded_or_refused(data, anything):
     name, octets = data.draw(st.sampled_from(REAL))
