@@ -1,6 +1,5 @@
 /* Bits, octets, text and object identifiers, out of memory into Python. The way back is strings_from.c. */
 #include "decode.h"
-#include "oid.h"
 #include "walk.h"
 
 static PyObject *bits_value(const unsigned char *octets, size_t bits)
@@ -25,14 +24,21 @@ static PyObject *small_bits_value(const captain_type *type, const unsigned char 
     return bits_value(octets, bits);
 }
 
+static bool append(void *context, const char *text, size_t octets)
+{
+    PyObject **whole = context;
+    PyUnicode_AppendAndDel(whole, PyUnicode_FromStringAndSize(text, (Py_ssize_t)octets));
+    return *whole != NULL;
+}
+
 static PyObject *oid_value(const captain_type *type, const captain_octets *oid)
 {
-    char text[1024];
-    if (!oid_text(oid->octets, oid->count, type->kind == CAPTAIN_RELATIVE_OID, text, sizeof text)) {
-        PyErr_SetString(PyExc_OverflowError, "an object identifier with an arc beyond 64 bits, or too many arcs");
-        return NULL;
-    }
-    return PyUnicode_FromString(text);
+    PyObject *text = PyUnicode_FromString("");
+    captain_out out;
+    captain_out_start(&out, append, &text);
+    captain_out_oid(&out, type->kind == CAPTAIN_RELATIVE_OID, oid);
+    captain_out_end(&out);
+    return text;
 }
 
 PyObject *string_value(const shape *shape, const unsigned char *value)

@@ -1,8 +1,7 @@
 /* Bits, octets, text, object identifiers and open types, from Python into memory. Everything is copied. */
 #include "encode.h"
 #include "octets.h"
-#include "oid.h"
-#include "walk.h"
+#include "json.h"
 
 #include <string.h>
 
@@ -153,14 +152,17 @@ static bool characters_from(maker *maker, PyObject *value, captain_text *charact
 
 static bool oid_from(maker *maker, const captain_type *type, PyObject *value, captain_octets *oid)
 {
-    unsigned char octets[512];
-    size_t length = 0;
-    const char *text = text_from(maker, value, &length);
-    if (text == NULL)
+    captain_text text;
+    if (!characters_from(maker, value, &text))
         return false;
-    size_t count = oid_octets(text, length, type->kind == CAPTAIN_RELATIVE_OID, octets, sizeof octets);
-    if (count > 0)
-        return copy(maker, octets, count, oid);
+    uint8_t *octets = maker_take(maker, text.count + (size_t)1);
+    if (octets == NULL)
+        return false;
+    size_t count = captain_json_oid(&text, type->kind == CAPTAIN_RELATIVE_OID, octets);
+    if (count != SIZE_MAX) {
+        *oid = (captain_octets){.count = (uint32_t)count, .octets = octets};
+        return true;
+    }
     PyObject *words = shown(value);
     if (words != NULL)
         refuse(maker, "%U is no object identifier like '1.3.6.1'", words);

@@ -1,5 +1,6 @@
 """Made values of every message through every way in and out of the library: all say the same."""
 
+import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -38,6 +39,32 @@ def test_json_comes_back_as_the_same_octets(name: str):
     for value in made(name, 80):
         octets = message.encode(value)
         assert message.from_json(message.to_json(octets)) == octets
+
+
+def test_an_object_identifier_of_any_size_is_text_everywhere():
+    ivim = captain_messages.find("ivim-2.2.1")
+    texts = (ivim.to_json(ivim.encode(value)) for value in made(ivim.name, 100))
+    text = next(text for text in texts if '"baseOid"' in text)
+    huge = "[" + "FF" * 300 + "7F]"  # one number of 2107 bits
+    for written, base in (("1.2", "1.2"), ("8571", "8571"), (huge, huge), ("[02]", "2")):
+        octets = ivim.from_json(re.sub(r'"baseOid":"[^"]*"', f'"baseOid":"{written}"', text))
+        value = ivim.decode(octets)
+        assert f"'baseOid': '{base}'" in repr(value)
+        assert ivim.encode(value) == octets
+        assert ivim.encode(_with_base(value, written)) == octets
+    for wrong in ("", "[", "[]", "[F]", "[80]", "[FF]", "1.", ".1", "1.02", "1\0", "1.2\0]", "x", "\ud800"):
+        with pytest.raises(captain_messages.EncodeError):
+            ivim.encode(_with_base(value, wrong))
+
+
+def _with_base(value: Any, base: str) -> Any:
+    """The value with another baseOid wherever it has one."""
+    match value:
+        case dict():
+            return {name: base if name == "baseOid" else _with_base(one, base) for name, one in value.items()}
+        case list() | tuple():
+            return type(value)(_with_base(one, base) for one in value)
+    return value
 
 
 @pytest.mark.parametrize("name", MESSAGES)

@@ -65,6 +65,8 @@ captain_status captain_json_read_octets(json *from, const captain_type *type, vo
 captain_status captain_json_read_bits(json *from, const captain_type *type, void *value);
 captain_status captain_json_read_text(json *from, const captain_type *type, captain_text *value);
 captain_status captain_json_read_oid(json *from, const captain_type *type, void *value);
+/* "1.2.840" or "[2a8648]", with a 0 behind it, into octets that have room for it and one more. How many; SIZE_MAX: it is neither. */
+size_t captain_json_oid(const captain_text *text, bool is_relative, uint8_t *octets);
 captain_status captain_json_take_memory(json *from, size_t octets, void **memory);
 /* "[3]": the number, or -1 where it is not of this form. */
 int64_t captain_json_bracket(const char *name);

@@ -186,7 +186,7 @@ static uint8_t *put_arc(uint8_t *to, uint64_t arc)
     }
 }
 
-/* `to` has room for the text: an arc takes no more octets than digits and its point. Gives the octets, 0 where it is none. */
+/* An arc takes no more octets than digits and its point. Gives the octets, 0 where it is none. */
 static size_t arcs_to_octets(const char *at, bool is_relative, uint8_t *to)
 {
     uint8_t *start = to;
@@ -226,18 +226,22 @@ static size_t brackets_to_octets(const captain_text *text, uint8_t *to)
     return count;
 }
 
+size_t captain_json_oid(const captain_text *text, bool is_relative, uint8_t *octets)
+{
+    if (text->count >= 2 && text->text[0] == '[')
+        return brackets_to_octets(text, octets);
+    size_t count = strlen(text->text) == text->count ? arcs_to_octets(text->text, is_relative, octets) : 0;
+    return count == 0 ? SIZE_MAX : count;
+}
+
 captain_status captain_json_read_oid(json *from, const captain_type *type, void *value)
 {
     captain_text text = {0, NULL};
     void *memory;
     TRY(take_text(from, &text, "an object identifier in quotes"));
     TRY(captain_json_take_memory(from, text.count + 2u, &memory));
-    size_t count = 0;
-    if (text.count >= 2 && text.text[0] == '[')
-        count = brackets_to_octets(&text, memory);
-    else if (strlen(text.text) == text.count)
-        count = arcs_to_octets(text.text, type->kind == CAPTAIN_RELATIVE_OID, memory);
-    if (count == SIZE_MAX || (count == 0 && text.text[0] != '['))
+    size_t count = captain_json_oid(&text, type->kind == CAPTAIN_RELATIVE_OID, memory);
+    if (count == SIZE_MAX)
         return captain_json_refuse(from, CAPTAIN_SYNTAX, "numbers with points between them are expected, as 1.2.840");
     captain_octets octets = {(uint32_t)count, memory};
     memcpy(value, &octets, sizeof octets);
