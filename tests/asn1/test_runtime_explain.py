@@ -155,6 +155,17 @@ def test_the_value_of_an_open_type_goes_on_behind_the_header_of_a_fragment(walke
     ]
 
 
+def test_an_open_type_may_have_many_fragments(walker: Walker) -> None:
+    content = "c4" + "ab" * 65536 + "c1" + "cd" * 16384 + "00"
+    cuts = (0, 65536, 65536 + 16384, len(content) // 2)
+    parts = [content[2 * start : 2 * end] for start, end in pairwise(cuts)]
+    octets = bits("1 0000001") + "c4" + parts[0] + "c1" + parts[1] + f"{len(parts[2]) // 2:02x}" + parts[2]
+    steps, end = walker.explain("which", octets)
+    assert end == Refusal("ok", len(octets) * 4, "", "")
+    assert [step.text for step in steps if step.what == "open"] == ["65536", "16384", "3"]
+    assert [step.bit for step in steps] == sorted(step.bit for step in steps)
+
+
 def test_fragments_of_an_open_type_are_there_before_its_value_is_looked_at(walker: Walker) -> None:
     assert walker.explain("which", bits("1 0000000") + "c1" + "80" + "00" * 16383)[1].status == "truncated"
     assert (

@@ -11,11 +11,8 @@ static captain_status check_fragments(explain *to)
     captain_status status = CAPTAIN_OK;
     to->on_step = NULL;
     explain_frame *frame = &to->frames[to->frames_count - 1];
-    while (status == CAPTAIN_OK && (frame->left > 0 || frame->has_more)) {
-        status = captain_explain_skip(to, frame->left);
-        if (status == CAPTAIN_OK && frame->has_more)
-            status = captain_explain_next_fragment(to, to->frames_count);
-    }
+    while (status == CAPTAIN_OK && frame->left > 0)
+        status = captain_explain_skip(to, frame->left); /* to the header behind it, and over it */
     *to = before;
     return status;
 }

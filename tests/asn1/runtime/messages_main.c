@@ -72,7 +72,7 @@ static uint32_t make_count(const captain_type *type, unsigned depth)
         return (uint32_t)(high + 1 + next_random() % 3);
     if (depth < 3 && chance(50) && high < 300)
         return (uint32_t)high;
-    if (type->kind != CAPTAIN_LIST && chance(500) && (type->flags & CAPTAIN_UNBOUNDED_HIGH))
+    if (type->kind != CAPTAIN_LIST && chance(200) && (type->flags & CAPTAIN_UNBOUNDED_HIGH))
         return (uint32_t)(16384 * (1 + next_random() % 5) + next_random() % 3);
     high = high < most ? high : most;
     return (uint32_t)(low + next_random() % (high - low + 1));
