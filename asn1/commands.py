@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from asn1 import add, library, selection
+from asn1 import add, library, selection, text
 from asn1.progress import Steps
 from asn1.types import Message, Schema
 
@@ -64,8 +64,6 @@ def write(schema: Schema, messages: tuple[str, ...], args: argparse.Namespace) -
 
 def _schema(folders: list[Path]) -> Schema:
     """The schema of the project, and what `add` has put into other directories."""
-    from asn1 import text  # takes a moment: not for --help
-
     schema = text.load_schema()
     modules, messages = dict(schema.modules), dict(schema.messages)
     for folder in folders:
@@ -160,7 +158,12 @@ def add_message(args: argparse.Namespace) -> int:
         print(f"it takes types from {standard}")
     if added.same_id:
         print(f"messageID {wish.id} also announces {', '.join(added.same_id)}: captain decode tries them in turn")
-    print(f"{wish.name}: in the Python module and captain decode after `make codec`; in C by captain-asn1 generate")
+    if args.to == text.SCHEMA:
+        print(f"{wish.name}: in the Python module and captain decode after `make codec`; in C by captain-asn1 generate")
+    else:
+        print(
+            f"in the Python module and in C by `captain-asn1 generate {wish.name} --with {args.to} --form FORM --to DIR`"
+        )
     return 0
 
 

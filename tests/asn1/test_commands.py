@@ -86,7 +86,7 @@ def test_a_message_of_one_s_own_is_added_with_one_command_and_listed(
                "--to", tmp_path / "own") == 0  # fmt: skip
     said = capsys.readouterr().out
     assert "messageID 2 also announces cam-1.4.1" in said
-    assert "make codec" in said
+    assert f"generate my-alarm --with {tmp_path / 'own'}" in said
     assert run("list", "--with", tmp_path / "own") == 0
     assert "my-alarm" in capsys.readouterr().out
 
