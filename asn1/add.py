@@ -15,6 +15,7 @@ from asn1 import asn, selection, text
 from asn1.importer import syntax
 from asn1.importer.crosscheck import crosscheck
 from asn1.importer.fault import Place, Problem, fault
+from asn1.importer.feasible import require_feasible
 from asn1.importer.module_parser import parse
 from asn1.importer.program import Source
 from asn1.importer.resolver import Resolver
@@ -79,6 +80,8 @@ def add(wish: Wish, schema: Schema, folder: Path) -> Added:
         wish.name, wish.name, RELEASE, f"experimental: {wish.name}", Reference(module=key, name=wish.pdu),
         (wish.id,), wish.versions, wish.port, RANK, is_experimental=True,
     )  # fmt: skip
+    known = {**schema.modules, **{module.key: module for module in modules}}
+    require_feasible(Schema(known, {message.name: message}), sources)
     imported = tuple(
         schema.modules[one].standard for one in resolved if one in schema.modules and one not in own.values()
     )

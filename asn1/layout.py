@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from asn1 import constraints as sets
 from asn1.constraints import Bounds
 from asn1.memory import measure
-from asn1.nodes import STRUCTS, Field, Kind, Layout, Node, by_value_order, strong_components
+from asn1.nodes import STRUCTS, Field, Kind, Layout, LayoutError, Node, by_value_order, strong_components
 from asn1.types import (
     BitString,
     Boolean,
@@ -54,7 +54,8 @@ TEXTS = {
 def lay_out(schema: Schema, messages: Sequence[Message]) -> Layout:
     """All types that the messages reach.
 
-    Raises ValueError where constraints leave nothing, KeyError for a reference to nothing.
+    Raises LayoutError where constraints leave nothing or a number is wider than 64 bits, KeyError for a reference to
+    nothing.
     """
     builder = _Builder(schema)
     pdus = {}
@@ -149,8 +150,10 @@ class _Builder:
         self.made.append(node)
         try:
             self.fill_kind(node, type_, place)
+        except LayoutError:
+            raise
         except ValueError as error:
-            raise ValueError(f"{node.c_name}: {error}") from None
+            raise LayoutError(node.c_name, str(error)) from None
 
     def fill_kind(self, node: Node, type_: Type, place: _Place) -> None:
         match type_:

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 
-from asn1.nodes import STRUCTS, Field, Kind, Node
+from asn1.nodes import STRUCTS, Field, Kind, LayoutError, Node
 from asn1.widths import count_width, minimal_bits, own_bits, unit_bits
 
 # A component that may be absent, or is one of several, lies behind a pointer where its struct is larger (octets).
@@ -23,7 +23,7 @@ def number_octets(node: Node) -> tuple[int, bool]:
         least, most = (-(1 << (bits - 1)), (1 << (bits - 1)) - 1) if is_signed else (0, (1 << bits) - 1)
         if least <= low and high <= most:
             return octets, is_signed
-    raise ValueError(f"{node.c_name}: {low}..{high} is wider than 64 bits")
+    raise LayoutError(node.c_name, f"{low}..{high} is wider than 64 bits")
 
 
 def measure(node: Node, known: dict[Node, tuple[int, int]]) -> tuple[int, int]:

@@ -35,6 +35,15 @@ class Kind(StrEnum):
 STRUCTS = frozenset({Kind.SEQUENCE, Kind.CHOICE, Kind.LIST})
 
 
+class LayoutError(ValueError):
+    """A type that cannot be laid out, or not said in C. c_name: as that of its node; reason: without it."""
+
+    def __init__(self, c_name: str, reason: str) -> None:
+        super().__init__(f"{c_name}: {reason}")
+        self.c_name = c_name
+        self.reason = reason
+
+
 @dataclass(eq=False, slots=True)
 class Field:
     """A component of a SEQUENCE or an alternative of a CHOICE.

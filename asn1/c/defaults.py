@@ -1,7 +1,7 @@
 """DEFAULTs in C: statements that put them into place, and conditions that tell them apart."""
 
 from asn1.c.names import literal, unsigned
-from asn1.nodes import Kind, Node
+from asn1.nodes import Kind, LayoutError, Node
 from asn1.types import Default
 
 
@@ -17,15 +17,17 @@ def default_lines(node: Node, default: Default, name: str) -> list[str]:
         case Kind.SMALL_BITS if isinstance(default, tuple):
             return [f"{name} = {unsigned(_number(node, *default))};"]
         case Kind.FIXED_OCTETS if isinstance(default, bytes):
+            if len(default) != node.size:
+                raise LayoutError(node.c_name, f"a DEFAULT of {len(default)} octets where the size is {node.size}")
             return [f"{name}[{i}] = {octet:#04x};" for i, octet in enumerate(default)]
         case _:
-            raise ValueError(f"{node.c_name}: a DEFAULT of this type: {default!r}")
+            raise LayoutError(node.c_name, f"a DEFAULT of {node.kind}")
 
 
 def _number(node: Node, octets: bytes, count: int) -> int:
     """A string of fixed size as a number. Named bits are filled up with zeros (X.691 16.3)."""
     if count > node.size or (count < node.size and not node.names):
-        raise ValueError(f"{node.c_name}: a DEFAULT of {count} bits where the size is {node.size}")
+        raise LayoutError(node.c_name, f"a DEFAULT of {count} bits where the size is {node.size}")
     return int.from_bytes(octets, "big") >> (-count % 8) << (node.size - count)
 
 
@@ -44,4 +46,4 @@ def differs(node: Node, default: Default, of: str) -> str:
             octets = "".join(f"\\{octet:03o}" for octet in default)
             return f'memcmp({of}, "{octets}", {len(default)}) != 0'
         case _:
-            raise ValueError(f"{node.c_name}: a DEFAULT of this type: {default!r}")
+            raise LayoutError(node.c_name, f"a DEFAULT of {node.kind}")

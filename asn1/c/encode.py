@@ -95,8 +95,6 @@ class _Encoder(WriteValues):
         """Which of the additions go out: a word with the first at its top."""
         if not node.additions:
             return "0"
-        if node.additions > 64:
-            raise ValueError(f"{node.c_name}: more than 64 additions")
         parts = []
         for index, group in enumerate(node.groups()):
             there = " || ".join(_is_there(f, of) for f in group)

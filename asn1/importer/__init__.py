@@ -12,6 +12,7 @@ from asn1.importer.crosscheck import crosscheck
 from asn1.importer.download import directory_of
 from asn1.importer.editions import Edition, Editions, read_editions
 from asn1.importer.fault import ImportFault, Place, Problem
+from asn1.importer.feasible import require_feasible
 from asn1.importer.module_parser import parse
 from asn1.importer.program import Source
 from asn1.importer.resolver import Resolver
@@ -107,7 +108,9 @@ def _import(
     unused = units.unused(modules)
     if unused and is_whole:
         raise ImportFault([Problem(Place(units_table.name, 1), f"there is no {one}") for one in unused])
-    return types.Schema(modules, messages)
+    schema = types.Schema(modules, messages)
+    require_feasible(schema, sources)
+    return schema
 
 
 # ---------------------------------------------------------------- finding and reading files

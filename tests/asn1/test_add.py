@@ -104,6 +104,35 @@ def test_a_wish_that_cannot_be_granted_is_explained_and_writes_nothing(
     assert not (tmp_path / "out").exists()
 
 
+MANY = " ".join(f", a{number} NULL" for number in range(65))
+
+
+@pytest.mark.parametrize(
+    ("type_", "says"),
+    [
+        ("UTF8String DEFAULT \"none\"", "Alarm_level: a DEFAULT of UTF8"),
+        ("BIT STRING DEFAULT '00'B", "Alarm_level: a DEFAULT of BIT_STRING"),
+        ("BIT STRING (SIZE(8)) DEFAULT '00'B", "Alarm_level: a DEFAULT of 2 bits where the size is 8"),
+        ("OCTET STRING (SIZE(2)) DEFAULT '00'H", "Alarm_level: a DEFAULT of 1 octets where the size is 2"),
+        ("INTEGER (0..7) DEFAULT 8", "Alarm_level: a DEFAULT of 8, which is not allowed"),
+        ("INTEGER (0..7) DEFAULT 300", "Alarm_level: a DEFAULT of 300, which is not allowed"),
+        ("INTEGER (0..18446744073709551616)", "Alarm_level: 0..18446744073709551616 is wider than 64 bits"),
+        ("INTEGER (18446744073709551616..MAX)", "Alarm_level: numbers wider than 64 bits"),
+        ("INTEGER (0..9223372036854775808, ...)", "Alarm_level: numbers wider than 64 bits"),
+        ("INTEGER (0..3) (5..7)", "Alarm_level: the constraints leave no value"),
+        ("OCTET STRING (SIZE(0..4294967296))", "Alarm_level: a size of more than 32 bits"),
+        ("ENUMERATED { far(1073741824) }", "Alarm_level: an item of 1073741824"),
+        ("INTEGER { far(9223372036854775808) }", "Alarm_level: a number wider than 64 bits has a name"),
+        (f"SEQUENCE {{ a NULL, ... {MANY} }}", "Alarm_level: 65 extension additions, 64 is the most"),
+    ],
+)  # fmt: skip
+def test_what_could_not_be_generated_is_refused_with_its_line(tmp_path: Path, schema: Schema, type_: str, says: str):
+    with pytest.raises(ImportFault) as caught:
+        add.add(wish(tmp_path, PLAIN.replace("INTEGER (0..7)", type_)), schema, tmp_path / "out")
+    assert str(caught.value) == f"alarm.asn:3: {says}"
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.parametrize(
     ("content", "says"),
     [

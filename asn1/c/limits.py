@@ -1,0 +1,70 @@
+"""What C cannot say of a layout: numbers beyond 64 bits, sizes beyond 32, more of something than the tables hold."""
+
+from collections.abc import Iterator
+
+from asn1.c.defaults import default_lines
+from asn1.memory import number_octets
+from asn1.nodes import Field, Kind, Layout, LayoutError, Node
+
+# Items that no edition knows are numbers from here on: CAPTAIN_UNKNOWN.
+ITEM_MAX = (1 << 30) - 1
+ADDITIONS_MAX = 64  # which of them are there is a word
+GAPS_MAX = 255  # captain_type.gaps_count
+
+
+def limits(layout: Layout) -> Iterator[LayoutError]:
+    """Everything that stands in the way of the generated code, in the order of the modules and types."""
+    for nodes in layout.nodes.values():
+        for node in nodes:
+            yield from (LayoutError(node.c_name, reason) for reason in _reasons(node))
+            for f in node.fields:
+                yield from _default(node, f)
+
+
+def _reasons(node: Node) -> Iterator[str]:
+    if node.kind is Kind.SEQUENCE and node.additions > ADDITIONS_MAX:
+        yield f"{node.additions} extension additions, {ADDITIONS_MAX} is the most"
+    if node.kind is Kind.INTEGER and not all(map(_range_of(node).__contains__, _numbers(node))):
+        yield "numbers wider than 64 bits"
+    if node.kind is not Kind.INTEGER and any(number >= 1 << 32 for number in _numbers(node)):
+        yield "a size of more than 32 bits"
+    if len(node.bounds.gaps) > GAPS_MAX:
+        yield f"{len(node.bounds.gaps)} gaps between the values that are allowed, {GAPS_MAX} is the most"
+    for name in node.names:
+        if node.kind is Kind.ENUMERATED and not -ITEM_MAX <= name.value <= ITEM_MAX:
+            yield f"an item of {name.value}"
+        elif not -(1 << 63) <= name.value < 1 << 63:
+            yield "a number wider than 64 bits has a name"
+    if any(not -(1 << 63) <= id_ < 1 << 63 for id_, _ in node.rows):
+        yield "an identifier wider than 64 bits"
+
+
+def _numbers(node: Node) -> Iterator[int]:
+    """Every bound of the value or size."""
+    for low, high in ((node.bounds.low, node.bounds.high), *node.bounds.gaps):
+        yield from (number for number in (low, high) if number is not None)
+
+
+def _range_of(node: Node) -> range:
+    """What the number in memory holds."""
+    octets, is_signed = number_octets(node)
+    return range(-(1 << 8 * octets - 1), 1 << 8 * octets - 1) if is_signed else range(1 << 8 * octets)
+
+
+def _default(node: Node, f: Field) -> Iterator[LayoutError]:
+    if f.default is None:
+        return
+    c_name = f"{node.c_name}_{f.name.replace('-', '_')}"
+    try:
+        default_lines(f.node, f.default, "")
+    except LayoutError as error:
+        yield LayoutError(c_name, error.reason)
+        return
+    if f.node.kind is Kind.INTEGER and isinstance(f.default, int) and not _holds(f.node, f.default):
+        yield LayoutError(c_name, f"a DEFAULT of {f.default}, which is not allowed")
+
+
+def _holds(node: Node, number: int) -> bool:
+    low, high = node.bounds.low, node.bounds.high
+    in_root = (low is None or number >= low) and (high is None or number <= high)
+    return number in _range_of(node) and (in_root or node.is_extensible)
