@@ -161,9 +161,8 @@ def add_message(args: argparse.Namespace) -> int:
     if args.to == text.SCHEMA:
         print(f"{wish.name}: in the Python module and captain decode after `make codec`; in C by captain-asn1 generate")
     else:
-        print(
-            f"in the Python module and in C by `captain-asn1 generate {wish.name} --with {args.to} --form FORM --to DIR`"
-        )
+        command = f"captain-asn1 generate {wish.name} --with {args.to} --form FORM --to DIR"
+        print(f"in the Python module and in C by `{command}`")
     return 0
 
 
