@@ -153,6 +153,12 @@ def test_comments_may_be_in_latin_1(folder: Path) -> None:
     assert "msg-1" in imported(folder).messages
 
 
+def test_what_could_not_be_generated_is_named_with_its_line(folder: Path) -> None:
+    (folder / "one/Msg.asn").write_text(MSG.replace("count INTEGER", "count INTEGER (0..3) (5..7)"))
+    with pytest.raises(ImportFault, match=r"^one/Msg.asn:3: Msg_inner_count: the constraints leave no value$"):
+        imported(folder)
+
+
 def test_what_is_written_is_what_is_loaded(folder: Path) -> None:
     schema = imported(folder)
     written = write_schema(schema, folder / "schema")

@@ -213,6 +213,19 @@ def test_a_dict_that_changes_while_it_is_walked_does_no_harm():
             assert error.reason
 
 
+def test_named_bits_without_their_zeros_are_the_same_message():
+    # LaneAttributes-Vehicle is SIZE(8, ...): X.691 16.3
+    message = captain_messages.find("mapem-2.1.1")
+    value = message.decode(real("mapem-2.1.1", 536))
+    attributes = value["map"]["intersections"][0]["laneSet"][2]["laneAttributes"]
+    made = set()
+    for bits in (1, 3, 8):
+        attributes["laneType"] = ("vehicle", (b"\x80", bits))
+        message.validate(value)
+        made.add(message.encode(value))
+    assert len(made) == 1
+
+
 def test_a_list_that_changes_while_it_is_walked_does_no_harm():
     octets = real("mapem-2.1.1", 536)
     message = captain_messages.find("mapem-2.1.1")
