@@ -82,15 +82,27 @@ struct octets {
     std::uint8_t operator[](std::size_t index) const { return first[index]; }
 };
 
-/// An arena that grows up to a limit. What it has handed out stays where it is, also when the memory itself is moved.
+/// An arena that grows up to a limit. What it has handed out stays where it is, also when the memory itself is moved;
+/// what was moved from is empty.
 class memory {
 public:
     /// No message of 64 KiB, the most that a packet holds, needs more.
     static constexpr std::size_t default_limit = std::size_t{64} << 20;
 
     explicit memory(std::size_t limit = default_limit) : limit_(limit) { captain_arena_init(&arena_, nullptr, 0); }
-    memory(memory &&) noexcept = default;
-    memory &operator=(memory &&) noexcept = default;
+    memory(memory &&other) noexcept
+        : limit_(other.limit_), used_(std::exchange(other.used_, 0)), blocks_(std::exchange(other.blocks_, {})),
+          arena_(std::exchange(other.arena_, captain_arena{}))
+    {
+    }
+    memory &operator=(memory other) noexcept
+    {
+        limit_ = other.limit_;
+        used_ = other.used_;
+        blocks_.swap(other.blocks_);
+        arena_ = other.arena_;
+        return *this;
+    }
 
     captain_arena *arena() noexcept
     {
@@ -155,7 +167,8 @@ inline const captain_message &find(const std::string &name)
     return found != nullptr ? *found : throw std::out_of_range("no message is called " + name);
 }
 
-/// A value of any type, with the memory that it lies in. It can be moved and not be copied.
+/// A value of any type, with the memory that it lies in. It can be moved and not be copied; what was moved from has no value
+/// until it is read again.
 class value {
 public:
     /// Numbers 0, defaults in place, optional components absent, lists empty.

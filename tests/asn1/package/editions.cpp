@@ -31,6 +31,14 @@ template <class T> captain::message<T> decoded(const octet_string &octets)
     captain::message<T> again;
     if (again.try_read(octets) != CAPTAIN_OK || again != message || again.text() != message.text())
         throw std::runtime_error("decodes to another value");
+    std::vector<captain::message<T>> kept;
+    kept.push_back(std::move(again));
+    again.read(octets); // what was moved from begins anew
+    if (kept.back() != again)
+        throw std::runtime_error("is another value where it was moved to");
+    kept.clear();
+    if (again.encode() != octets)
+        throw std::runtime_error("lies in memory of where it was moved to");
     return message;
 }
 
@@ -73,8 +81,20 @@ static void show(const std::string &name, const octet_string &octets)
     }
 }
 
+// Memory that was moved from has nothing, and its whole limit before it.
+static void check_moves()
+{
+    captain::memory first(4096);
+    first.take(3000);
+    captain::memory second = std::move(first);
+    first.take(3000);
+    second = std::move(first);
+    first.take(3000);
+}
+
 int main()
 {
+    check_moves();
     std::string name, hex;
     int status = 0;
     while (std::cin >> name >> hex) {
