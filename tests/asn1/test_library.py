@@ -48,7 +48,8 @@ TOOLCHAINS = {
 
 # A vehicle at 47.0581234 N that sees one object, 15 m ahead; made with tests/asn1/reference.py.
 CPM_R2 = "020e0000032f025d5c1390028d8b4793a4075370320191c210a9a2900304d212410008050000003bf6205dc01d7fc9007400"
-# What asn1tools reads in the same octets: station, then latitude, speed, cause, counts.
+# What asn1tools reads in the same octets (of the last as soon as its constraints are written out: test_truth.py):
+# station, then latitude, speed, cause, counts.
 DECODED = [
     "cam-1.4.1 3725855973 535626518 1277",
     "denm-1.3.1 3774684471 3 1",

@@ -4,17 +4,20 @@ import importlib.util
 from pathlib import Path
 from typing import Any
 
+import asn1tools
 import pytest
 
 from asn1 import types as t
 from tests.asn1 import codec, tshark
 from tests.asn1.bits import Bits
 from tests.asn1.disagreements import TABLE
+from tests.asn1.effective import effective
 from tests.asn1.imported import snippet
 from tests.asn1.older import UnsaidError, seen_by_older
 from tests.asn1.oracles import Asn1tools
 from tests.asn1.reach import pruned
 from tests.asn1.reference import Encoder
+from tests.asn1.test_library import CPM_R2
 from tests.asn1.trial import Tally, Trial, chunks
 from tests.asn1.truth import report, schema, tasks
 from tests.asn1.values import Values
@@ -36,7 +39,7 @@ def test_octets_are_those_that_the_standard_demands_and_decode_to_the_value(name
 @pytest.mark.parametrize("name", MESSAGES)
 def test_asn1tools_agrees_but_for_what_is_known(name: str):
     tally = tried(name, 60, asn1tools=3)
-    assert tally.compared["asn1tools"] >= 15
+    assert tally.agreed["asn1tools"] + tally.healed["asn1tools"] >= 15
     assert tally.unexplained == 0, tally.examples
 
 
@@ -44,7 +47,7 @@ def test_asn1tools_agrees_but_for_what_is_known(name: str):
 @pytest.mark.parametrize("name", MESSAGES)
 def test_pycrate_agrees_but_for_what_is_known(name: str):
     tally = tried(name, 40, pycrate=4)
-    assert tally.compared["pycrate"] >= 6
+    assert tally.agreed["pycrate"] + tally.healed["pycrate"] >= 6
     assert tally.unexplained == 0, tally.examples
 
 
@@ -153,6 +156,14 @@ def test_where_a_serial_constraint_ends_without_a_marker_there_is_no_extension_b
     assert codec.captain_messages.find("cpm-2.1.1").decode(octets) == value
     theirs = Asn1tools(pruned(schema(), pdu), pdu)
     assert theirs.encode(theirs.shape(value)) != octets
+
+
+def test_asn1tools_reads_a_cpm_as_soon_as_its_constraints_are_written_out():
+    pdu, octets = schema().messages["cpm-2.1.1"].pdu, bytes.fromhex(CPM_R2)
+    theirs, healed = (Asn1tools(one, pdu) for one in (pruned(schema(), pdu), effective(pruned(schema(), pdu))))
+    with pytest.raises(asn1tools.DecodeError):
+        theirs.decode(octets)
+    assert healed.decode(octets) == healed.shape(codec.captain_messages.find("cpm-2.1.1").decode(octets))
 
 
 @pytest.mark.skipif(not tshark.IS_HERE, reason="tshark is not installed")

@@ -36,8 +36,9 @@ class Codec(Protocol):
 
 @dataclass
 class Tally:
-    """compared, agreed: by codec; reasons: by codec and construct, a difference may have several.
+    """compared, agreed: by codec; healed: agreed as soon as every constraint was written out, which is explained as well.
 
+    reasons: by codec and construct, a difference may have several.
     newer: values that only we can say; explained, unexplained: differences.
     """
 
@@ -45,6 +46,7 @@ class Tally:
     newer: int = 0
     compared: Counter[str] = field(default_factory=Counter)
     agreed: Counter[str] = field(default_factory=Counter)
+    healed: Counter[str] = field(default_factory=Counter)
     reasons: Counter[tuple[str, str]] = field(default_factory=Counter)
     explained: int = 0
     unexplained: int = 0
@@ -55,6 +57,7 @@ class Tally:
         self.newer += other.newer
         self.compared += other.compared
         self.agreed += other.agreed
+        self.healed += other.healed
         self.reasons += other.reasons
         self.explained += other.explained
         self.unexplained += other.unexplained
@@ -146,7 +149,9 @@ class Trial:
             return
         constructs = self._constructs.of(self._message.pdu, value)
         reasons = explained(oracle.name, constructs, is_healed=True)
-        if not reasons or not agrees(self._heal(oracle.name), value, octets).is_equal:
+        if reasons and agrees(self._heal(oracle.name), value, octets).is_equal:
+            tally.healed[oracle.name] += 1
+        else:
             reasons = explained(oracle.name, constructs, is_healed=False)
         what = f"{self._message.name}: {oracle.name} {verdict.what}\n  value    {value}\n  ours     {octets.hex()}"
         tally.differ(oracle.name, reasons, what)
