@@ -244,6 +244,8 @@ captain_status captain_json_read_oid(json *from, const captain_type *type, void 
     if (count == SIZE_MAX)
         return captain_json_refuse(from, CAPTAIN_SYNTAX, "numbers with points between them are expected, as 1.2.840");
     captain_octets octets = {(uint32_t)count, memory};
+    if (!captain_walk_is_oid(&octets))
+        return captain_json_refuse(from, CAPTAIN_RANGE, "the octets are no object identifier");
     memcpy(value, &octets, sizeof octets);
     return CAPTAIN_OK;
 }
