@@ -67,7 +67,7 @@ def bounds(schema: Schema, type_: Type) -> str:
     """What values a type may have, its targets' constraints included: "0..16383", "size 1..7, extensible"."""
     shown: dict[object, str] = {}
     for constraint in _chain(schema, type_):
-        # A serial constraint narrows its parent (X.680 50.8): of one kind the last says it all.
+        # A serial constraint narrows its parent (X.680 50.11): of one kind the last says it all.
         kind: object = type(constraint.root)
         if kind in (AnyOf, AllOf, AllExcept, Inner, Element):
             kind = constraint

@@ -9,6 +9,7 @@ from asn1.nodes import Field, Kind, Layout, LayoutError, Node
 # Items that no edition knows are numbers from here on: CAPTAIN_UNKNOWN.
 ITEM_MAX = (1 << 30) - 1
 ADDITIONS_MAX = 64  # which of them are there is a word
+SIZE_MAX = (1 << 32) - 2  # a count is a uint32_t, and comparing it with its own maximum is no comparison
 GAPS_MAX = 255  # captain_type.gaps_count
 
 
@@ -26,8 +27,8 @@ def _reasons(node: Node) -> Iterator[str]:
         yield f"{node.additions} extension additions, {ADDITIONS_MAX} is the most"
     if node.kind is Kind.INTEGER and not all(map(_range_of(node).__contains__, _numbers(node))):
         yield "numbers wider than 64 bits"
-    if node.kind is not Kind.INTEGER and any(number >= 1 << 32 for number in _numbers(node)):
-        yield "a size of more than 32 bits"
+    if node.kind is not Kind.INTEGER and any(number > SIZE_MAX for number in _numbers(node)):
+        yield f"a size of more than {SIZE_MAX}"
     if len(node.bounds.gaps) > GAPS_MAX:
         yield f"{len(node.bounds.gaps)} gaps between the values that are allowed, {GAPS_MAX} is the most"
     for name in node.names:

@@ -25,9 +25,10 @@ _STRINGS = {Kind.BIT_STRING: "captain_bits", Kind.OCTET_STRING: "captain_octets"
 
 
 def member(name: str) -> str:
-    """A component's name as a member of a struct."""
+    """A component's name as a member of a struct; never has_<member>, which says whether an optional one is there."""
     name = name.replace("-", "_")
-    return f"{name}_" if name in _TAKEN else name
+    is_flag = name.startswith("has_") and member(name[4:]) == name[4:]
+    return f"{name}_" if is_flag or name in _TAKEN else name
 
 
 def value_type(node: Node) -> str:

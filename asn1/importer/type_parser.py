@@ -66,7 +66,7 @@ class TypeParser(ConstraintParser):
             case "ENUMERATED":
                 return self._enumerated()
             case "CHOICE":
-                return syntax.Structure(place=place, name=word, members=self._members())
+                return syntax.Structure(place=place, name=word, members=self._alternatives())
             case "SEQUENCE" | "SET":
                 return self._sequence(word)
             case "ANY" | "INSTANCE" | "CLASS":
@@ -181,6 +181,12 @@ class TypeParser(ConstraintParser):
             raise fault(self.place, "a list with a named element", "X.680 26.1")
         element = self.type()
         return syntax.ListOf(place=place, is_set=word == "SET", element=element, constraints=tuple(constraints))
+
+    def _alternatives(self) -> syntax.Members:
+        place, members = self.place, self._members()
+        if not members.root:
+            raise fault(place, "a CHOICE without alternatives", "X.680 29.1")
+        return members
 
     def _members(self) -> syntax.Members:
         place = self.needs("{", "X.680 25")

@@ -55,10 +55,20 @@ def names(program: Program, base: Typed) -> tuple[Named, ...]:
             found = tuple(Named(item.name, _item_number(program, item, base.scope)) for item in items)
             if name == "BIT STRING" and any(not 0 <= one.value <= MAX_BIT for one in found):
                 raise fault(base.type.place, f"a bit outside of 0..{MAX_BIT}", "X.680 22.4")
+            _distinct(found, name, base.type.place)
             return found
         case syntax.Enumerated():
             return (*root_items(program, base), *addition_items(program, base))
     return ()
+
+
+def _distinct(found: tuple[Named, ...], name: str, place: Place) -> None:
+    """Neither a name nor a number stands twice."""
+    clause = "X.680 22" if name == "BIT STRING" else "X.680 19"
+    for what in ({one.name: one for one in found}, {one.value: one for one in found}):
+        if len(what) < len(found):
+            twice = next(one for one in found if one not in what.values())
+            raise fault(place, f"{twice.name}({twice.value}): its name or its number is there twice", clause)
 
 
 def _item_number(program: Program, item: syntax.Item, scope: Scope) -> int:

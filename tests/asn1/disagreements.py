@@ -33,7 +33,7 @@ TABLE = (
         "Path (SIZE (3..16)) bounds the list; asn1tools keeps the bounds of Path", True,
     ),
     Disagreement(
-        "serial constraint without marker", ("asn1tools", "pycrate"), "X.680 50.8, X.691 10.3.20",
+        "serial constraint without marker", ("asn1tools", "pycrate"), "X.680 50.11, X.691 10.3.20",
         "the last constraint has no marker, so the type has none; asn1tools and pycrate keep the parent's", True,
     ),
     Disagreement(

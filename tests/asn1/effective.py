@@ -36,7 +36,7 @@ class _Effective:
         )
 
     def _identifier(self, class_: t.ObjectClass) -> t.Definition:
-        """In messages a table constraint always follows it: no extension marker is left (X.680 50.8)."""
+        """In messages a table constraint always follows it: no extension marker is left (X.680 50.11)."""
         base, constraints = unfold(self._schema, class_.id_type)
         root = _values(numbers(constraints)._replace(is_extensible=False))
         return t.Definition(_identifier_name(class_), replace(base, constraints=root))

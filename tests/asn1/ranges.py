@@ -72,7 +72,7 @@ def alphabet(constraints: Iterable[t.Constraint]) -> Union | None:
 
 
 def _serial(constraints: Iterable[t.Constraint], aspect: type, universe: Union) -> Allowed:
-    """X.680 50.8: each constraint is applied to its parent without the parent's marker and additions."""
+    """X.680 50.11: each constraint is applied to its parent without the parent's marker and additions."""
     allowed = Allowed(universe)
     for constraint in constraints:
         one = _of(constraint, aspect)

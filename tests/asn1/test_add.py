@@ -120,7 +120,11 @@ MANY = " ".join(f", a{number} NULL" for number in range(65))
         ("INTEGER (18446744073709551616..MAX)", "Alarm_level: numbers wider than 64 bits"),
         ("INTEGER (0..9223372036854775808, ...)", "Alarm_level: numbers wider than 64 bits"),
         ("INTEGER (0..3) (5..7)", "Alarm_level: the constraints leave no value"),
-        ("OCTET STRING (SIZE(0..4294967296))", "Alarm_level: a size of more than 32 bits"),
+        ("OCTET STRING (SIZE(0..4294967296))", "Alarm_level: a size of more than 4294967294"),
+        ("SEQUENCE (SIZE(1..4294967295)) OF BOOLEAN", "Alarm_level: a size of more than 4294967294"),
+        ("Alarm", "Alarm: it holds itself and has no end: make a component OPTIONAL or a list of it"),
+        ("SEQUENCE (SIZE(1..4)) OF Alarm", "Alarm: it holds itself and has no end: make a component OPTIONAL or a list of it"),
+        ("CHOICE { a SEQUENCE { a Alarm }, b Alarm }", "Alarm: it holds itself and has no end: make a component OPTIONAL or a list of it"),
         ("ENUMERATED { far(1073741824) }", "Alarm_level: an item of 1073741824"),
         ("INTEGER { far(9223372036854775808) }", "Alarm_level: a number wider than 64 bits has a name"),
         (f"SEQUENCE {{ a NULL, ... {MANY} }}", "Alarm_level: 65 extension additions, 64 is the most"),
@@ -146,3 +150,8 @@ def test_a_file_that_cannot_be_read_is_explained_by_line(tmp_path: Path, schema:
     with pytest.raises(ImportFault, match=says):
         add.add(wish(tmp_path, content), schema, tmp_path / "out")
     assert not (tmp_path / "out").exists()
+
+
+def test_what_may_end_has_an_end(tmp_path: Path, schema: Schema):
+    ends = "SEQUENCE { a Alarm OPTIONAL, b SEQUENCE (SIZE(0..4)) OF Alarm, c CHOICE { d Alarm, e NULL } }"
+    add.add(wish(tmp_path, PLAIN.replace("INTEGER (0..7)", ends)), schema, tmp_path / "out")

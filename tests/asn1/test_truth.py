@@ -141,7 +141,7 @@ CONTAINERS = "000" + "0001" + "00000001" + "00000000"
 
 
 def test_where_a_serial_constraint_ends_without_a_marker_there_is_no_extension_bit():
-    """X.680 50.8: ConstraintWrappedCpmContainers, WrappedCpmContainers (WITH COMPONENT ...), is not extensible.
+    """X.680 50.11: ConstraintWrappedCpmContainers, WrappedCpmContainers (WITH COMPONENT ...), is not extensible.
 
     asn1c and Wireshark decide so as well; asn1tools, pycrate and rasn leave the parent its extension bit.
     """

@@ -39,7 +39,7 @@ class Validity:
         return row is None or self.is_valid(row, value)
 
     def _keeps(self, type_: t.Type, constraints: tuple[t.Constraint, ...], value: Any) -> bool:
-        """X.680 50.8: what follows a marker without one of its own is applied to the root alone."""
+        """X.680 50.11: what follows a marker without one of its own is applied to the root alone."""
         last = max((i for i, one in enumerate(constraints) if not _has_marker(one)), default=-1)
         return all(self._elements(type_, one.root, value, True) for one in constraints[: last + 1])
 
