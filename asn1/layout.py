@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from asn1 import constraints as sets
 from asn1.constraints import Bounds
 from asn1.memory import measure
-from asn1.nodes import STRUCTS, Field, Kind, Layout, LayoutError, Node, by_value_order, strong_components
+from asn1.nodes import STRUCTS, Field, Kind, Layout, LayoutError, Node, by_value_order, strong_components, type_name
 from asn1.types import (
     BitString,
     Boolean,
@@ -89,7 +89,9 @@ class _Builder:
         self.made: list[Node] = []
         self.defined: dict[tuple[str, str], Node] = {}
         self.taken = {
-            f"{key}_{name.replace('-', '_')}" for key, module in schema.modules.items() for name in module.definitions
+            type_name(f"{key}_{name.replace('-', '_')}")
+            for key, module in schema.modules.items()
+            for name in module.definitions
         }
 
     def definition(self, reference: Reference) -> Node:
@@ -97,7 +99,7 @@ class _Builder:
         if known is not None:
             return known
         module = self.schema.modules[reference.module]
-        c_name = f"{module.key}_{reference.name.replace('-', '_')}"
+        c_name = type_name(f"{module.key}_{reference.name.replace('-', '_')}")
         _, _, named = self.base(reference)
         place = _Place(module.key, c_name, reference.name, named.unit, module.standard)
         type_, constraints, _ = self.base(self.schema.resolve(reference).type)
@@ -136,7 +138,8 @@ class _Builder:
             if isinstance(bottom, SequenceType | Choice):
                 return self.definition(type_), type_.constraints
         bottom, constraints, named = self.base(type_)
-        c_name = place.c_name
+        is_struct = isinstance(bottom, SequenceType | Choice | SequenceOf)
+        c_name = type_name(place.c_name) if is_struct else place.c_name
         while c_name in self.taken:
             c_name += "_"
         self.taken.add(c_name)

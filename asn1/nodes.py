@@ -35,6 +35,15 @@ class Kind(StrEnum):
 STRUCTS = frozenset({Kind.SEQUENCE, Kind.CHOICE, Kind.LIST})
 
 
+# What generated code puts behind the name of a type: its table, its functions.
+SUFFIXES = ("_type", "_decode", "_encode", "_validate", "_read", "_write", "_check")
+
+
+def type_name(c_name: str) -> str:
+    """The C name of a type: never that of the table or of a function of another."""
+    return f"{c_name}_" if c_name.endswith(SUFFIXES) else c_name
+
+
 class LayoutError(ValueError):
     """A type that cannot be laid out, or not said in C. c_name: as that of its node; reason: without it."""
 

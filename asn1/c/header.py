@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from asn1.c.names import declaration, field_declaration, has_check, has_public_table, literal, member, needs_functions
-from asn1.nodes import STRUCTS, Kind, Node
+from asn1.nodes import STRUCTS, SUFFIXES, Kind, Node
 from asn1.types import Module
 
 _INT_MAX = (1 << 31) - 1
@@ -16,7 +16,7 @@ def public_header(module: Module, nodes: list[Node]) -> str:
         module.key
     }
     seen = {child.module for n in nodes for child in n.children() if child.kind in STRUCTS} - held - {module.key}
-    constants = _Constants()
+    constants = _Constants(nodes)
     lines = [
         *title(module),
         f"#ifndef {guard}",
@@ -76,10 +76,10 @@ _END = ["#ifdef __cplusplus", "}", "#endif", ""]
 
 
 class _Constants:
-    """Names of numbers, each but once."""
+    """Names of numbers, each but once, and none that of a type, a table or a function."""
 
-    def __init__(self) -> None:
-        self.taken: set[str] = set()
+    def __init__(self, nodes: list[Node]) -> None:
+        self.taken = {node.c_name + suffix for node in nodes for suffix in ("", *SUFFIXES)}
 
     def free(self, name: str) -> str:
         while name in self.taken:

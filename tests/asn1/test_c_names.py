@@ -1,6 +1,21 @@
 """Names in C: two things never have the same one."""
 
+import subprocess
+from pathlib import Path
+
+from asn1 import c
 from asn1.c import member
+from tests.asn1.compiled import FLAGS, RUNTIME, schema_of
+
+HOSTILE = """
+A ::= SEQUENCE {
+  a INTEGER OPTIONAL, has-a BOOLEAN, class NULL OPTIONAL, has-class NULL, count BOOLEAN,
+  type SEQUENCE { a NULL, empty NULL }, decode SEQUENCE OF SEQUENCE { items NULL }, read CHOICE { has-a NULL, u NULL },
+  names ENUMERATED { type, decode, u }, t A-type OPTIONAL, u A-write
+}
+A-type ::= SEQUENCE { type NULL }
+A-write ::= INTEGER { type(3) } (0..7)
+"""
 
 
 def test_a_component_is_never_called_as_the_flag_of_another():
@@ -12,3 +27,11 @@ def test_a_component_is_never_called_as_the_flag_of_another():
 
 def test_most_components_are_called_as_in_the_standard():
     assert [member(name) for name in ("a-b", "hasA", "class")] == ["a_b", "hasA", "class_"]
+
+
+def test_types_tables_functions_and_numbers_never_meet(tmp_path: Path):
+    made = c.generate(schema_of(HOSTILE, "A"), ["A"], tmp_path)
+    sources = [path for path in made if path.suffix == ".c"]
+    include = [f"-I{folder}" for folder in (tmp_path / "include", RUNTIME / "include", RUNTIME / "src")]
+    done = subprocess.run(["gcc", *FLAGS, "-fsyntax-only", *include, *sources], capture_output=True, text=True)  # noqa: S603, S607
+    assert done.stderr == ""
