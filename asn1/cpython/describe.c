@@ -39,10 +39,13 @@ static PyObject *written(PyObject *self, PyObject *source, writer write)
     if (!decoded_open(&decoded, message_of(self)->message, source))
         return NULL;
     PyObject *text = NULL;
-    if (write(decoded.type, decoded.value, append, &buffer) == CAPTAIN_OK)
+    captain_report report = {.status = write(decoded.type, decoded.value, append, &buffer)};
+    if (report.status == CAPTAIN_OK)
         text = PyUnicode_DecodeUTF8(buffer.count > 0 ? buffer.text : "", (Py_ssize_t)buffer.count, "replace");
-    else
+    else if (report.status == CAPTAIN_NO_SPACE) /* the sink had no memory */
         PyErr_NoMemory();
+    else
+        raise_report(DecodeError, &report);
     free(buffer.text);
     decoded_close(&decoded);
     return text;

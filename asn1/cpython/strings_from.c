@@ -191,21 +191,14 @@ bool string_from(maker *maker, const shape *shape, PyObject *value, unsigned cha
 
 /* ---------------------------------------------------------------- open types */
 
-static const shape *row_of(const shape *shape, int64_t id)
-{
-    for (uint16_t index = 0; index < shape->type->rows_count; index++)
-        if (shape->type->rows[index].id == id)
-            return shape->rows[index];
-    return NULL;
-}
-
 /* Octets are the whole open type, unless its type is octets itself. */
 bool open_from(maker *maker, const shape *owner, const slot *slot, PyObject *value, unsigned char *record)
 {
     const struct slot *selector = &owner->slots[slot->shape->type->selector];
     captain_open *open = (captain_open *)(void *)(record + slot->offset);
     int64_t id = captain_walk_number(selector->shape->type, slot_value(selector, record));
-    const shape *row = row_of(slot->shape, id);
+    const captain_type *content = captain_walk_row(slot->shape->type, id);
+    const shape *row = content == NULL ? NULL : shape_of(content); /* made with the shape of the open type */
     *open = (captain_open){0};
     if (is_buffer(value) && (row == NULL || (row->op != OP_OCTETS && row->op != OP_FIXED_OCTETS)))
         return octets_from(maker, value, &open->octets);

@@ -11,15 +11,6 @@ typedef struct type {
 
 static PyTypeObject *Type, *Field;
 
-static const char *const KINDS[] = {
-    [CAPTAIN_BOOLEAN] = "BOOLEAN", [CAPTAIN_NULL] = "NULL", [CAPTAIN_INTEGER] = "INTEGER", [CAPTAIN_ENUMERATED] = "ENUMERATED",
-    [CAPTAIN_SMALL_BITS] = "BIT STRING", [CAPTAIN_BIT_STRING] = "BIT STRING", [CAPTAIN_FIXED_OCTETS] = "OCTET STRING",
-    [CAPTAIN_OCTET_STRING] = "OCTET STRING", [CAPTAIN_IA5] = "IA5String", [CAPTAIN_VISIBLE] = "VisibleString",
-    [CAPTAIN_PRINTABLE] = "PrintableString", [CAPTAIN_NUMERIC] = "NumericString", [CAPTAIN_UTF8] = "UTF8String",
-    [CAPTAIN_OID] = "OBJECT IDENTIFIER", [CAPTAIN_RELATIVE_OID] = "RELATIVE-OID", [CAPTAIN_SEQUENCE] = "SEQUENCE",
-    [CAPTAIN_CHOICE] = "CHOICE", [CAPTAIN_LIST] = "SEQUENCE OF", [CAPTAIN_OPEN] = "open type",
-};
-
 static PyObject *type_object(const shape *shape)
 {
     type *new = PyObject_New(type, Type);
@@ -70,7 +61,7 @@ static PyObject *type_name(PyObject *self, void *unused)
 static PyObject *type_kind(PyObject *self, void *unused)
 {
     (void)unused;
-    return PyUnicode_FromString(KINDS[of(self)->type->kind]);
+    return PyUnicode_FromString(captain_kind_text(of(self)->type));
 }
 
 static PyObject *type_unit(PyObject *self, void *unused)
@@ -185,7 +176,7 @@ static Py_hash_t type_hash(PyObject *self)
 
 static PyObject *type_repr(PyObject *self)
 {
-    return PyUnicode_FromFormat("<type %s: %s>", captain_type_text(of(self)->type), KINDS[of(self)->type->kind]);
+    return PyUnicode_FromFormat("<type %s: %s>", captain_type_text(of(self)->type), captain_kind_text(of(self)->type));
 }
 
 static PyGetSetDef ATTRIBUTES[] = {

@@ -161,6 +161,8 @@ CAPTAIN_HIDDEN size_t captain_put_close(captain_writer *writer, size_t start, si
 /* Of unknown content: its octets. */
 CAPTAIN_HIDDEN size_t captain_get_unknown(captain_reader *reader, size_t at, captain_octets *octets);
 CAPTAIN_HIDDEN size_t captain_put_unknown(captain_writer *writer, size_t at, const captain_octets *octets);
+/* The type that an open type's identifier stands for, or NULL. */
+CAPTAIN_HIDDEN const captain_type *captain_row_of(const captain_type *type, int64_t id);
 /* A component of a class's type field: by the table of an OPEN and the identifier beside it. */
 CAPTAIN_HIDDEN size_t captain_decode_open(captain_reader *reader, size_t at, const captain_type *type, int64_t id, captain_open *value);
 CAPTAIN_HIDDEN size_t captain_encode_open(captain_writer *writer, size_t at, const captain_type *type, int64_t id, const captain_open *value);

@@ -133,7 +133,7 @@ size_t captain_put_unknown(captain_writer *writer, size_t at, const captain_octe
     return at;
 }
 
-static const captain_type *row_of(const captain_type *type, int64_t id)
+const captain_type *captain_row_of(const captain_type *type, int64_t id)
 {
     for (unsigned i = 0; i < type->rows_count; i++)
         if (type->rows[i].id == id)
@@ -144,7 +144,7 @@ static const captain_type *row_of(const captain_type *type, int64_t id)
 size_t captain_decode_open(captain_reader *reader, size_t at, const captain_type *type, int64_t id, captain_open *value)
 {
     captain_outside outside;
-    const captain_type *content = row_of(type, id);
+    const captain_type *content = captain_row_of(type, id);
     *value = (captain_open){content, NULL, {0, NULL}};
     if (content == NULL)
         return captain_get_unknown(reader, at, &value->octets);
@@ -161,7 +161,7 @@ size_t captain_decode_open(captain_reader *reader, size_t at, const captain_type
 size_t captain_encode_open(captain_writer *writer, size_t at, const captain_type *type, int64_t id, const captain_open *value)
 {
     size_t start = at;
-    const captain_type *content = row_of(type, id);
+    const captain_type *content = captain_row_of(type, id);
     if (value->type == NULL)
         return captain_put_unknown(writer, at, &value->octets);
     if (value->type != content || value->value == NULL)
@@ -174,7 +174,7 @@ captain_status captain_validate_open(const captain_type *type, int64_t id, const
 {
     if (value->type == NULL)
         return CAPTAIN_OK;
-    if (value->type != row_of(type, id) || value->value == NULL)
+    if (value->type != captain_row_of(type, id) || value->value == NULL)
         return CAPTAIN_ALTERNATIVE;
     return captain_validate(value->type, value->value);
 }

@@ -112,12 +112,17 @@ const char *captain_size_text(const captain_type *type, char text[CAPTAIN_RANGE_
     return text;
 }
 
-const char *captain_type_text(const captain_type *type)
+const char *captain_kind_text(const captain_type *type)
 {
     static const char *const KINDS[] = {
         "BOOLEAN", "NULL", "INTEGER", "ENUMERATED", "BIT STRING", "BIT STRING", "OCTET STRING", "OCTET STRING", "IA5String",
         "VisibleString", "PrintableString", "NumericString", "UTF8String", "OBJECT IDENTIFIER", "RELATIVE-OID", "SEQUENCE",
         "CHOICE", "SEQUENCE OF", "open type",
     };
-    return type->name != NULL ? type->name : KINDS[type->kind];
+    return KINDS[type->kind];
+}
+
+const char *captain_type_text(const captain_type *type)
+{
+    return type->name != NULL ? type->name : captain_kind_text(type);
 }

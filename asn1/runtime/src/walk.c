@@ -1,5 +1,6 @@
 /* Values in memory, seen through the tables. */
 #include "walk.h"
+#include "characters.h"
 
 #include <string.h>
 
@@ -77,39 +78,18 @@ bool captain_walk_is_fixed(const captain_type *type)
 
 /* ---------------------------------------------------------------- characters */
 
-/* Of the string types themselves (X.680 41.2 to 41.4, table 8): PrintableString, ascending. */
-static const captain_range NUMERIC[] = {{32, 32}, {48, 57}};
-static const captain_range PRINTABLE[] = {{32, 32}, {39, 41}, {43, 58}, {61, 61}, {63, 63}, {65, 90}, {97, 122}};
-static const captain_range VISIBLE[] = {{32, 126}};
-static const captain_range IA5[] = {{0, 127}};
-
 bool captain_walk_is_string(const captain_type *type)
 {
     return type->kind >= CAPTAIN_IA5 && type->kind <= CAPTAIN_UTF8;
 }
 
-static const captain_range *alphabet(const captain_type *type, bool in_root, unsigned *count)
-{
-    if (in_root && type->alphabet != NULL) {
-        *count = type->alphabet_count;
-        return type->alphabet;
-    }
-    switch (type->kind) {
-    case CAPTAIN_NUMERIC: *count = sizeof NUMERIC / sizeof *NUMERIC; return NUMERIC;
-    case CAPTAIN_PRINTABLE: *count = sizeof PRINTABLE / sizeof *PRINTABLE; return PRINTABLE;
-    case CAPTAIN_VISIBLE: *count = 1; return VISIBLE;
-    default: *count = 1; return IA5;
-    }
-}
-
 int32_t captain_walk_character(const captain_type *type, bool in_root, uint32_t n)
 {
-    unsigned count;
-    const captain_range *ranges = alphabet(type, in_root, &count);
-    for (unsigned i = 0; i < count; i++) {
-        uint32_t length = (uint32_t)(ranges[i].high - ranges[i].low + 1);
+    captain_characters set = in_root ? captain_alphabet(type) : captain_whole_alphabet(type);
+    for (unsigned i = 0; i < set.count; i++) {
+        uint32_t length = (uint32_t)(set.ranges[i].high - set.ranges[i].low + 1);
         if (n < length)
-            return (int32_t)(ranges[i].low + n);
+            return (int32_t)(set.ranges[i].low + n);
         n -= length;
     }
     return -1;
@@ -117,23 +97,13 @@ int32_t captain_walk_character(const captain_type *type, bool in_root, uint32_t 
 
 bool captain_walk_has_character(const captain_type *type, bool in_root, uint32_t code)
 {
-    unsigned count;
-    const captain_range *ranges = alphabet(type, in_root, &count);
-    for (unsigned i = 0; i < count; i++)
-        if (code >= (uint64_t)ranges[i].low && code <= (uint64_t)ranges[i].high)
-            return true;
-    return false;
+    captain_characters set = in_root ? captain_alphabet(type) : captain_whole_alphabet(type);
+    return code <= 0xff && captain_code_of(&set, (unsigned char)code) >= 0;
 }
 
 bool captain_walk_is_oid(const captain_octets *oid)
 {
-    bool begins = true;
-    for (uint32_t i = 0; i < oid->count; i++) {
-        if (begins && oid->octets[i] == 0x80)
-            return false;
-        begins = oid->octets[i] < 0x80;
-    }
-    return oid->count > 0 && begins;
+    return captain_is_oid(oid->octets, oid->count);
 }
 
 bool captain_utf8_feed(captain_utf8 *state, uint8_t octet)
@@ -161,11 +131,7 @@ bool captain_utf8_feed(captain_utf8 *state, uint8_t octet)
 
 bool captain_utf8_is_valid(const char *text, size_t octets)
 {
-    captain_utf8 state = {0};
-    for (size_t i = 0; i < octets; i++)
-        if (!captain_utf8_feed(&state, (uint8_t)text[i]))
-            return false;
-    return state.left == 0;
+    return captain_utf8_count((const unsigned char *)text, octets) != SIZE_MAX;
 }
 
 /* ---------------------------------------------------------------- components */
@@ -252,10 +218,7 @@ const char *captain_walk_name(const captain_type *type, int64_t number)
 
 const captain_type *captain_walk_row(const captain_type *type, int64_t id)
 {
-    for (unsigned i = 0; i < type->rows_count; i++)
-        if (type->rows[i].id == id)
-            return type->rows[i].type;
-    return NULL;
+    return captain_row_of(type, id);
 }
 
 bool captain_walk_bit(const captain_type *type, const void *value, uint32_t n)

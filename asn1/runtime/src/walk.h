@@ -118,6 +118,8 @@ const char *captain_number_text(const captain_type *type, int64_t number, char t
 const char *captain_size_text(const captain_type *type, char text[CAPTAIN_RANGE_TEXT]);
 /* "bits", "octets", "characters", "elements" */
 const char *captain_size_noun(const captain_type *type);
+/* "INTEGER", "SEQUENCE OF", "open type" */
+const char *captain_kind_text(const captain_type *type);
 /* "SpeedValue", or of a type without a name what it is: "INTEGER". */
 const char *captain_type_text(const captain_type *type);
 
@@ -160,8 +162,9 @@ void captain_out_quoted(captain_out *out, const char *text, size_t octets);
 /* "1.2.840", or "[2a8648]" where the octets are none or a number has more than 64 bits. */
 void captain_out_oid(captain_out *out, bool is_relative, const captain_octets *oid);
 
-/* A value that is no container, for people: 5, 0 (standstill), passengerCar, '1010'B, 'C0FFEE'H, "text". */
-void captain_out_value(captain_out *out, const captain_type *type, const void *value);
+/* A value that is no container, for people: 5 ms, 2028 (20.28 m/s), 0 (standstill), passengerCar (5), '1010'B, 'C0FFEE'H, "text".
+ * unit: that of the component, NULL where it has none of its own. */
+void captain_out_value(captain_out *out, const captain_type *type, const char *unit, const void *value);
 
 #pragma GCC visibility pop
 
