@@ -42,10 +42,8 @@ def rows(octets: bytes, steps: Sequence[Step]) -> Iterator[Row]:
             depth -= 1
             continue
         name = step.path.rpartition(".")[2]
-        value = f"{step.text} {step.unit}" if step.unit and step.what == "value" else step.text
-        if step.what == "enter":
-            value = step.type
-        elif step.what != "value":
+        value = step.type if step.what == "enter" else step.text
+        if step.what not in ("enter", "value"):
             name = _SAYS.get(step.what, f"({step.what})")
         yield Row(step.bit, step.width, depth, name, step.path, value, shown(octets, step.bit, step.width), step.clause)
         if step.what == "enter":

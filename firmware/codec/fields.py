@@ -32,7 +32,7 @@ def chosen(steps: Iterable[Step], names: Sequence[str]) -> dict[str, str]:
     for step in steps:
         path = f".{_INDEX.sub('', step.path)}."
         if step.what == "value" and any(name in path for name in wanted):
-            found[step.path] = f"{step.text} {step.unit}" if step.unit else step.text
+            found[step.path] = step.text
     return found
 
 

@@ -278,7 +278,7 @@ def test_the_tree_shows_units_names_and_what_is_kept(walker: Walker) -> None:
     lines = tree.splitlines()
     assert lines[0] == "Every:"
     for line in (
-        "  small: 300 (none) 0.1 m",
+        "  small: 300 (none)",
         "  colour: green (5)",
         "  mask: '1010001'B (a, c)",
         "  named: '1000000001'B (x, y)",
@@ -295,6 +295,35 @@ def test_the_tree_shows_units_names_and_what_is_kept(walker: Walker) -> None:
     ):
         assert line in lines
     assert not any("first" in line for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("number", "unit", "shown"),
+    [
+        (500401189, "1e-7 degree", "500401189 (50.0401189 degree)"),
+        (-7, "1e-7 degree", "-7 (-0.0000007 degree)"),
+        (2028, "0.01 m/s", "2028 (20.28 m/s)"),
+        (2000, "0.01 m/s", "2000 (20.00 m/s)"),
+        (0, "0.1 m", "0 (0.0 m)"),
+        (7, "0.0125 degree", "7 (0.0875 degree)"),
+        (3, "1.5 degree", "3 (4.5 degree)"),
+        (12, "1e-4 1/m", "12 (0.0012 1/m)"),
+        (7, "256 ms", "7 (1792 ms)"),
+        (50, "2 %", "50 (100 %)"),
+        (5, "0.01", "5 (0.05)"),
+        (37862, "ms", "37862 ms"),
+        (5, "degree Celsius", "5 degree Celsius"),
+        (5, "10^exponent Hz", "5 10^exponent Hz"),
+        (5, "360/65535 degree", "5 360/65535 degree"),
+        (2**63 - 1, "0.1 m", "9223372036854775807 (922337203685477580.7 m)"),
+        (-(2**63), "1e-9 s", "-9223372036854775808 (-9223372036.854775808 s)"),
+        (2**63 - 1, "256 ms", "9223372036854775807 256 ms"),
+        (5, "0.1234567890123456789012 m", "5 0.1234567890123456789012 m"),
+        (5, "", "5 "),
+    ],
+)
+def test_a_number_is_shown_in_its_unit_exactly(walker: Walker, number: int, unit: str, shown: str) -> None:
+    assert walker.ask("unit", "Every", f"{number}|{unit}") == f"Number: {shown}\n"
 
 
 def test_a_value_to_start_from_has_defaults_and_nothing_optional(walker: Walker) -> None:

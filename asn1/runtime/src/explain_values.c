@@ -30,7 +30,7 @@ captain_status captain_explain_value_step(explain *to, const explain_node *node,
     text_buffer buffer = {.used = 0};
     captain_out out;
     captain_out_start(&out, keep_text, &buffer);
-    captain_out_value(&out, node->type, value);
+    captain_out_value(&out, node->type, node->field == NULL ? NULL : node->field->unit, value);
     out.status = CAPTAIN_OK; /* a character cut in two by a fragment: shown as "?" */
     captain_out_end(&out);
     if (!captain_utf8_is_valid(buffer.text, buffer.used))

@@ -88,13 +88,8 @@ static void put_list(print *to, const captain_type *type, captain_list list, uns
 
 static void put_line(print *to, const captain_type *type, const char *unit, const void *value)
 {
-    unit = unit != NULL ? unit : type->unit;
     captain_out_character(&to->out, ' ');
-    captain_out_value(&to->out, type, value);
-    if (unit != NULL) {
-        captain_out_character(&to->out, ' ');
-        captain_out_string(&to->out, unit);
-    }
+    captain_out_value(&to->out, type, unit, value);
     captain_out_character(&to->out, '\n');
 }
 

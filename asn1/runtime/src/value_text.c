@@ -1,6 +1,10 @@
 /* A value that is no container, as a line of text shows it. */
 #include "walk.h"
 
+#include <inttypes.h>
+#include <stdio.h>
+#include <string.h>
+
 /* Above it bit strings are hexadecimal. */
 enum { BINARY_BITS = 64 };
 
@@ -12,6 +16,82 @@ static void put_name(captain_out *out, const char *name)
     captain_out_string(out, name);
     captain_out_character(out, ')');
 }
+
+/* ---------------------------------------------------------------- numbers with a unit */
+
+/* What a value of 1 is: digits / 10^places, of what follows. */
+typedef struct scale {
+    uint64_t digits;
+    unsigned places;
+    const char *unit; /* NULL: the unit does not begin with a factor */
+} scale;
+
+enum { SCALE_PLACES = 18 };
+
+/* "0.01 m/s", "1e-7 degree", "256 ms", "0.01". No factor have "ms", "10^exponent Hz", "360/65535 degree". */
+static scale read_scale(const char *unit)
+{
+    scale of = {0};
+    const char *at = unit;
+    bool has_point = false;
+    for (; (*at >= '0' && *at <= '9') || (*at == '.' && !has_point && at > unit); at++) {
+        if (at - unit > SCALE_PLACES)
+            return of;
+        if (*at == '.') {
+            has_point = true;
+            continue;
+        }
+        of.digits = 10 * of.digits + (uint64_t)(*at - '0');
+        of.places += has_point;
+    }
+    if (at > unit && at[0] == 'e' && at[1] == '-' && at[2] >= '1' && at[2] <= '9') {
+        of.places += (unsigned)(at[2] - '0');
+        at += 3;
+    }
+    if (at > unit && (*at == ' ' || *at == 0) && of.places <= SCALE_PLACES)
+        of.unit = *at == ' ' ? at + 1 : at;
+    return of;
+}
+
+/* Exactly, with the places that the factor has: 2028 of "0.01 m/s" is 20.28 m/s. False where 64 bits do not hold it. */
+static bool put_scaled(captain_out *out, scale of, bool is_negative, uint64_t magnitude)
+{
+    char digits[24], text[2 * SCALE_PLACES + 8];
+    if (of.digits > 0 && magnitude > UINT64_MAX / of.digits)
+        return false;
+    snprintf(digits, sizeof digits, "%0*" PRIu64, (int)of.places + 1, magnitude * of.digits);
+    int whole = (int)(strlen(digits) - of.places);
+    snprintf(text, sizeof text, "%s%.*s%s%s", is_negative ? "-" : "", whole, digits, of.places > 0 ? "." : "", digits + whole);
+    captain_out_string(out, " (");
+    captain_out_string(out, text);
+    captain_out_string(out, *of.unit != 0 ? " " : "");
+    captain_out_string(out, of.unit);
+    captain_out_character(out, ')');
+    return true;
+}
+
+static void put_unit(captain_out *out, const captain_type *type, const char *unit, int64_t number)
+{
+    bool is_negative = number < 0 && !captain_walk_is_unsigned64(type);
+    uint64_t magnitude = is_negative ? 0 - (uint64_t)number : (uint64_t)number;
+    scale of = read_scale(unit);
+    if (of.unit != NULL && put_scaled(out, of, is_negative, magnitude))
+        return;
+    captain_out_character(out, ' ');
+    captain_out_string(out, unit);
+}
+
+/* A value that has a name is none of the unit: 16383 (unavailable). */
+static void put_number(captain_out *out, const captain_type *type, const char *unit, int64_t number)
+{
+    const char *name = captain_walk_name(type, number);
+    captain_out_number(out, type, number);
+    put_name(out, name);
+    if (name == NULL && unit != NULL)
+        put_unit(out, type, unit, number);
+}
+
+/* ---------------------------------------------------------------- the others */
 
 static void put_item(captain_out *out, const captain_type *type, int64_t number)
 {
@@ -63,15 +143,14 @@ static void put_octets(captain_out *out, const uint8_t *octets, size_t count)
     captain_out_string(out, "'H");
 }
 
-void captain_out_value(captain_out *out, const captain_type *type, const void *value)
+void captain_out_value(captain_out *out, const captain_type *type, const char *unit, const void *value)
 {
     captain_octets octets;
     switch (type->kind) {
     case CAPTAIN_BOOLEAN: captain_out_string(out, *(const bool *)value ? "true" : "false"); return;
     case CAPTAIN_NULL: captain_out_string(out, "null"); return;
     case CAPTAIN_INTEGER:
-        captain_out_number(out, type, captain_walk_number(type, value));
-        put_name(out, captain_walk_name(type, captain_walk_number(type, value)));
+        put_number(out, type, unit != NULL ? unit : type->unit, captain_walk_number(type, value));
         return;
     case CAPTAIN_ENUMERATED: put_item(out, type, captain_walk_number(type, value)); return;
     case CAPTAIN_SMALL_BITS:

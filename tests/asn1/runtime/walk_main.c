@@ -4,6 +4,7 @@
  *   print T TEXT     reads it, prints the tree
  *   check T TEXT     reads it, checks it as validate does
  *   equal T TEXT|TEXT
+ *   unit T N|UNIT    prints a number of a type of its own that has this unit
  *   init T           writes a value to start from
  *   explain T HEX    steps, then the status
  *   fuzz T RUNS TEXT explain over octets at random, json_read and what follows over a text with errors at random
@@ -151,6 +152,16 @@ static void fuzz(const captain_type *type, char *argument)
 
 /* ---------------------------------------------------------------- commands */
 
+static void print_number(char *argument)
+{
+    char *unit = strchr(argument, '|');
+    *unit++ = 0;
+    int64_t number = strtoll(argument, NULL, 10);
+    const captain_type type = {.name = "Number", .unit = unit, .kind = CAPTAIN_INTEGER, .width = 8, .size = 8,
+                               .flags = CAPTAIN_SIGNED | CAPTAIN_UNBOUNDED_LOW | CAPTAIN_UNBOUNDED_HIGH};
+    captain_print(&type, &number, put, stdout);
+}
+
 static void run(const char *verb, const captain_type *type, char *argument)
 {
     captain_arena arena;
@@ -169,6 +180,8 @@ static void run(const char *verb, const captain_type *type, char *argument)
         if (read_json(type, values[0], argument, strlen(argument), &arena) == CAPTAIN_OK && read_json(type, values[1], second, strlen(second), &arena) == CAPTAIN_OK)
             printf("%s\n", captain_equal(type, values[0], values[1]) ? "equal" : "different");
     }
+    if (strcmp(verb, "unit") == 0)
+        print_number(argument);
     if (strcmp(verb, "init") == 0) {
         captain_init(type, values[0]);
         printf("\n%s", captain_print(type, values[0], put, stdout) == CAPTAIN_OK ? "" : "FAILED\n");

@@ -36,7 +36,7 @@ def test_what_stands_in_a_container_is_deeper():
     steps = [
         Step("enter", 0, 0, "cam", "CoopAwareness"),
         Step("presence", 0, 2, "cam", "", "10"),
-        Step("value", 2, 8, "cam.speed", "SpeedValue", "5", "0.01 m/s", "11.5.7.2"),
+        Step("value", 2, 8, "cam.speed", "SpeedValue", "5 (0.05 m/s)", "0.01 m/s", "11.5.7.2"),
         Step("leave", 10, 0, "cam"),
         Step("padding", 10, 6, "", "", "000000"),
     ]
@@ -44,7 +44,7 @@ def test_what_stands_in_a_container_is_deeper():
     assert [(row.depth, row.name, row.value) for row in found] == [
         (0, "cam", "CoopAwareness"),
         (1, "(presence)", "10"),
-        (1, "speed", "5 0.01 m/s"),
+        (1, "speed", "5 (0.05 m/s)"),
         (0, "(padding)", "000000"),
     ]
     assert found[2].bits == "00000000"

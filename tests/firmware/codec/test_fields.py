@@ -86,7 +86,7 @@ def test_no_value_is_too_strange_for_a_glance(kind, value):
 
 STEPS = [
     Step("enter", 0, 0, "cam.referencePosition"),
-    Step("value", 0, 8, "cam.referencePosition.latitude", text="487668616", unit="0.1 udeg"),
+    Step("value", 0, 8, "cam.referencePosition.latitude", text="487668616 (48.7668616 degree)", unit="1e-7 degree"),
     Step("value", 8, 8, "objects[0].speed", text="1"),
     Step("value", 16, 8, "objects[1].speed", text="2"),
     Step("value", 16, 8, "objects[1].speedConfidence", text="3"),
@@ -96,9 +96,9 @@ STEPS = [
 @pytest.mark.parametrize(
     ("name", "values"),
     [
-        ("latitude", ["487668616 0.1 udeg"]),
-        ("referencePosition", ["487668616 0.1 udeg"]),
-        ("referencePosition.latitude", ["487668616 0.1 udeg"]),
+        ("latitude", ["487668616 (48.7668616 degree)"]),
+        ("referencePosition", ["487668616 (48.7668616 degree)"]),
+        ("referencePosition.latitude", ["487668616 (48.7668616 degree)"]),
         ("speed", ["1", "2"]),
         ("objects", ["1", "2", "3"]),
         ("objects.speed", ["1", "2"]),

@@ -250,7 +250,8 @@ bool captain_equal(const captain_type *type, const void *left, const void *right
 /* Text goes out through a sink; false from it ends the walk with CAPTAIN_NO_SPACE. */
 typedef bool (*captain_sink)(void *context, const char *text, size_t octets);
 
-/* Indented tree, one field a line, with units and names of special values: "  speedValue: 0 (standstill) 0.01 m/s". */
+/* Indented tree, one field a line, with names of special values, and all others in their unit: "speedValue: 0 (standstill)",
+ * "speedValue: 2028 (20.28 m/s)" (exact: the places are those of the factor), "generationDeltaTime: 37862 ms". */
 captain_status captain_print(const captain_type *type, const void *value, captain_sink sink, void *context);
 
 /* JER (X.697) names and shapes, compact, without blanks: SEQUENCE an object, SEQUENCE OF an array, CHOICE an object of one
@@ -279,7 +280,7 @@ typedef struct captain_step {
     const char *path;       /* as in captain_report */
     const captain_type *type;
     const captain_field *field; /* NULL for elements and the PDU itself */
-    const char *text;       /* the value, as captain_print writes it, without the unit */
+    const char *text;       /* the value, as captain_print writes it */
     const char *clause;     /* of X.691: (02/2021): "11.9.3.6", "19.2", ... */
 } captain_step;
 typedef bool (*captain_on_step)(void *context, const captain_step *step);
