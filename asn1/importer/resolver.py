@@ -3,9 +3,10 @@
 Nothing is resolved that no message reaches, so that a construct that we do not know stops only whoever needs it.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import NamedTuple
+from functools import partial
+from typing import NamedTuple, TypeVar
 
 from asn1 import types
 from asn1.importer import syntax, values
@@ -15,6 +16,7 @@ from asn1.importer.program import Bound, Program, Scope, Source, Typed, instance
 from asn1.importer.sets import Constraints
 from asn1.importer.tags import canonical
 from asn1.importer.units import Units
+from asn1.importer.unsupported import CLAUSES, unsupported
 
 _STRINGS = {
     "IA5String": "IA5String",
@@ -24,12 +26,8 @@ _STRINGS = {
     "VisibleString": "VisibleString",
     "ISO646String": "VisibleString",  # two names of one type (X.680 41.1)
 }
-_UNSUPPORTED_CLAUSES = {
-    "REAL": "X.680 21", "EXTERNAL": "X.680 37", "EMBEDDED PDV": "X.680 36", "CHARACTER STRING": "X.680 44",
-    "OID-IRI": "X.680 34", "RELATIVE-OID-IRI": "X.680 35", "DATE": "X.680 38", "TIME": "X.680 38",
-    "TIME-OF-DAY": "X.680 38", "DATE-TIME": "X.680 38", "DURATION": "X.680 38", "GeneralizedTime": "X.680 46",
-    "UTCTime": "X.680 47", "ObjectDescriptor": "X.680 48",
-}  # fmt: skip
+
+T = TypeVar("T")
 
 # The longest name of an instance in the standards has 45 characters; one that instantiates itself has no longest.
 MAX_NAME = 250
@@ -138,6 +136,8 @@ class Resolver:
 
     def _type(self, text: syntax.Type, scope: Scope) -> types.Type:
         governor = Typed(text, scope)
+        if isinstance(text, syntax.Plain | syntax.Structure) and text.name in CLAUSES:
+            raise unsupported(text.place, text.name)
         constraints = tuple(self._constraints.constraint(one, scope, governor) for one in text.constraints)
         match text:
             case syntax.Plain():
@@ -150,8 +150,6 @@ class Resolver:
                 root = values.root_items(self._program, governor)
                 additions = values.addition_items(self._program, governor)
                 return types.Enumerated(root, text.is_extensible, additions, constraints=constraints)
-            case syntax.Structure(name="SET"):
-                raise fault(text.place, "SET", "X.680 27")
             case syntax.Structure():
                 return self._structure(text, scope, constraints)
             case syntax.ListOf():
@@ -167,9 +165,12 @@ class Resolver:
         self, text: syntax.Structure, scope: Scope, constraints: tuple[types.Constraint, ...]
     ) -> types.Sequence | types.Choice:
         members = text.members
-        root = self._components(members.root, scope)
-        tail = self._components(members.tail, scope)
-        additions = tuple(self._addition(one, scope) for one in members.additions)
+        problems: list[Problem] = []
+        root = self._components(members.root, scope, problems)
+        tail = self._components(members.tail, scope, problems)
+        additions = _each((partial(self._addition, one, scope, problems) for one in members.additions), problems)
+        if problems:
+            raise ImportFault(problems)
         components = [one for member in (*root, *additions, *tail) for one in _of(member)]
         _distinct(text.place, components)
         flag = members.is_extensible
@@ -184,15 +185,18 @@ class Resolver:
         by_name = {one.name: one for one in root}
         return types.Choice(tuple(by_name[name] for name in order), flag, additions, constraints=constraints)
 
-    def _components(self, members: tuple[syntax.Member, ...], scope: Scope) -> tuple[types.Component, ...]:
-        return tuple(self._component(one.component, one.scope) for one in self._program.members(members, scope))
+    def _components(
+        self, members: tuple[syntax.Member, ...], scope: Scope, problems: list[Problem]
+    ) -> tuple[types.Component, ...]:
+        found = self._program.members(members, scope)
+        return _each((partial(self._component, one.component, one.scope) for one in found), problems)
 
-    def _addition(self, member: syntax.Member, scope: Scope) -> types.Component | types.Group:
+    def _addition(self, member: syntax.Member, scope: Scope, problems: list[Problem]) -> types.Component | types.Group:
         match member:
             case syntax.Component():
                 return self._component(member, scope)
             case syntax.Group():
-                return types.Group(self._components(member.components, scope), member.version)
+                return types.Group(self._components(member.components, scope, problems), member.version)
         raise fault(member.place, "COMPONENTS OF among extension additions", "X.680 25.5")
 
     def _component(self, text: syntax.Component, scope: Scope) -> types.Component:
@@ -249,6 +253,17 @@ class Resolver:
         return self._reach(scope, name, text.place)
 
 
+def _each(calls: Iterable[Callable[[], T]], problems: list[Problem]) -> tuple[T, ...]:
+    """What the calls return that raise nothing; the problems of the others are noted."""
+    found: list[T] = []
+    for call in calls:
+        try:
+            found.append(call())
+        except ImportFault as error:
+            problems += error.problems
+    return tuple(found)
+
+
 def _identity(bound: Bound) -> tuple[object, ...]:
     """The text of an actual parameter, and the modules in which its names are looked up."""
     return bound.scope.key, bound.actual.text, *(one.scope.key for one in bound.scope.bound.values())
@@ -266,7 +281,7 @@ def _plain(text: syntax.Plain, constraints: tuple[types.Constraint, ...]) -> typ
             return types.ObjectIdentifier(text.name == "RELATIVE-OID", constraints=constraints)
         case name if name in _STRINGS:
             return types.CharacterString(_STRINGS[name], constraints=constraints)
-    raise fault(text.place, text.name, _UNSUPPORTED_CLAUSES.get(text.name, "X.680 41"))
+    raise fault(text.place, "a type that nobody knows")  # pragma: no cover
 
 
 def _distinct(place: Place, components: list[types.Component]) -> None:

@@ -6,6 +6,7 @@ from asn1 import types
 from asn1.importer import syntax
 from asn1.importer.fault import Place, fault
 from asn1.importer.program import MAX_STEPS, Program, Scope, Typed
+from asn1.importer.unsupported import CLAUSES
 from asn1.importer.values import PLAIN_NUMBER, number
 
 _STRINGS = {"IA5String", "UTF8String", "NumericString", "PrintableString", "VisibleString", "ISO646String"}
@@ -67,7 +68,7 @@ class Constraints:
     def _refuse_others(self, governor: Typed, names: Set[str], text: syntax.Elements) -> None:
         """Which constraint may be on which type (X.680 51.1, table 9)."""
         name = _name(self._program.base(governor).type)
-        if name not in names:
+        if name not in names and name not in CLAUSES:  # that such a type stands there is told without this
             raise fault(_place(text), f"this constraint cannot be on {name}", "X.680 51.1")
 
     def _ranges(

@@ -69,7 +69,15 @@ class TypeParser(ConstraintParser):
                 return syntax.Structure(place=place, name=word, members=self._alternatives())
             case "SEQUENCE" | "SET":
                 return self._sequence(word)
-            case "ANY" | "INSTANCE" | "CLASS":
+            case "ANY":
+                if self.takes("DEFINED", "BY"):
+                    self.identifier("X.680 17")
+                return syntax.Plain(place=place, name=word)
+            case "INSTANCE":
+                self.needs("OF", "X.680 17")
+                self.reference("X.680 17")
+                return syntax.Plain(place=place, name=word)
+            case "CLASS":
                 raise fault(place, word, "X.680 17")
         return self._reference(word)
 

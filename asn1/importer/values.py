@@ -130,6 +130,8 @@ def default(program: Program, value: syntax.Value, scope: Scope, governor: Typed
         if bound.actual.value is not None:
             return default(program, bound.actual.value, bound.scope, governor)
     match base.type, value:
+        case syntax.Plain(name="NULL"), _:
+            raise fault(value.place, "a DEFAULT of NULL, whose value never differs: make it OPTIONAL", "X.680 25.9")
         case syntax.Plain(name="BOOLEAN"), syntax.Word(name="TRUE" | "FALSE"):
             return value.name == "TRUE"
         case syntax.Plain(name="BOOLEAN"), syntax.Word():

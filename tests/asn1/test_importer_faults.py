@@ -18,6 +18,9 @@ CLASS = "CLS ::= CLASS { &id INTEGER, &Type }  S CLS ::= { ... }"
         ("A ::= REAL", "REAL (X.680 21)"),
         ("A ::= SET { a NULL }", "SET (X.680 27)"),
         ("A ::= BMPString", "BMPString (X.680 41)"),
+        ("A ::= BMPString (SIZE(2))", "BMPString (X.680 41)"),
+        ("A ::= ANY DEFINED BY a", "ANY (X.680 17)"),
+        ("A ::= SEQUENCE { a NULL DEFAULT NULL }", "a DEFAULT of NULL, whose value never differs: make it OPTIONAL (X.680 25.9)"),
         ("A ::= GeneralizedTime", "GeneralizedTime (X.680 46)"),
         ("A ::= UTF8String (PATTERN \"x\")", "PATTERN (X.680 51.9)"),
         ("A ::= OCTET STRING (CONSTRAINED BY {})", "CONSTRAINED (X.682 9)"),
@@ -78,6 +81,18 @@ def test_every_problem_is_told_at_once_in_the_order_of_the_lines() -> None:
         "m.asn:3: REAL (X.680 21)",
         "m.asn:4: SET (X.680 27)",
         "m.asn:5: E is neither defined nor imported",
+    ]
+
+
+def test_every_unsupported_component_is_told_though_they_stand_in_one_type() -> None:
+    text = module("A ::= SEQUENCE {\na REAL,\nb SET {},\nc SEQUENCE { d ANY },\n..., e BMPString (SIZE(2)),\n[[ f B ]] }\n"
+                  "B ::= BMPString (SIZE(1))", imports="IMPORTS C FROM Nowhere;")  # fmt: skip
+    assert problems(text) == [
+        "m.asn:3: REAL (X.680 21)",
+        "m.asn:4: SET (X.680 27)",
+        "m.asn:5: ANY (X.680 17)",
+        "m.asn:6: BMPString (X.680 41)",
+        "m.asn:8: BMPString (X.680 41)",
     ]
 
 
