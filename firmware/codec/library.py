@@ -21,8 +21,8 @@ class Step(Protocol):
     bit, width  where it begins in the message, and how many bits it has.
     path   "cam.camParameters.basicContainer.stationType".
     type   name of the type in the standard; empty where it has none.
-    text   the value as message.text() writes it, without its unit.
-    unit   "0.01 m/s"; empty without one.
+    text   the value as message.text() writes it: "2028 (20.28 m/s)".
+    unit   of a value of 1: "0.01 m/s"; empty without one.
     clause  of X.691, whose rule these bits follow.
     """
 
@@ -42,6 +42,26 @@ class Step(Protocol):
     def unit(self) -> str: ...
     @property
     def clause(self) -> str: ...
+
+
+class Field(Protocol):
+    """A component of a SEQUENCE, or an alternative of a CHOICE."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def type(self) -> "Type": ...
+
+
+class Type(Protocol):
+    """A type of the ASN.1. fields, element and rows are empty, or None, where it has none."""
+
+    @property
+    def fields(self) -> Sequence[Field]: ...
+    @property
+    def element(self) -> "Type | None": ...
+    @property
+    def rows(self) -> "Sequence[tuple[int, Type]]": ...
 
 
 class Message(Protocol):
@@ -74,6 +94,7 @@ class Message(Protocol):
     def validate(self, value: object, /) -> None: ...
     def text(self, octets: bytes, /) -> str: ...
     def explain(self, octets: bytes, /) -> Sequence[Step]: ...
+    def type_tree(self) -> Type: ...
 
 
 class Library(Protocol):

@@ -4,11 +4,13 @@ import argparse
 import json
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
-from firmware.codec import fields, showing
+from board.errors import RequestError
+from firmware.codec import fields, library, showing
 from firmware.codec.decoding import Decoder, UndecodableError, joined, refusal_record
+from firmware.codec.field_names import FieldNames
 from firmware.codec.library import NoLibraryError, load
 from firmware.codec.live import Live
 from firmware.codec.reading import Pdu
@@ -110,7 +112,11 @@ def main(arguments: argparse.Namespace) -> int:
         print("captain listen: error: --json goes with --decode or --fields, --decode with --json", file=sys.stderr)
         return 2
     place = address(arguments)
-    show = _shower(arguments)
+    try:
+        show = _shower(arguments)
+    except RequestError as error:
+        print(f"captain listen: error: --fields: {error}", file=sys.stderr)
+        return 2
     with client.session() as context:
         # Everything, where all types are wanted: what a station should not publish is to be seen as well.
         # A messageID has whatever name the station gives it.
@@ -127,15 +133,23 @@ def main(arguments: argparse.Namespace) -> int:
 
 
 def _shower(arguments: argparse.Namespace) -> Show | None:
-    """What prints each message; None for the table. Raises NoLibraryError."""
+    """What prints each message; None for the table. Raises NoLibraryError, RequestError for unknown fields."""
     if arguments.decode or arguments.full or arguments.fields:
         decoder = Decoder(load())
+        if arguments.fields:
+            FieldNames(_listened(decoder, arguments.type)).check(arguments.fields)
         if arguments.full:
             return lambda message: _full(message, decoder)
         if arguments.json:
             return lambda message: _decoded(message, decoder, arguments.fields)
         return lambda message: _line(message, decoder, arguments.fields)
     return (lambda message: json.dumps(described(message))) if arguments.json else None
+
+
+def _listened(decoder: Decoder, kinds: Sequence[str | int]) -> list[library.Message]:
+    """The messages of the library that may come; all of them where a station's own name or number may be any."""
+    fits = [[one for one in decoder.known if kind == one.type or kind in one.ids] for kind in kinds]
+    return [one for several in fits for one in several] if fits and all(fits) else list(decoder.known)
 
 
 def _decoder() -> Decoder | None:

@@ -99,8 +99,23 @@ class Message:
     def explain(self, octets: bytes) -> Sequence[Step]:
         steps = [Step("enter", 8 * HEADER, 0, "body", "Body")]
         for at, (name, octet) in enumerate(zip(self.fields, octets[HEADER:], strict=False), HEADER):
-            steps.append(Step("value", 8 * at, 8, f"body.{name}", "Octet", str(octet), "m", "11.5.7.2"))
+            steps.append(Step("value", 8 * at, 8, f"body.{name}", "Octet", f"{octet} m", "m", "11.5.7.2"))
         return [*steps, Step("leave", 8 * len(octets), 0, "body")]
+
+    def type_tree(self) -> "Type":
+        header = Type(tuple(map(Field, ("protocolVersion", "messageID", "stationID"))))
+        return Type((Field("header", header), Field("body", Type(tuple(map(Field, self.fields))))))
+
+
+class Type(NamedTuple):
+    fields: tuple["Field", ...] = ()
+    element: "Type | None" = None
+    rows: tuple[tuple[int, "Type"], ...] = ()
+
+
+class Field(NamedTuple):
+    name: str
+    type: Type = Type()
 
 
 class Library:

@@ -67,6 +67,27 @@ def test_without_the_library_the_table_has_headers_only(without_library, capsys)
     assert "!" not in said
 
 
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--fields", "height,nope"], "'nope': no message that is listened to has a field nope"),
+        (["--fields", "heigth"], "did you mean height?"),
+        (["--fields", "Height"], "did you mean height?"),
+        (["--fields", "body.stationID"], "'body.stationID': body holds no stationID"),
+        (["--type", "66", "--fields", "height"], "no message that is listened to has a field height"),
+    ],
+)
+def test_a_field_that_no_message_has_is_refused_before_the_first_comes(standin, capsys, options, words):
+    assert cli.main(["listen", *options]) == cli.USAGE_ERROR
+    told = capsys.readouterr()
+    assert told.err.startswith("captain listen: error: --fields: ")
+    assert words in told.err
+
+
+def test_of_a_type_that_only_the_station_knows_any_field_may_be_wanted(standin, capsys):
+    assert listened([], "--type", "saem", "--fields", "height", "--duration", "0.1") == 0
+
+
 @pytest.mark.parametrize("options", [["--full"], ["--fields", "a"], ["--json", "--decode"]])
 def test_fields_that_are_asked_for_need_the_library(without_library, capsys, options):
     assert listened([], *options) == 1
