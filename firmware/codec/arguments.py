@@ -72,6 +72,12 @@ def _reader(arguments: argparse.Namespace) -> Reader:
     return Reader(arguments.form, sys.stdin.buffer)
 
 
+def warn(text: str) -> None:
+    """What a user should know of a message that is made all the same."""
+    sys.stdout.flush()
+    print(f"captain: warning: {clean(text)}", file=sys.stderr, flush=True)
+
+
 def _tell(error: RequestError) -> None:
     sys.stdout.flush()
     print("captain: " + "\n".join(clean(line) for line in str(error).splitlines()), file=sys.stderr, flush=True)

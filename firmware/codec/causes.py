@@ -39,7 +39,9 @@ def likeliest(case: Case) -> str:
 
 
 def _short(case: Case) -> str:
-    if len(case.octets) > ITS_HEADER:
+    if len(case.octets) == ITS_HEADER and _is_announced(case, 0):
+        return f"it is truncated: its {ITS_HEADER} octets are an ITS PDU header, and nothing follows"
+    if len(case.octets) >= ITS_HEADER:
         return ""
     return f"it is truncated: {len(case.octets)} octets, and the ITS PDU header alone has {ITS_HEADER}"
 

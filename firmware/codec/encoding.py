@@ -8,6 +8,8 @@ from board.errors import RequestError
 from firmware.codec.library import Message
 from firmware.codec.reading import Object
 
+_FIELDS = "an object of the fields, as `captain decode` shows"
+
 
 def encode(one: Object, known: Sequence[Message], asked: str | None) -> tuple[Message, bytes]:
     """The message that an object says it is, and its octets.
@@ -28,10 +30,34 @@ def encode(one: Object, known: Sequence[Message], asked: str | None) -> tuple[Me
     if edition is not None and not isinstance(edition, str):
         raise RequestError(f"{one.origin}: edition: {edition!r} is no text")
     message = _chosen(one, edition if edition is not None else str(asked), known, asked)
-    value = one.value.get("message") if edition is not None or "message" in one.value else one.value
+    is_alone = edition is None and "message" not in one.value
+    if not is_alone and "message" not in one.value:
+        raise RequestError(f'{one.origin}: it has no "message"', _FIELDS)
+    value = one.value if is_alone else one.value["message"]
     if not isinstance(value, dict | list):
-        raise RequestError(f'{one.origin}: it has no "message"', "an object of the fields, as `captain decode` shows")
+        raise RequestError(f"{one.origin}: message: {json.dumps(value)[:40]} is no object", _FIELDS)
     return message, _octets(message, value, one.origin)
+
+
+def disagreement(message: Message, octets: bytes, known: Sequence[Message]) -> str:
+    """How the ITS PDU header of an encoded message contradicts its edition, else empty. Receivers go by the header.
+
+    known  the messages of the library: what the header announces instead is looked for among them.
+    """
+    if not message.ids or len(octets) < 2:
+        return ""
+    version, number = octets[:2]
+    if number not in message.ids:
+        names = sorted({other.type for other in known if number in other.ids})
+        said = f"announces {' or '.join(names)}" if names else "announces no message of the library"
+        return f"{message.name}: header: messageID {number} {said}, {message.type} has {_numbers(message.ids)}"
+    if version not in message.versions:
+        return f"{message.name}: header: protocolVersion is {version}, this edition has {_numbers(message.versions)}"
+    return ""
+
+
+def _numbers(numbers: Sequence[int]) -> str:
+    return " or ".join(map(str, numbers))
 
 
 def _chosen(one: Object, edition: str, known: Sequence[Message], asked: str | None) -> Message:

@@ -26,6 +26,10 @@ _HEX = re.compile(r"(0x)?[0-9a-fA-F: \t]*")
 # protocolVersion is small, so that the base64 of an ITS PDU begins with A; a slip in hexadecimal digits does not.
 _BASE64 = re.compile(r"A(?:[A-Za-z0-9+/]{4})*[A-Za-z0-9+/](?:[A-Za-z0-9+/]{2}|[A-Za-z0-9+/]=|==)")
 _OCTET = re.compile(r"[0-9a-fA-F]{2}")
+_ACCEPTED = (
+    "accepted are hexadecimal digits, base64, JSON objects with `hex` or `base64`, and names of files that hold these, "
+    "octets or a capture; or say --from"
+)
 _TEXT = frozenset(b"\t\r\n") | frozenset(range(0x20, 0x7F))
 
 
@@ -159,7 +163,7 @@ class Reader:
         is_base64 = not _HEX.fullmatch(text) and _BASE64.fullmatch(text) is not None
         if self._form == "base64" or (self._form is None and is_base64):
             return opened(base64_octets(text, origin), origin)
-        return opened(hex_octets(text, origin), origin)
+        return opened(hex_octets(text, origin, _ACCEPTED), origin)
 
 
 def opened(octets: bytes, origin: str) -> Pdu:
@@ -179,10 +183,11 @@ def pdu_of(one: Pdu | Object) -> Pdu:
     """The octets, of an object its `hex` or `base64`: `captain listen --json` prints such. Raises RequestError."""
     if isinstance(one, Pdu):
         return one
-    for key, decode in (("hex", hex_octets), ("base64", base64_octets)):
-        text = one.value.get(key)
+    for key in ("hex", "base64"):
+        text, where = one.value.get(key), f"{one.origin}: {key}"
         if isinstance(text, str):
-            pdu = opened(decode(text, f"{one.origin}: {key}"), one.origin)
+            octets = base64_octets(text, where) if key == "base64" else hex_octets(text, where, "")
+            pdu = opened(octets, one.origin)
             return pdu._replace(port=port_of(one) if pdu.port is None else pdu.port, when_ns=when_ns(one))
     raise RequestError(f"{one.origin}: it has neither `hex` nor `base64`")
 

@@ -3,9 +3,9 @@
 import argparse
 
 from firmware.codec import library, writing
-from firmware.codec.arguments import FORMS_HELP, add_edition, add_input, each
+from firmware.codec.arguments import FORMS_HELP, add_edition, add_input, each, warn
 from firmware.codec.decoding import Decoder
-from firmware.codec.encoding import encode
+from firmware.codec.encoding import disagreement, encode
 from firmware.codec.reading import Object, Pdu, pdu_of, port_of, when_ns
 
 DESCRIPTION = f"""\
@@ -67,7 +67,9 @@ class Conversion:
         """Octets come before fields: they are exact."""
         if "hex" in one.value or "base64" in one.value:
             return pdu_of(one)
-        _, octets = encode(one, self._codec().known, self._edition)
+        message, octets = encode(one, self._codec().known, self._edition)
+        if told := disagreement(message, octets, library.load().all()):
+            warn(f"{one.origin}: {told}")
         return Pdu(octets, one.origin, port_of(one), when_ns(one))
 
     def _codec(self) -> Decoder:

@@ -4,14 +4,15 @@ import argparse
 
 from board.errors import RequestError
 from firmware.codec import library, writing
-from firmware.codec.arguments import add_edition, each
-from firmware.codec.encoding import encode
+from firmware.codec.arguments import add_edition, each, warn
+from firmware.codec.encoding import disagreement, encode
 from firmware.codec.reading import Object, Pdu, port_of, when_ns
 
 DESCRIPTION = """\
 Encodes messages: JSON objects {"edition": "cam-1.4.1", "message": {...}} as
 `captain decode --json` prints them, one after the other, on one line or many.
-With --edition the object may be the message alone.
+With --edition the object may be the message alone. An ITS PDU header that is
+not that of the edition is encoded, with a warning: receivers go by the header.
 
 WHAT is a file, a folder of files, or the object itself; - or nothing is
 standard input. The octets come out as hexadecimal digits, a message a line,
@@ -44,13 +45,20 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(arguments: argparse.Namespace) -> int:
-    known = library.editions(library.load(), arguments.edition)
+    codec = library.load()
+    known = library.editions(codec, arguments.edition)
+
+    def write(item: Pdu | Object) -> None:
+        out.write(_encoded(item, known, arguments.edition, codec))
+
     with writing.output(arguments, "hex") as out:
-        return each(arguments, lambda item: out.write(_encoded(item, known, arguments.edition)))
+        return each(arguments, write)
 
 
-def _encoded(item: Pdu | Object, known: list[library.Message], asked: str | None) -> Pdu:
+def _encoded(item: Pdu | Object, known: list[library.Message], asked: str | None, codec: library.Library) -> Pdu:
     if isinstance(item, Pdu):
         raise RequestError(f"{item.origin}: it is octets already, not JSON")
-    _, octets = encode(item, known, asked)
+    message, octets = encode(item, known, asked)
+    if told := disagreement(message, octets, codec.all()):
+        warn(f"{item.origin}: {told}")
     return Pdu(octets, item.origin, port_of(item), when_ns(item))

@@ -132,12 +132,12 @@ def _decode(kind: str) -> Callable[[str, str], bytes]:
     raise RequestError(f"an argument cannot be {kind}", "write it to a file, or to standard input with `-`")
 
 
-def hex_octets(text: str, where: str) -> bytes:
+def hex_octets(text: str, where: str, remedy: str = ACCEPTED) -> bytes:
     """Octets of hexadecimal digits, with blanks or colons between them as they please."""
     digits = text.removeprefix("0x")
     for at, letter in enumerate(digits, 1 + len(text) - len(digits)):
         if letter not in "0123456789abcdefABCDEF: \t":
-            raise RequestError(f"{where}: character {at}, {letter!r}, is no hexadecimal digit", ACCEPTED)
+            raise RequestError(f"{where}: character {at}, {letter!r}, is no hexadecimal digit", remedy)
     joined = re.sub("[: \t]", "", digits)
     if len(joined) % 2:
         raise RequestError(f"{where}: {len(joined)} hexadecimal digits; an octet has two")

@@ -17,6 +17,14 @@ def test_fewer_octets_than_the_header_are_truncated():
     assert cause(b"\x02\x42\0") == "it is truncated: 3 octets, and the ITS PDU header alone has 6"
 
 
+def test_a_header_with_nothing_behind_it_is_truncated():
+    assert cause(octets(DOOR)) == "it is truncated: its 6 octets are an ITS PDU header, and nothing follows"
+
+
+def test_six_octets_that_no_message_begins_with_are_no_truncated_header():
+    assert cause(bytes.fromhex("02ff00000001")).startswith("`captain decode --list` shows what there is")
+
+
 def test_a_message_that_was_cut_off_is_truncated_where_it_ends():
     assert cause(octets(DOOR, 1, 2)) == "it is truncated: its 8 octets end inside body.depth"
 

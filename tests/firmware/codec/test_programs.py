@@ -186,7 +186,7 @@ def test_a_value_that_cannot_be_is_told_with_path_value_and_range_and_the_next_g
         ('{"edition": "door-9", "message": {}}', "edition: 'door-9' is no message of the library"),
         ('{"edition": 7, "message": {}}', "edition: 7 is no text"),
         ('{"edition": "door-1.1"}', 'it has no "message"'),
-        ('{"edition": "door-1.1", "message": 7}', 'it has no "message"'),
+        ('{"edition": "door-1.1", "message": 7}', "message: 7 is no object"),
         ('{"error": {"reason": "x"}}', "it did not decode, so it has no message"),
         ('{"edition": "door-1.1", "message": {"a": NaN}}', "it is not JSON: NaN is no number"),
         ("{", "it is not JSON"),
@@ -205,6 +205,29 @@ def test_with_an_edition_the_object_may_be_the_message_alone(captain):
     alone = json.dumps(json.loads(changed(depth=3))["message"])
     assert captain("encode", "--edition", "door", alone) == 0
     assert captain.out == DOOR_PDU.hex() + "\n"
+
+
+@pytest.mark.parametrize(
+    ("head", "words"),
+    [
+        ({"messageID": 66}, "door-1.1: header: messageID 66 announces ball, door has 67"),
+        ({"messageID": 9}, "door-1.1: header: messageID 9 announces no message of the library, door has 67"),
+        ({"protocolVersion": 7}, "door-1.1: header: protocolVersion is 7, this edition has 2"),
+    ],
+)
+@pytest.mark.parametrize("command", [["encode", "--edition", "door"], ["encode"], ["convert"]])
+def test_a_header_that_is_not_of_the_edition_is_encoded_with_a_warning(captain, command, head, words):
+    one = json.loads(changed(depth=3))
+    one["message"]["header"] |= head
+    assert captain(*command, json.dumps(one)) == 0
+    assert captain.out.strip()[12:] == DOOR_PDU.hex()[12:]
+    assert captain.err == f"captain: warning: the argument: {words}\n"
+
+
+def test_what_is_no_hexadecimal_is_told_with_the_option_that_there_is(captain):
+    assert captain("decode", "zz") == 1
+    assert "--from" in captain.err
+    assert "--format" not in captain.err
 
 
 def test_no_edition_is_converted_into_another(captain):
