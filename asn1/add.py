@@ -14,16 +14,17 @@ from typing import NamedTuple
 from asn1 import asn, selection, text
 from asn1.importer import syntax
 from asn1.importer.crosscheck import crosscheck
-from asn1.importer.fault import Place, Problem, fault
+from asn1.importer.fault import ImportFault, Place, Problem, fault
 from asn1.importer.feasible import require_feasible
-from asn1.importer.module_parser import parse
+from asn1.importer.module_parser import Reading, parse, read
 from asn1.importer.program import Source
-from asn1.importer.resolver import Resolver
+from asn1.importer.resolver import Resolved, Resolver
 from asn1.importer.units import read_units
 from asn1.types import Message, Module, Reference, Schema
 
 NAME = re.compile(r"[a-z][a-z0-9]*([.-][a-z0-9]+)*")
 RELEASE = 2  # whose common data an experiment of today uses
+NO_MODULE = "no module "
 RANK = 99  # behind every edition of a standard
 
 
@@ -64,12 +65,14 @@ def add(wish: Wish, schema: Schema, folder: Path) -> Added:
     _check(wish, schema)
     octets = wish.file.read_bytes()
     words = octets.decode("utf-8", "replace")
-    parsed = parse(words, wish.file.name)
-    note = crosscheck(words, wish.file.name, parsed)
+    reading = read(words, wish.file.name)
+    parsed = reading.modules
     own = _keys(wish, parsed)
-    sources = _sources(parsed, own, schema)
+    if wish.pdu in reading.lost or not parsed:
+        raise ImportFault(reading.problems)
     key = own[_module_with(wish, parsed).name]
-    resolved = Resolver(sources, read_units()).resolve([(key, wish.pdu, Place(wish.file.name, 1))])
+    sources, resolved = _resolved(wish, reading, own, key, schema)
+    note = crosscheck(words, wish.file.name, parsed)
     digest = hashlib.sha256(octets).hexdigest()
     modules = [
         Module(one, sources[one].module.name, sources[one].module.oid, f"experimental: {wish.name}", wish.file.name,
@@ -87,6 +90,26 @@ def add(wish: Wish, schema: Schema, folder: Path) -> Added:
     )
     same_id = tuple(one.name for one in schema.messages.values() if wish.id in one.ids and one.name != wish.name)
     return Added(message, tuple(_write(folder, modules, message)), imported, same_id, note)
+
+
+def _resolved(
+    wish: Wish, reading: Reading, own: Mapping[str, str], key: str, schema: Schema
+) -> tuple[dict[str, Source], dict[str, Resolved]]:
+    """The modules that are read together, and what the PDU reaches. Raises ImportFault with every problem."""
+    problems = [*reading.problems]
+    sources = _sources(reading.modules, own, schema, problems)
+    resolved: dict[str, Resolved] = {}
+    try:
+        resolved = Resolver(sources, read_units()).resolve([(key, wish.pdu, Place(wish.file.name, 1))])
+    except ImportFault as error:
+        told = {problem.place for problem in problems if problem.text.startswith(NO_MODULE)}
+        problems += [
+            problem for problem in reading.others(error.problems)
+            if not (problem.text.startswith(NO_MODULE) and problem.place in told)
+        ]  # fmt: skip
+    if problems:
+        raise ImportFault(problems)
+    return sources, resolved
 
 
 def _check(wish: Wish, schema: Schema) -> None:
@@ -121,16 +144,20 @@ def _module_with(wish: Wish, parsed: list[syntax.Module]) -> syntax.Module:
 # ---------------------------------------------------------------- what the file imports
 
 
-def _sources(parsed: list[syntax.Module], own: Mapping[str, str], schema: Schema) -> dict[str, Source]:
-    """The file's modules, and of the schema those that they reach, by key."""
+def _sources(
+    parsed: list[syntax.Module], own: Mapping[str, str], schema: Schema, problems: list[Problem]
+) -> dict[str, Source]:
+    """The file's modules, and of the schema those that they reach, by key; modules that there are not are problems."""
     sources: dict[str, Source] = {}
     start: set[str] = set()
     for module in parsed:
         imports = dict(own)
         for one in module.imports.values():
-            imports.setdefault(one.module, "")
-            if one.module not in own:
-                imports[one.module] = _edition(one, schema)
+            try:
+                if one.module not in own:
+                    imports[one.module] = _edition(one, schema)
+            except ImportFault as error:
+                problems += error.problems
         sources[own[module.name]] = Source(own[module.name], module, imports)
         start |= set(imports.values()) - set(own.values())
     for key in selection.reached(schema, start):
@@ -147,7 +174,7 @@ def _edition(wanted: syntax.Import, schema: Schema) -> str:
         names = sorted({module.name for module in schema.modules.values()})
         alike = difflib.get_close_matches(wanted.module, names, n=3)
         hint = f"; did you mean {' or '.join(alike)}?" if alike else "; the schema has " + ", ".join(names)
-        raise fault(wanted.place, f"there is no module {wanted.module}{hint}")
+        raise fault(wanted.place, f"{NO_MODULE}{wanted.module}{hint}")
     exact = [module for module in found if _numbers(module.oid) == _numbers(wanted.oid)]
     return max(exact or found, key=lambda module: (module.key, _numbers(module.standard))).key
 

@@ -1,13 +1,36 @@
 """Modules: the grammar of X.680 clauses 13 to 16, classes and object sets of X.681, templates of X.683 clause 8."""
 
+from typing import NamedTuple
+
 from asn1.importer import syntax
 from asn1.importer.fault import ImportFault, Place, Problem, fault
 from asn1.importer.lexer import Kind, Token, tokens
 from asn1.importer.type_parser import TypeParser, unit_of
 
 
+class Reading(NamedTuple):
+    """What could be read of a file. problems: the rest; lost: names whose definitions are among it."""
+
+    modules: list[syntax.Module]
+    problems: list[Problem]
+    lost: set[str]
+
+    def others(self, problems: list[Problem]) -> list[Problem]:
+        """What is found later, without what only follows from what was lost."""
+        follow = {f"{name} is neither defined nor imported" for name in self.lost}
+        return [problem for problem in problems if problem.text not in follow]
+
+
 def parse(text: str, file: str) -> list[syntax.Module]:
     """The modules of a file, in its order. Raises ImportFault with everything that could not be read."""
+    reading = read(text, file)
+    if reading.problems:
+        raise ImportFault(reading.problems)
+    return reading.modules
+
+
+def read(text: str, file: str) -> Reading:
+    """As much of a file as can be read. Raises ImportFault for a text that is no ASN.1 from the first word on."""
     parser = _ModuleParser(tokens(text, file))
     modules: list[syntax.Module] = []
     try:
@@ -17,15 +40,14 @@ def parse(text: str, file: str) -> list[syntax.Module]:
         parser.problems += error.problems
     if not parser.problems and not modules:
         parser.problems.append(Problem(Place(file, 1), "no module in this file", "X.680 13.1"))
-    if parser.problems:
-        raise ImportFault(parser.problems)
-    return modules
+    return Reading(modules, parser.problems, parser.lost)
 
 
 class _ModuleParser(TypeParser):
     def __init__(self, all_tokens: list[Token]) -> None:
         super().__init__(all_tokens)
         self.problems: list[Problem] = []
+        self.lost: set[str] = set()
 
     def module(self) -> syntax.Module:
         place = self.place
@@ -93,6 +115,7 @@ class _ModuleParser(TypeParser):
                 found[assignment.name] = assignment
             except ImportFault as error:
                 self.problems += error.problems
+                self.lost.add(self.tokens[start].text)
                 self.at = max(self.at, start + 1)
                 self._skip_to_assignment()
         return found

@@ -7,7 +7,7 @@ import pytest
 
 from asn1 import add, text
 from asn1.importer.fault import ImportFault
-from asn1.importer.module_parser import parse
+from asn1.importer.module_parser import read
 from asn1.types import Reference, Schema
 
 PLAIN = """
@@ -80,7 +80,7 @@ def test_asn1tools_reads_the_file_as_well(tmp_path: Path, schema: Schema, monkey
     )
     added = add.add(wish(tmp_path, default), schema, tmp_path / "out")
     assert str(added.note).startswith("alarm.asn:1: not compared: asn1tools stops with")
-    monkeypatch.setattr(add, "parse", lambda words, file: parse(words.replace("0..7", "0..8"), file))
+    monkeypatch.setattr(add, "read", lambda words, file: read(words.replace("0..7", "0..8"), file))
     with pytest.raises(ImportFault, match=r"alarm.asn:3: the range of Alarm.level: we read \[\(0, 8\)\], asn1tools"):
         add.add(wish(tmp_path, PLAIN), schema, tmp_path / "other")
 
@@ -135,6 +135,34 @@ def test_what_could_not_be_generated_is_refused_with_its_line(tmp_path: Path, sc
         add.add(wish(tmp_path, PLAIN.replace("INTEGER (0..7)", type_)), schema, tmp_path / "out")
     assert str(caught.value) == f"alarm.asn:3: {says}"
     assert not (tmp_path / "out").exists()
+
+
+ALL_AT_ONCE = """
+My-Module DEFINITIONS AUTOMATIC TAGS ::= BEGIN
+IMPORTS Thing FROM Nowhere Other FROM Elsewhere;
+Alarm ::= SEQUENCE { level REAL,
+  set SET { a NULL },
+  any ANY,
+  thing Thing, broken Broken, late Late }
+Broken ::= SEQUENCE { a NULL, ... ! 3 }
+Late ::= INTEGER (0..nothing)
+END
+"""
+
+
+def test_everything_that_is_wrong_is_told_at_once(tmp_path: Path, schema: Schema):
+    with pytest.raises(ImportFault) as caught:
+        add.add(wish(tmp_path, ALL_AT_ONCE), schema, tmp_path / "out")
+    lines = [line.split(";")[0] for line in str(caught.value).splitlines()]
+    assert lines == [
+        "alarm.asn:3: no module Elsewhere",
+        "alarm.asn:3: no module Nowhere",
+        "alarm.asn:4: REAL (X.680 21)",
+        "alarm.asn:5: SET (X.680 27)",
+        "alarm.asn:6: ANY (X.680 17)",
+        "alarm.asn:8: an exception identifier (X.680 53)",
+        "alarm.asn:9: nothing is neither defined nor imported",
+    ]
 
 
 @pytest.mark.parametrize(
