@@ -81,11 +81,16 @@ def arguments() -> argparse.ArgumentParser:
     one.add_argument("--id", type=int, required=True, metavar="N", help="messageID, 0..255")
     one.add_argument("--port", type=int, required=True, metavar="P", help="BTP port, 0..65535")
     one.add_argument(
-        "--versions", type=int, nargs="+", default=[1, 2], metavar="V", help="protocolVersion; default: 1 2"
+        "--versions", type=int, nargs="+", default=[1, 2], metavar="V", help="protocolVersion, 0..255; default: 1 2"
     )
+    one.add_argument("--replace", action="store_true", help="a message of your own that has this name")
     one.add_argument(
         "--to", type=Path, default=SCHEMA, metavar="DIR", help="where its schema goes; default: %(default)s"
     )
+
+    one = commands.add_parser("remove", help="a message of your own, added before")
+    one.add_argument("name", metavar="NAME", help="what it is called")
+    one.add_argument("--to", type=Path, default=SCHEMA, metavar="DIR", help="where its schema is; default: %(default)s")
     return parser
 
 

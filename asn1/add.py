@@ -6,12 +6,14 @@ What the file imports comes from the schemas that are here: the standards' files
 import difflib
 import hashlib
 import json
+import os
 import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
 from asn1 import asn, selection, text
+from asn1.announced import obstacle
 from asn1.importer import syntax
 from asn1.importer.crosscheck import crosscheck
 from asn1.importer.fault import ImportFault, Place, Problem, fault
@@ -20,6 +22,7 @@ from asn1.importer.module_parser import Reading, parse, read
 from asn1.importer.program import Source
 from asn1.importer.resolver import Resolved, Resolver
 from asn1.importer.units import read_units
+from asn1.layout import lay_out
 from asn1.types import Message, Module, Reference, Schema
 
 NAME = re.compile(r"[a-z][a-z0-9]*([.-][a-z0-9]+)*")
@@ -29,7 +32,7 @@ RANK = 99  # behind every edition of a standard
 
 
 class Wish(NamedTuple):
-    """What is asked for. versions: protocolVersion values that announce it."""
+    """What is asked for. versions: protocolVersion values that announce it; replace: a message of this name."""
 
     file: Path
     pdu: str
@@ -37,6 +40,7 @@ class Wish(NamedTuple):
     id: int
     port: int
     versions: tuple[int, ...] = (1, 2)
+    replace: bool = False
 
 
 class WishError(ValueError):
@@ -46,7 +50,7 @@ class WishError(ValueError):
 class Added(NamedTuple):
     """imported: standards that the file takes something from; same_id: other messages with its messageID.
 
-    note: why asn1tools could not compare the file.
+    note: why asn1tools could not compare the file; unannounced: why octets 0 and 1 do not tell the message.
     """
 
     message: Message
@@ -54,15 +58,17 @@ class Added(NamedTuple):
     imported: tuple[str, ...]
     same_id: tuple[str, ...]
     note: Problem | None
+    unannounced: str | None
 
 
 def add(wish: Wish, schema: Schema, folder: Path) -> Added:
     """Write <key>.schema per module and <name>.toml into a folder that `text.load_schema` reads.
 
-    The same name again replaces the message. Raises WishError, ImportFault with every problem of the file,
+    The same name again replaces the message if the wish says so. Raises WishError, ImportFault with every problem,
     MissingError, OSError.
     """
     _check(wish, schema)
+    _check_name(wish, folder)
     octets = wish.file.read_bytes()
     words = octets.decode("utf-8", "replace")
     reading = read(words, wish.file.name)
@@ -70,6 +76,9 @@ def add(wish: Wish, schema: Schema, folder: Path) -> Added:
     own = _keys(wish, parsed)
     if wish.pdu in reading.lost or not parsed:
         raise ImportFault(reading.problems)
+    for taken in own.values():
+        if (folder / f"{taken}.schema").exists() and taken not in _keys_in(folder, wish.name):
+            raise WishError(f"--name {wish.name}: another message has {taken}.schema; choose another name")
     key = own[_module_with(wish, parsed).name]
     sources, resolved = _resolved(wish, reading, own, key, schema)
     note = crosscheck(words, wish.file.name, parsed)
@@ -84,12 +93,40 @@ def add(wish: Wish, schema: Schema, folder: Path) -> Added:
         (wish.id,), wish.versions, wish.port, RANK, is_experimental=True,
     )  # fmt: skip
     known = {**schema.modules, **{module.key: module for module in modules}}
-    require_feasible(Schema(known, {message.name: message}), sources)
+    alone = Schema(known, {message.name: message})
+    require_feasible(alone, sources)
+    unannounced = obstacle(lay_out(alone, [message]).pdus[message.name])
     imported = tuple(
         schema.modules[one].standard for one in resolved if one in schema.modules and one not in own.values()
     )
     same_id = tuple(one.name for one in schema.messages.values() if wish.id in one.ids and one.name != wish.name)
-    return Added(message, tuple(_write(folder, modules, message)), imported, same_id, note)
+    for stale in set(_keys_in(folder, wish.name)) - {module.key for module in modules}:
+        (folder / f"{stale}.schema").unlink()
+    return Added(message, tuple(_write(folder, modules, message)), imported, same_id, note, unannounced)
+
+
+def remove(name: str, folder: Path) -> list[Path]:
+    """Take away what `add` has written for a message. Returns the files. Raises WishError, OSError."""
+    here = text.load_schema(folder, editions=Path(os.devnull))
+    mine = sorted(one.name for one in here.messages.values() if one.is_experimental)
+    if name not in mine:
+        known = f"there are {', '.join(mine)}" if mine else "there is none"
+        raise WishError(f"{name}: no message of your own in {folder}; {known}")
+    keys = _keys_in(folder, name)
+    for other in here.modules:
+        needed = set(keys) & selection.neighbours(here, other)
+        if other not in keys and needed:
+            raise WishError(f"{name}: {other}.schema takes types from {min(needed)}.schema; remove that message first")
+    paths = [folder / f"{name}.toml", *(folder / f"{key}.schema" for key in keys)]
+    for path in paths:
+        path.unlink()
+    return paths
+
+
+def _keys_in(folder: Path, name: str) -> list[str]:
+    """Keys of the modules that were written for a message."""
+    paths = sorted(folder.glob("x_*.schema"))
+    return [path.stem for path in paths if f"\nstandard experimental: {name}\n" in path.read_text(encoding="utf-8")]
 
 
 def _resolved(
@@ -119,9 +156,20 @@ def _check(wish: Wish, schema: Schema) -> None:
         raise WishError(f"--id {wish.id}: a messageID is one octet, 0 to 255")
     if not 0 <= wish.port <= 65535:
         raise WishError(f"--port {wish.port}: a BTP port is 0 to 65535")
+    wrong = [number for number in wish.versions if not 0 <= number <= 255]
+    if wrong:
+        raise WishError(f"--versions {wrong[0]}: a protocolVersion is one octet, 0 to 255")
     for message in schema.messages.values():
         if wish.name in (message.name, message.type) and not message.is_experimental:
             raise WishError(f"--name {wish.name}: {message.standard} is called so; choose another name")
+
+
+def _check_name(wish: Wish, folder: Path) -> None:
+    if not wish.replace and (folder / f"{wish.name}.toml").exists():
+        raise WishError(
+            f"--name {wish.name}: {folder / wish.name}.toml is there already; --replace takes this one instead, "
+            f"`captain-asn1 remove {wish.name}` takes it away"
+        )
 
 
 def _keys(wish: Wish, parsed: list[syntax.Module]) -> dict[str, str]:

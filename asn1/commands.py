@@ -145,7 +145,7 @@ def check_import(args: argparse.Namespace) -> int:
 
 def add_message(args: argparse.Namespace) -> int:
     """A message of the user's own."""
-    wish = add.Wish(args.file, args.pdu, args.name, args.id, args.port, tuple(args.versions))
+    wish = add.Wish(args.file, args.pdu, args.name, args.id, args.port, tuple(args.versions), args.replace)
     try:
         added = add.add(wish, _schema([]), args.to)
     except add.WishError as error:
@@ -158,11 +158,29 @@ def add_message(args: argparse.Namespace) -> int:
         print(f"it takes types from {standard}")
     if added.same_id:
         print(f"messageID {wish.id} also announces {', '.join(added.same_id)}: captain decode tries them in turn")
+    if added.unannounced:
+        print(
+            f"captain-asn1: warning: octets 0 and 1 will not be protocolVersion and messageID: {added.unannounced}\n"
+            f"  captain decode cannot find it by messageID {wish.id}: --edition {wish.name} is needed\n"
+            "  (a SEQUENCE without ... and OPTIONAL, with an ItsPduHeader first, is found)",
+            file=sys.stderr,
+        )
     if args.to == text.SCHEMA:
         print(f"{wish.name}: in the Python module and captain decode after `make codec`; in C by captain-asn1 generate")
     else:
         command = f"captain-asn1 generate {wish.name} --with {args.to} --form FORM --to DIR"
         print(f"in the Python module and in C by `{command}`")
+    return 0
+
+
+def remove_message(args: argparse.Namespace) -> int:
+    """A message of the user's own is taken away again."""
+    try:
+        paths = add.remove(args.name, args.to)
+    except add.WishError as error:
+        raise CommandError(str(error)) from error
+    for path in paths:
+        print(f"removed: {path}")
     return 0
 
 
@@ -172,4 +190,5 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "import": import_standards,
     "import-check": check_import,
     "add": add_message,
+    "remove": remove_message,
 }

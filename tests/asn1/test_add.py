@@ -62,7 +62,11 @@ def test_what_it_imports_is_taken_from_the_schema_that_is_here(tmp_path: Path, s
 def test_a_message_that_is_added_again_is_replaced(tmp_path: Path, schema: Schema):
     add.add(wish(tmp_path, PLAIN), schema, tmp_path / "out")
     known = Schema({**schema.modules, **loaded(tmp_path / "out").modules}, loaded(tmp_path / "out").messages)
-    add.add(wish(tmp_path, PLAIN.replace("0..7", "0..15"), port=3000), known, tmp_path / "out")
+    again = wish(tmp_path, PLAIN.replace("0..7", "0..15"), port=3000)
+    with pytest.raises(add.WishError, match=r"my-alarm.toml is there already; --replace"):
+        add.add(again, known, tmp_path / "out")
+    assert loaded(tmp_path / "out").messages["my-alarm"].btp_port == 2999
+    add.add(again._replace(replace=True), known, tmp_path / "out")
     found = loaded(tmp_path / "out")
     assert found.messages["my-alarm"].btp_port == 3000
     assert len(found.modules) == 1
@@ -78,7 +82,7 @@ def test_asn1tools_reads_the_file_as_well(tmp_path: Path, schema: Schema, monkey
     default = PLAIN.replace("level INTEGER (0..7)", "level INTEGER DEFAULT most").replace(
         "END", "most INTEGER ::= 7 END"
     )
-    added = add.add(wish(tmp_path, default), schema, tmp_path / "out")
+    added = add.add(wish(tmp_path, default, replace=True), schema, tmp_path / "out")
     assert str(added.note).startswith("alarm.asn:1: not compared: asn1tools stops with")
     monkeypatch.setattr(add, "read", lambda words, file: read(words.replace("0..7", "0..8"), file))
     with pytest.raises(ImportFault, match=r"alarm.asn:3: the range of Alarm.level: we read \[\(0, 8\)\], asn1tools"):
@@ -93,6 +97,7 @@ def test_asn1tools_reads_the_file_as_well(tmp_path: Path, schema: Schema, monkey
         ({"name": "cam"}, "choose another name"),
         ({"id": 256}, "one octet"),
         ({"port": -1}, "0 to 65535"),
+        ({"versions": (1, 999)}, "--versions 999: a protocolVersion is one octet"),
         ({"pdu": "Alram"}, "did you mean Alarm"),
     ],
 )
@@ -183,3 +188,53 @@ def test_a_file_that_cannot_be_read_is_explained_by_line(tmp_path: Path, schema:
 def test_what_may_end_has_an_end(tmp_path: Path, schema: Schema):
     ends = "SEQUENCE { a Alarm OPTIONAL, b SEQUENCE (SIZE(0..4)) OF Alarm, c CHOICE { d Alarm, e NULL } }"
     add.add(wish(tmp_path, PLAIN.replace("INTEGER (0..7)", ends)), schema, tmp_path / "out")
+
+
+def test_what_was_added_can_be_removed(tmp_path: Path, schema: Schema):
+    out = tmp_path / "out"
+    one = add.add(wish(tmp_path, PLAIN), schema, out)
+    add.add(wish(tmp_path, PLAIN, name="other"), schema, out)
+    assert sorted(add.remove("my-alarm", out)) == sorted(one.paths)
+    assert list(loaded(out).messages) == ["other"]
+    with pytest.raises(add.WishError, match=r"my-alarm: no message of your own in .*; there are other"):
+        add.remove("my-alarm", out)
+    with pytest.raises(add.WishError, match=r"cam-1.4.1: no message of your own"):
+        add.remove("cam-1.4.1", text.SCHEMA)
+
+
+def test_a_message_that_is_replaced_leaves_nothing_of_its_file(tmp_path: Path, schema: Schema):
+    two = PLAIN.replace("level", "level Level, low") + "Levels DEFINITIONS ::= BEGIN Level ::= INTEGER (0..3) END"
+    two = two.replace("::= BEGIN\nAlarm", "::= BEGIN IMPORTS Level FROM Levels;\nAlarm")
+    add.add(wish(tmp_path, two), schema, tmp_path / "out")
+    assert len(loaded(tmp_path / "out").modules) == 2
+    add.add(wish(tmp_path, PLAIN, replace=True), schema, tmp_path / "out")
+    assert len(loaded(tmp_path / "out").modules) == 1
+
+
+def test_two_names_that_are_one_in_c_are_refused(tmp_path: Path, schema: Schema):
+    add.add(wish(tmp_path, PLAIN), schema, tmp_path / "out")
+    with pytest.raises(add.WishError, match=r"another message has x_my_alarm.schema"):
+        add.add(wish(tmp_path, PLAIN, name="my.alarm"), schema, tmp_path / "out")
+
+
+@pytest.mark.parametrize(
+    ("type_", "says"),
+    [
+        ("SEQUENCE { h SEQUENCE { protocolVersion INTEGER (0..255), messageID INTEGER (0..255) }, a NULL OPTIONAL }",
+         "Alarm begins with a bit for each OPTIONAL or DEFAULT component"),
+        ("SEQUENCE { h SEQUENCE { protocolVersion INTEGER (0..255), messageID INTEGER (0..255) }, ... }",
+         "Alarm begins with an extension bit"),
+        ("SEQUENCE { h SEQUENCE { protocolVersion INTEGER (0..255), messageID INTEGER (0..255), ... } }",
+         "h begins with an extension bit"),
+        ("SEQUENCE { protocolVersion INTEGER (0..255), messageID INTEGER (0..7) }", "messageID stands there"),
+        ("SEQUENCE { protocolVersion INTEGER (0..255), level INTEGER (0..255) }", "level stands there"),
+        ("SEQUENCE { protocolVersion INTEGER (0..255) }", "it ends before"),
+        ("CHOICE { a NULL, b NULL }", "Alarm stands there"),
+        ("SEQUENCE { h SEQUENCE { protocolVersion INTEGER (0..255), messageID INTEGER (0..255) }, a Alarm2 }", None),
+    ],
+)  # fmt: skip
+def test_a_message_that_its_first_octets_do_not_announce_is_told(
+    tmp_path: Path, schema: Schema, type_: str, says: str | None
+):
+    content = f"M DEFINITIONS AUTOMATIC TAGS ::= BEGIN Alarm ::= {type_} Alarm2 ::= SEQUENCE {{ ... }} END"
+    assert add.add(wish(tmp_path, content), schema, tmp_path / "out").unannounced == says

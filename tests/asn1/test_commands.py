@@ -84,11 +84,17 @@ def test_a_message_of_one_s_own_is_added_with_one_command_and_listed(
     (tmp_path / "my.asn").write_text(ASN)
     assert run("add", tmp_path / "my.asn", "--pdu", "Alarm", "--name", "my-alarm", "--id", 2, "--port", 2999,
                "--to", tmp_path / "own") == 0  # fmt: skip
-    said = capsys.readouterr().out
+    said, warned = capsys.readouterr()
+    assert "octets 0 and 1 will not be protocolVersion and messageID: Alarm begins with an extension bit" in warned
+    assert "--edition my-alarm is needed" in warned
     assert "messageID 2 also announces cam-1.4.1" in said
     assert f"generate my-alarm --with {tmp_path / 'own'}" in said
     assert run("list", "--with", tmp_path / "own") == 0
     assert "my-alarm" in capsys.readouterr().out
+    assert run("remove", "my-alarm", "--to", tmp_path / "own") == 0
+    assert f"removed: {tmp_path / 'own' / 'my-alarm.toml'}" in capsys.readouterr().out
+    assert run("remove", "my-alarm", "--to", tmp_path / "own") == 1
+    assert "my-alarm: no message of your own in" in capsys.readouterr().err
 
 
 WITHOUT_ASN1TOOLS = """

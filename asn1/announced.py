@@ -1,0 +1,34 @@
+"""Whether a message can be told by its first two octets, as every message of the standards can."""
+
+from collections.abc import Iterator
+
+from asn1.nodes import Kind, Node
+
+# ETSI TS 102 894-2, ItsPduHeader: two numbers of 8 bits with nothing before them.
+HEADER = ("protocolversion", "messageid")
+
+
+def obstacle(pdu: Node) -> str | None:
+    """Why octets 0 and 1 are not protocolVersion and messageID; None where they are."""
+    leading = _leading(pdu, pdu.asn_name or pdu.c_name)
+    for wanted in HEADER:
+        name, reason = next(leading, ("", "it ends before"))
+        if reason or name.lower() != wanted:
+            return reason or f"{name} stands there"
+    return None
+
+
+def _leading(node: Node, name: str) -> Iterator[tuple[str, str]]:
+    """Numbers of 8 bits at the beginning, by name, and then what ends them."""
+    match node.kind:
+        case Kind.SEQUENCE if node.is_extensible:
+            yield name, f"{name} begins with an extension bit"
+        case Kind.SEQUENCE if any(f.is_optional for f in node.root):
+            yield name, f"{name} begins with a bit for each OPTIONAL or DEFAULT component"
+        case Kind.SEQUENCE:
+            for f in node.fields:
+                yield from _leading(f.node, f.name)
+        case Kind.INTEGER if (node.bounds.low, node.bounds.high, node.is_extensible) == (0, 255, False):
+            yield name, ""
+        case _:
+            yield name, f"{name} stands there"
