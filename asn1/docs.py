@@ -83,7 +83,7 @@ def section_text(schema: Schema, section: Section) -> list[str]:
     lines = [
         f'## <a id="{_anchor(section.module.key, section.name)}"></a>{section.name}',
         "",
-        f"{section.module.standard}, {section.name}  ",
+        f"Clause: {section.module.standard}, {section.name}  ",
         " · ".join(fact for fact in facts if fact),
         "",
     ]

@@ -46,7 +46,7 @@ def generate(schema: Schema, messages: tuple[str, ...], form: str, folder: Path,
     """
     if form in ("python", "wheel"):
         return _python(schema, messages, form, folder, progress)
-    return output.write(folder, lambda made: _fill(schema, messages, form, made, progress))
+    return output.write(folder, lambda made: _fill(schema, messages, form, made, progress), form)
 
 
 def differences(left: Schema, right: Schema, messages: tuple[str, ...]) -> list[str]:
@@ -98,9 +98,9 @@ def _fill(schema: Schema, messages: tuple[str, ...], form: str, folder: Path, pr
 def _python(schema: Schema, messages: tuple[str, ...], form: str, folder: Path, progress: Progress) -> int:
     """The module and its stubs; the sources that it is made of lie in .sources, its objects in .objects."""
     chosen = lay_out(schema, [schema.messages[name] for name in messages])
-    changed = output.write(folder, lambda made: stubs.write(chosen, made))
+    changed = output.write(folder, lambda made: stubs.write(chosen, made), form)
     sources = folder / ".sources"
-    changed += output.write(sources, lambda made: _fill(schema, messages, "sources", made, progress))
+    changed += output.write(sources, lambda made: _fill(schema, messages, "sources", made, progress), "sources")
     module = build.build_python(sources, folder, is_limited=form == "wheel", progress=progress)
     if form == "wheel":
         wheel.write(folder, VERSION, module, stubs.text(chosen))

@@ -5,20 +5,21 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-MANIFEST = ".captain-asn1"  # names the files of the directory that are ours
+MANIFEST = ".captain-asn1"  # names the files of the directory that are ours, behind a line with their form
+FORM = "form: "
 
 
 class NotOursError(ValueError):
-    """The directory holds files of somebody else."""
+    """The directory holds files of somebody else, or of another form."""
 
 
-def write(folder: Path, fill: Callable[[Path], None]) -> int:
+def write(folder: Path, fill: Callable[[Path], None], form: str) -> int:
     """Make folder hold what `fill` puts into an empty directory, and return how many files have changed.
 
     Files of an earlier time that are no longer made are removed; files that were never ours stay.
-    Raises NotOursError for a directory that is not empty and was not written here.
+    Raises NotOursError for a directory that is not empty and was not written here, or with another form.
     """
-    before = _ours(folder)
+    before = _ours(folder, form)
     folder.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".captain-asn1-") as made:
         fill(Path(made))
@@ -27,18 +28,24 @@ def write(folder: Path, fill: Callable[[Path], None]) -> int:
     for stale in before - set(files):
         (folder / stale).unlink(missing_ok=True)
         changed += 1
-    (folder / MANIFEST).write_text("".join(f"{file}\n" for file in files), encoding="utf-8")
+    (folder / MANIFEST).write_text("".join(f"{line}\n" for line in (FORM + form, *files)), encoding="utf-8")
     return changed
 
 
-def _ours(folder: Path) -> set[Path]:
+def _ours(folder: Path, form: str) -> set[Path]:
     if not folder.exists():
         return set()
     if not folder.is_dir():
         raise NotOursError(f"{folder} is a file: give a directory")
     manifest = folder / MANIFEST
     if manifest.exists():
-        return {Path(line) for line in manifest.read_text(encoding="utf-8").splitlines()}
+        lines = manifest.read_text(encoding="utf-8").splitlines()
+        there = lines.pop(0).removeprefix(FORM) if lines and lines[0].startswith(FORM) else form
+        if there != form:
+            raise NotOursError(
+                f"{folder} holds the form {there}, not {form}: give another directory or delete it"
+            )
+        return set(map(Path, lines))
     if any(folder.iterdir()):
         raise NotOursError(f"{folder} is not empty and was not made by captain-asn1: give an empty or a new directory")
     return set()

@@ -63,7 +63,9 @@ def test_every_type_has_a_clause_and_every_link_a_place():
     targets = {line.split('"')[1] for line in PAGE.splitlines() if line.startswith("## ")}
     links = {part.split(")")[0] for part in PAGE.split("](#")[1:]}
     assert links <= targets
-    assert "Demo TS 1 v1.0.0, Speed" in PAGE
+    sections = PAGE.split("\n## ")[1:]
+    assert all("\nClause: " in section for section in sections)
+    assert "Clause: Demo TS 1 v1.0.0, Speed" in PAGE
 
 
 def test_a_type_stands_there_once():
