@@ -150,8 +150,9 @@ def _resolved(
 
 
 def _check(wish: Wish, schema: Schema) -> None:
-    if not NAME.fullmatch(wish.name):
-        raise WishError(f"--name {wish.name}: small letters and digits, with hyphens between: my-msg")
+    wrong_name = no_name(wish.name, schema)
+    if wrong_name:
+        raise WishError(f"--name {wrong_name}")
     if not 0 <= wish.id <= 255:
         raise WishError(f"--id {wish.id}: a messageID is one octet, 0 to 255")
     if not 0 <= wish.port <= 65535:
@@ -159,9 +160,25 @@ def _check(wish: Wish, schema: Schema) -> None:
     wrong = [number for number in wish.versions if not 0 <= number <= 255]
     if wrong:
         raise WishError(f"--versions {wrong[0]}: a protocolVersion is one octet, 0 to 255")
+
+
+def no_name(name: str, schema: Schema) -> str | None:
+    """Why a message of one's own cannot be called so."""
+    if not NAME.fullmatch(name):
+        return f"{name}: small letters and digits, with hyphens between: my-msg"
     for message in schema.messages.values():
-        if wish.name in (message.name, message.type) and not message.is_experimental:
-            raise WishError(f"--name {wish.name}: {message.standard} is called so; choose another name")
+        if name in (message.name, message.type) and not message.is_experimental:
+            return f"{name}: {message.standard} is called so; choose another name"
+    return None
+
+
+def no_type(file: Path, pdu: str) -> str | None:
+    """Why a type cannot be the PDU; of a file that has mistakes `add` tells them all."""
+    try:
+        reading = read(file.read_bytes().decode("utf-8", "replace"), file.name)
+    except ImportFault:
+        return None
+    return None if reading.problems or pdu in reading.lost else _no_pdu(file.name, pdu, reading.modules)
 
 
 def _check_name(wish: Wish, folder: Path) -> None:
@@ -181,12 +198,20 @@ def _keys(wish: Wish, parsed: list[syntax.Module]) -> dict[str, str]:
 def _module_with(wish: Wish, parsed: list[syntax.Module]) -> syntax.Module:
     """The module that defines the PDU."""
     for module in parsed:
-        if wish.pdu in module.assignments:
+        if isinstance(module.assignments.get(wish.pdu), syntax.TypeAssignment):
             return module
-    known = [name for module in parsed for name in module.assignments]
-    alike = difflib.get_close_matches(wish.pdu, known, n=3)
+    raise WishError(f"--pdu {_no_pdu(wish.file.name, wish.pdu, parsed)}")
+
+
+def _no_pdu(file: str, pdu: str, parsed: list[syntax.Module]) -> str | None:
+    known = [
+        name for module in parsed for name, one in module.assignments.items() if isinstance(one, syntax.TypeAssignment)
+    ]
+    if pdu in known:
+        return None
+    alike = difflib.get_close_matches(pdu, known, n=3)
     hint = f"did you mean {' or '.join(alike)}?" if alike else f"it defines {', '.join(known)}"
-    raise WishError(f"--pdu {wish.pdu}: {wish.file.name} defines no such type; {hint}")
+    return f"{pdu}: {file} defines no such type; {hint}"
 
 
 # ---------------------------------------------------------------- what the file imports

@@ -3,6 +3,8 @@
 import shlex
 import textwrap
 from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
 from typing import NamedTuple
 
 from asn1 import library, text
@@ -10,6 +12,8 @@ from asn1 import library, text
 WIDTH = 78  # columns of the smallest terminal, and a margin
 Run = Callable[[list[str]], int]
 """Runs a command line without the program's name and returns its exit status."""
+Check = Callable[[str], str | None]
+"""What is wrong with an answer."""
 
 
 class Left(Exception):  # noqa: N818 no error: the user has had enough of a question
@@ -27,6 +31,7 @@ FIRST = (
     Option("list the messages", ("list",)),
     Option("generate code, pages or ASN.1 text", ("generate",)),
     Option("add a message of your own, from its .asn file", ("add",)),
+    Option("remove a message of your own", ("remove",)),
     Option("import the modules of the standards again", ("import",)),
     Option("compare the modules of the standards with the schema here", ("import-check",)),
 )
@@ -82,6 +87,24 @@ def ask(what: str, default: str = "") -> str:
     return answer
 
 
+def ask_for(what: str, wrong: Check, default: str = "") -> str:
+    """As `ask`, again until nothing is wrong with the answer."""
+    while True:
+        answer = ask(what, default)
+        reason = wrong(answer)
+        if not reason:
+            return answer
+        print(f"  {reason}")
+
+
+def ask_yes(what: str) -> bool:
+    """Whether the answer is yes; anything else is no. Raises EOFError."""
+    answer = input(f"{what} [y/N]: ").strip().lower()
+    if answer == "q":
+        raise EOFError
+    return answer in ("y", "yes")
+
+
 def _plain(words: list[str]) -> list[str]:
     return words
 
@@ -97,12 +120,51 @@ def _generate(words: list[str]) -> list[str]:
 
 
 def _add(words: list[str]) -> list[str]:
-    file = ask("the .asn file")
-    pdu = ask("its top-level type")
-    name = ask("what the message is to be called", default=pdu.lower())
-    number = ask("its messageID, 0..255")
-    port = ask("its BTP port, 0..65535")
-    return [*words, file, "--pdu", pdu, "--name", name, "--id", number, "--port", port]
+    file = ask_for("the .asn file", _no_file)
+    pdu = ask_for("its top-level type", partial(_no_type, Path(file)))
+    name = ask_for("what the message is to be called", _no_name, default=pdu.lower())
+    more = _replacing(name)
+    number = ask_for("its messageID, 0..255", partial(_no_number, 255))
+    port = ask_for("its BTP port, 0..65535", partial(_no_number, 65535))
+    return [*words, file, "--pdu", pdu, "--name", name, "--id", number, "--port", port, *more]
+
+
+def _replacing(name: str) -> list[str]:
+    """What says that a message of the user's own goes for the new one. Raises Left where it is to stay."""
+    if not (text.SCHEMA / f"{name}.toml").exists():
+        return []
+    if not ask_yes(f"{name} is there already; replace it?"):
+        raise Left
+    return ["--replace"]
+
+
+def _remove(words: list[str]) -> list[str]:
+    mine = [one.name for one in text.load_schema().messages.values() if (text.SCHEMA / f"{one.name}.toml").exists()]
+    if not mine:
+        print("  no message of your own is here")
+        raise Left
+    return [*words, *choose("Which one?", [Option(name, (name,)) for name in mine])]
+
+
+def _no_file(answer: str) -> str | None:
+    return None if Path(answer).is_file() else f"there is no file {answer}"
+
+
+def _no_type(file: Path, answer: str) -> str | None:
+    from asn1 import add
+
+    return add.no_type(file, answer)
+
+
+def _no_name(answer: str) -> str | None:
+    from asn1 import add
+
+    return add.no_name(answer, text.load_schema())
+
+
+def _no_number(high: int, answer: str) -> str | None:
+    is_one = answer.isdecimal() and int(answer) <= high
+    return None if is_one else f"{answer!r} is no number from 0 to {high}"
 
 
 def _folder(words: list[str]) -> list[str]:
@@ -113,6 +175,7 @@ QUESTIONS: dict[str, Callable[[list[str]], list[str]]] = {
     "list": _plain,
     "generate": _generate,
     "add": _add,
+    "remove": _remove,
     "import": _folder,
     "import-check": _folder,
 }

@@ -1,11 +1,12 @@
 """The menu: asked in words, run as the same command line that the flags take."""
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
 from asn1 import __main__ as program
-from asn1 import menu
+from asn1 import add, menu, text
 
 
 class Answers:
@@ -56,9 +57,64 @@ def test_messages_can_be_named_and_their_names_are_shown(
     assert started == [["generate", "cam", "cpm-*", "--form", "sources", "--to", "out"]]
 
 
-def test_a_message_of_one_s_own_is_asked_for_in_full(monkeypatch: pytest.MonkeyPatch):
-    started, _ = run(monkeypatch, "3", "my.asn", "MyPdu", "my-msg", "240", "2999")
-    assert started == [["add", "my.asn", "--pdu", "MyPdu", "--name", "my-msg", "--id", "240", "--port", "2999"]]
+@pytest.fixture
+def file(tmp_path: Path) -> str:
+    path = tmp_path / "my.asn"
+    path.write_text("M DEFINITIONS ::= BEGIN MyPdu ::= SEQUENCE { a NULL } v INTEGER ::= 3 END")
+    return str(path)
+
+
+def test_a_message_of_one_s_own_is_asked_for_in_full(monkeypatch: pytest.MonkeyPatch, file: str):
+    started, _ = run(monkeypatch, "3", file, "MyPdu", "my-msg", "240", "2999")
+    assert started == [["add", file, "--pdu", "MyPdu", "--name", "my-msg", "--id", "240", "--port", "2999"]]
+
+
+def test_each_answer_is_checked_when_it_is_given_and_asked_for_again(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], file: str
+):
+    answers = [
+        "nowhere.asn",
+        file,
+        "Mypdu",
+        "v",
+        "MyPdu",
+        "My Msg",
+        "cam",
+        "my-msg",
+        "many",
+        "256",
+        "240",
+        "-1",
+        "2999",
+    ]
+    started, _ = run(monkeypatch, "3", *answers)
+    assert started == [["add", file, "--pdu", "MyPdu", "--name", "my-msg", "--id", "240", "--port", "2999"]]
+    said = capsys.readouterr().out
+    for reason in ("no file nowhere.asn", "did you mean MyPdu", "v: my.asn defines no such type", "small letters",
+                   "choose another name", "'many' is no number from 0 to 255", "'256'", "'-1' is no number"):  # fmt: skip
+        assert reason in said
+
+
+def test_a_name_that_is_there_is_replaced_only_if_the_user_says_so(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, file: str
+):
+    monkeypatch.setattr(text, "SCHEMA", tmp_path)
+    (tmp_path / "my-msg.toml").write_text("")
+    assert run(monkeypatch, "3", file, "MyPdu", "my-msg", "n", "1")[0] == [["list"]]
+    (line,), _ = run(monkeypatch, "3", file, "MyPdu", "my-msg", "y", "240", "2999")
+    assert line[-1] == "--replace"
+
+
+def test_a_message_of_one_s_own_is_removed_by_its_number(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, file: str, capsys: pytest.CaptureFixture[str]
+):
+    monkeypatch.setattr(text, "SCHEMA", tmp_path)
+    assert run(monkeypatch, "4", "1")[0] == [["list"]]
+    assert "no message of your own is here" in capsys.readouterr().out
+    add.add(add.Wish(Path(file), "MyPdu", "my-msg", 240, 2999), text.load_schema(), tmp_path)
+    here = text.load_schema(tmp_path)
+    monkeypatch.setattr(text, "load_schema", lambda: here)
+    assert run(monkeypatch, "4", "1")[0] == [["remove", "my-msg"]]
 
 
 def test_a_number_that_is_none_is_asked_for_again(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
@@ -86,6 +142,6 @@ def test_the_status_of_the_last_command_is_the_menu_s(monkeypatch: pytest.Monkey
 def test_a_wrong_answer_is_explained_and_the_menu_goes_on(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
-    started, _ = run(monkeypatch, "3", "my.asn", "MyPdu", "my-msg", "many", "2999", "1")
+    started, _ = run(monkeypatch, "2", "3", "--no-such-flag", "2", "out", "1")
     assert started == [["list"]]
-    assert "invalid int value: 'many'" in capsys.readouterr().err
+    assert "unrecognized arguments: --no-such-flag" in capsys.readouterr().err
