@@ -160,7 +160,9 @@ def _texts(node: Node) -> Iterator[tuple[int, int]]:
         yield 1 + _ALIGNMENT, _LENGTH
     # Few characters cost most by what goes along with each string, many by the octet that each of them takes.
     yield 1 + (node.bounds.low or 0), least
-    if bits == 0:
+    if bits == 0 and count_width(node.bounds) is None:
+        yield 1 + 16383, 2 * _LENGTH
+    elif bits == 0:
         yield 1 + (node.bounds.high or 0), least
     else:
         yield _ALIGNMENT, _ALIGNMENT * bits

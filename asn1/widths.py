@@ -56,6 +56,17 @@ def minimal_bits(node: Node, known: dict[Node, int], elements: bool = True) -> i
     return known[node]
 
 
+# CAPTAIN_MAX_EMPTY: elements without bits, which a few octets could announce any number of.
+EMPTY_MAX = 65536
+
+
+def is_endless(node: Node) -> bool:
+    """A list whose octets do not bound it, nor its type: decode and encode take EMPTY_MAX of them."""
+    high = node.bounds.high
+    may_be_long = high is None or high > EMPTY_MAX or node.is_extensible
+    return may_be_long and minimal_bits(node.item, {}) == 0
+
+
 def own_bits(node: Node) -> int:
     """No value of the type takes fewer bits beside those of elements of lists and of open types."""
     return minimal_bits(node, {}, elements=False)

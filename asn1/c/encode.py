@@ -8,7 +8,7 @@ from asn1.c.defaults import differs
 from asn1.c.names import member, value_type
 from asn1.c.write_values import WriteValues
 from asn1.nodes import STRUCTS, Field, Kind, Node
-from asn1.widths import count_width
+from asn1.widths import EMPTY_MAX, count_width, is_endless
 
 
 def encoder(node: Node) -> list[str]:
@@ -198,6 +198,8 @@ class _Encoder(WriteValues):
         width, low, high = count_width(node.bounds), node.bounds.low or 0, node.bounds.high
         wrong = ([f"v->count < {low}"] if low else []) + ([] if high is None else [f"v->count > {high}"])
         general = f"captain_encode_items(w, at, v->items, v->count, sizeof *v->items, {item_function(node)})"
+        if is_endless(node):
+            self.refuse_if(f"v->count > {EMPTY_MAX}", "CAPTAIN_SIZE")
         if node.is_extensible:
             with self.block(f"if ({' || '.join(wrong) or '0'})"):
                 self.step("captain_put(w, at, 1, 1)")

@@ -7,6 +7,7 @@ from asn1.c.write_values import outside
 from asn1.memory import number_octets
 from asn1.nodes import STRUCTS, Field, Kind, Node
 from asn1.types import Constraint
+from asn1.widths import EMPTY_MAX, is_endless
 
 
 def validator(node: Node, predicates: Predicates) -> list[str]:
@@ -156,6 +157,8 @@ class _Validator(Body):
 
     def list_(self, node: Node) -> None:
         low, high = node.bounds.low or 0, node.bounds.high
+        if is_endless(node):
+            self.fail_if(f"v->count > {EMPTY_MAX}", "CAPTAIN_SIZE")
         if not node.is_extensible:
             wrong = ([f"v->count < {low}"] if low else []) + ([] if high is None else [f"v->count > {high}"])
             if wrong:

@@ -102,6 +102,15 @@ class Compiled:
         self._check(self._library.test_again(name.encode(), octets, size, made, room, ctypes.byref(count)))
         return made.raw[: (count.value + 7) // 8]
 
+    def of_memory(self, name: str, count: int) -> tuple[str, str]:
+        """What encode and validate say of so many zero octets in a list."""
+        items, made, bits = ctypes.create_string_buffer(count), ctypes.create_string_buffer(16), ctypes.c_size_t()
+        value = (ctypes.c_uint64 * 2)(count, ctypes.addressof(items))
+        type_ = ctypes.byref(ctypes.c_char.in_dll(self._library, f"m_{name}_type"))
+        status = self._library.captain_encode(type_, value, made, ctypes.c_size_t(16), ctypes.byref(bits))
+        words = self._library.captain_status_text
+        return words(status).decode(), words(self._library.captain_validate(type_, value)).decode()
+
     def validate(self, name: str, value: Any) -> None:
         """Raises RefusedError."""
         self._check(self._library.test_validate(name.encode(), json.dumps(value).encode()))

@@ -49,6 +49,8 @@ Huge ::= SEQUENCE (SIZE(0..70000)) OF BOOLEAN
 Before ::= SEQUENCE { seven INTEGER (0..127), broad Broad }
 Nothings ::= SEQUENCE OF NULL
 Many ::= SEQUENCE OF BOOLEAN
+Alike ::= IA5String (FROM("A"))
+Voids ::= SEQUENCE (SIZE(0..3, ...)) OF NULL
 Pair ::= SEQUENCE { a INTEGER (0..3), b BOOLEAN }
 Record ::= SEQUENCE { a INTEGER (0..3) OPTIONAL, b Pair, c Colour DEFAULT green, d OCTET STRING (SIZE(1)) }
 Signal ::= SEQUENCE { some BIT STRING { a(0), c(2) } (SIZE(8)) DEFAULT { a, c }, none BIT STRING { a(0) } (SIZE(4)) DEFAULT {} }
@@ -188,6 +190,27 @@ def test_what_cannot_be_encoded_is_refused(codec: Compiled, name: str, value: An
         codec.bits(name, value)
     with pytest.raises(RefusedError, match=why):
         codec.validate(name, value)
+
+
+@pytest.mark.parametrize(
+    ("name", "most"),
+    [("Nothings", [None] * 65536), ("Voids", [None] * 65536), ("Alike", "A" * 65536)],
+)
+def test_what_takes_no_bits_is_encoded_as_far_as_it_is_decoded(codec: Compiled, name: str, most: Any) -> None:
+    bits = codec.bits(name, most)
+    assert codec.again(name, octets_of(bits)) == octets_of(bits)
+    codec.validate(name, most)
+    for refused in (codec.bits, codec.validate):
+        with pytest.raises(RefusedError, match="wrong size"):
+            refused(name, most + most[:1])
+    with pytest.raises(RefusedError, match="wrong size"):
+        codec.again(name, octets_of(("1" if name == "Voids" else "") + "11000100 00000001"))
+
+
+@pytest.mark.parametrize("name", ["Nothings", "Voids"])
+def test_a_list_in_memory_of_more_without_bits_is_refused(codec: Compiled, name: str) -> None:
+    for count, why in ((65536, "ok"), (65537, "wrong size")):
+        assert codec.of_memory(name, count) == (why, why)
 
 
 INVALID: list[tuple[str, Any, str]] = [

@@ -177,7 +177,7 @@ def test_fragments_of_an_open_type_are_there_before_its_value_is_looked_at(walke
 
 def test_elements_without_bits_cannot_make_it_work_for_long(walker: Walker) -> None:
     assert walker.explain("nulls", "c4" * 1000)[1].status == "wrong size"
-    assert walker.explain("nulls", "c4" * 1000)[1].text == "nothing bounds the number of elements without bits"
+    assert walker.explain("nulls", "c4" * 1000)[1].text.startswith("nothing bounds the number of elements")
 
 
 def test_depth_is_bounded(walker: Walker) -> None:

@@ -297,6 +297,13 @@ def test_the_tree_shows_units_names_and_what_is_kept(walker: Walker) -> None:
     assert not any("first" in line for line in lines)
 
 
+def test_elements_without_bits_are_read_as_far_as_they_are_decoded(walker: Walker) -> None:
+    found = walker.json("nulls", json.dumps([None] * 65537))
+    assert found == Refusal(
+        "wrong size", 0, "", "nothing bounds the number of elements without bits, so that 65536 are the most"
+    )
+
+
 @pytest.mark.parametrize(
     ("number", "unit", "shown"),
     [

@@ -1,5 +1,5 @@
 /* What encoding and the reader of JSON refuse alike: a value that no encoding of its type can hold. */
-#include "walk.h"
+#include "explain.h"
 
 captain_status captain_check_number(const captain_type *type, int64_t number, captain_report *report, const captain_path *path)
 {
@@ -10,8 +10,21 @@ captain_status captain_check_number(const captain_type *type, int64_t number, ca
                           captain_range_text(type, allowed));
 }
 
+/* What decode refuses as well: a few octets could announce any number of elements or characters that take no bits. */
+static bool is_unbounded(const captain_type *type, uint64_t count)
+{
+    if (count <= EXPLAIN_MAX_EMPTY)
+        return false;
+    if (type->kind == CAPTAIN_LIST)
+        return captain_explain_least_bits(type->element) == 0;
+    bool is_known_multiplier = captain_walk_is_string(type) && type->kind != CAPTAIN_UTF8;
+    return is_known_multiplier && type->character_bits == 0 && captain_walk_in_size(type, count);
+}
+
 captain_status captain_check_size(const captain_type *type, uint64_t count, captain_report *report, const captain_path *path)
 {
+    if (is_unbounded(type, count))
+        return captain_walk_refuse(report, path, 0, CAPTAIN_SIZE, EXPLAIN_EMPTY_TEXT, captain_size_noun(type));
     if ((type->flags & CAPTAIN_EXTENSIBLE) || captain_walk_in_size(type, count))
         return CAPTAIN_OK;
     char allowed[CAPTAIN_RANGE_TEXT];

@@ -191,7 +191,7 @@ static captain_status elements(explain *to, const explain_node *node, uint64_t f
         if (to->at > before)
             continue;
         if (first + count > EXPLAIN_MAX_EMPTY)
-            return captain_explain_refuse(to, before, CAPTAIN_SIZE, "nothing bounds the number of elements without bits");
+            return captain_walk_refuse(to->report, &to->path, before, CAPTAIN_SIZE, EXPLAIN_EMPTY_TEXT, "elements");
         break;
     }
     return CAPTAIN_OK;

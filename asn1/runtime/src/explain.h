@@ -11,6 +11,7 @@
 
 /* Lists and strings whose items take no bits: nothing in the octets bounds them, so this does. */
 enum { EXPLAIN_MAX_EMPTY = 65536 };
+#define EXPLAIN_EMPTY_TEXT "nothing bounds the number of %s without bits, so that 65536 are the most"
 
 /* An open type that the walk is inside of: bits left of its current fragment, and whether another one follows. The headers of
  * fragments lie between the bits of the value, so that what is inside cannot be a plain stretch of the message. */

@@ -103,7 +103,7 @@ captain_status captain_explain_survey(explain *to, unsigned width, uint64_t *tot
         status = captain_explain_take_length(to, &part, &clause);
         *total += status == CAPTAIN_OK ? part.count : 0;
         if (status == CAPTAIN_OK && width == 0 && *total > EXPLAIN_MAX_EMPTY)
-            status = captain_explain_refuse(to, part.bit, CAPTAIN_SIZE, "nothing bounds the number of items without bits");
+            status = captain_walk_refuse(to->report, &to->path, part.bit, CAPTAIN_SIZE, EXPLAIN_EMPTY_TEXT, "characters");
         if (status == CAPTAIN_OK)
             status = captain_explain_skip(to, part.count * width);
     }

@@ -218,6 +218,8 @@ size_t captain_encode_string(captain_writer *writer, size_t at, const captain_ty
     captain_characters set = is_root ? captain_alphabet(type) : captain_whole_alphabet(type);
     if (!is_root && !(type->flags & CAPTAIN_EXTENSIBLE))
         return captain_refuse(writer, CAPTAIN_SIZE);
+    if (is_text(type) && type->kind != CAPTAIN_UTF8 && set.bits == 0 && count > CAPTAIN_MAX_EMPTY)
+        return captain_refuse(writer, CAPTAIN_SIZE); /* as decode does */
     if (type->kind == CAPTAIN_UTF8 && captain_utf8_count((const unsigned char *)((const captain_text *)value)->text, count) == SIZE_MAX)
         return captain_refuse(writer, CAPTAIN_ALPHABET);
     if (type->kind >= CAPTAIN_OID && !captain_is_oid(((const captain_octets *)value)->octets, count))
@@ -254,6 +256,8 @@ captain_status captain_validate_string(const captain_type *type, const void *val
         for (size_t i = 0; i < count; i++)
             if (captain_code_of(&set, (unsigned char)text->text[i]) < 0)
                 return CAPTAIN_ALPHABET;
+        if (set.bits == 0 && count > CAPTAIN_MAX_EMPTY && in_root(type, count))
+            return CAPTAIN_SIZE;
     } else if (type->kind >= CAPTAIN_OID) {
         return captain_is_oid(((const captain_octets *)value)->octets, count) ? CAPTAIN_OK : CAPTAIN_RANGE;
     }
