@@ -15,6 +15,22 @@ static bool refuse_range(maker *maker, const shape *shape, PyObject *value)
     return false;
 }
 
+/* Whether the standard sets no bound where this number lies: then memory does. */
+static bool is_too_wide(const captain_type *type, int overflow)
+{
+    unsigned open = CAPTAIN_EXTENSIBLE | (overflow > 0 ? CAPTAIN_UNBOUNDED_HIGH : CAPTAIN_UNBOUNDED_LOW);
+    return overflow != 0 && (type->flags & open) != 0;
+}
+
+static bool refuse_width(maker *maker, PyObject *value)
+{
+    PyObject *text = shown(value);
+    if (text != NULL)
+        refuse(maker, "out of range: %U does not fit into 64 bits, -2**63..2**63-1: the standard has no limit here, this library has", text);
+    Py_XDECREF(text);
+    return false;
+}
+
 /* An int for what is none but can be taken as one (numpy's, ctypes'), and is held. NULL: refused. */
 static PyObject *as_int(maker *maker, PyObject *value)
 {
@@ -48,6 +64,8 @@ static bool large_integer(maker *maker, const shape *shape, PyObject *value, int
         fits = *number >= shape->low && *number <= shape->high;
     }
     Py_DECREF(integer);
+    if (is_too_wide(shape->type, fits ? 0 : overflow))
+        return refuse_width(maker, value);
     return fits || refuse_range(maker, shape, value);
 }
 

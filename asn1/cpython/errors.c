@@ -50,12 +50,14 @@ static PyObject *text_of(const char *text)
     return PyUnicode_DecodeUTF8(text, (Py_ssize_t)strlen(text), "replace");
 }
 
-/* The sentence, behind the words of the status where it does not begin with them. */
+/* The sentence, behind the words of the status where it does not say the same. */
 static PyObject *reason_of(const captain_report *report)
 {
     const char *words = captain_status_text(report->status);
     PyObject *sentence = text_of(report->text);
-    if (sentence == NULL || strncmp(report->text, words, strlen(words)) == 0)
+    bool is_enough = strncmp(report->text, words, strlen(words)) == 0
+                  || (report->status == CAPTAIN_PRESENCE && report->text[0] != 0); /* "is missing" */
+    if (sentence == NULL || is_enough)
         return sentence;
     PyObject *reason = PyUnicode_FromFormat(report->text[0] == 0 ? "%s%U" : "%s: %U", words, sentence);
     Py_DECREF(sentence);

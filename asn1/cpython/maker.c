@@ -53,6 +53,16 @@ void *maker_take(maker *maker, size_t octets)
     return memory;
 }
 
+/* Types of the same name are those of two editions: then the documents tell them apart. */
+static bool refuse_view(maker *maker, const captain_type *found, const captain_type *wanted)
+{
+    const char *name = captain_type_text(found), *other = captain_type_text(wanted);
+    if (strcmp(name, other) != 0 || found->standard == NULL || wanted->standard == NULL)
+        return refuse(maker, "a view of %s, not of %s", name, other);
+    return refuse(maker, "a view of %s of %s, not of %s of %s: to_dict() goes from one edition to another as far as both have "
+                         "the same components", name, found->standard, other, wanted->standard);
+}
+
 bool view_from(maker *maker, const shape *shape, PyObject *value, unsigned char *at)
 {
     const char *wanted = shape->op == OP_SEQUENCE ? "a dict" : shape->op == OP_LIST ? "a list" : "a tuple (name, value)";
@@ -60,7 +70,7 @@ bool view_from(maker *maker, const shape *shape, PyObject *value, unsigned char 
     if (view == NULL)
         return refuse_class(maker, value, wanted);
     if (view->shape != shape)
-        return refuse(maker, "a view of %s, not of %s", captain_type_text(view->shape->type), captain_type_text(shape->type));
+        return refuse_view(maker, view->shape->type, shape->type);
     held *held = maker_take(maker, sizeof *held);
     if (held == NULL)
         return false;

@@ -18,8 +18,8 @@ static bool bits_from(maker *maker, PyObject *value, unknowns *unknowns)
 {
     int overflow;
     long bits = PyLong_Check(value) ? PyLong_AsLongAndOverflow(value, &overflow) : -1;
-    if (bits < 1 || bits > 65536) {
-        refuse(maker, "the length of a bitmap is an int in 1..65536");
+    if (bits < 1 || bits > CAPTAIN_WALK_ADDITIONS) {
+        refuse(maker, "the length of a bitmap is an int in 1..%d", (int)CAPTAIN_WALK_ADDITIONS);
         return under_name(maker, "[]");
     }
     unknowns->bits = (uint32_t)bits;

@@ -52,7 +52,10 @@ private:
         std::string text = report.path;
         if (report.bit != 0)
             text += (text.empty() ? "bit " : ": bit ") + std::to_string(report.bit);
-        text += (text.empty() ? "" : ": ") + std::string(captain_status_text(report.status));
+        text += text.empty() ? "" : ": ";
+        if (report.status == CAPTAIN_PRESENCE && report.text[0] != '\0')
+            return text + report.text; // "is missing"
+        text += captain_status_text(report.status);
         return report.text[0] == '\0' ? text : text + ": " + report.text;
     }
 

@@ -327,6 +327,32 @@ def test_what_contains_itself_is_refused():
         CAM.encode(value)
 
 
+def test_a_view_of_another_edition_is_told_with_both():
+    view = captain_messages.find("cam-1.4.1").view(CAM_OCTETS)
+    with pytest.raises(EncodeError) as caught:
+        captain_messages.find("cam-2.3.1").encode(view)
+    assert caught.value.reason.startswith(
+        "a view of CAM of ETSI EN 302 637-2 v1.4.1, not of CAM of ETSI TS 103 900 v2.3.1"
+    )
+
+
+@pytest.mark.parametrize("radius", [2**63, -(2**63) - 1, 10**50])
+def test_the_limit_of_64_bits_is_told_where_the_standard_has_none(radius):
+    zone = {"protectedZoneType": "permanentCenDsrcTolling", "protectedZoneLatitude": 0, "protectedZoneLongitude": 0}
+    container = {"protectedCommunicationZonesRSU": [zone | {"protectedZoneRadius": radius}]}
+    value = CAM.decode(CAM_OCTETS)
+    value["cam"]["camParameters"]["highFrequencyContainer"] = ("rsuContainerHighFrequency", container)
+    with pytest.raises(EncodeError, match="does not fit into 64 bits") as caught:
+        CAM.encode(value)
+    assert caught.value.path.endswith("[0].protectedZoneRadius")
+
+
+def test_a_component_that_json_lacks_is_missing_and_nothing_else():
+    with pytest.raises(EncodeError) as caught:
+        CAM.from_json("{}")
+    assert str(caught.value) == "header: is missing"
+
+
 def test_a_view_may_stand_in_a_dict():
     view = CAM.view(CAM_OCTETS)
     changed = CAM.encode({"header": {"protocolVersion": 2, "messageID": 2, "stationID": 77}, "cam": view.cam})

@@ -60,6 +60,7 @@ def test_an_addition_makes_a_message_another():
         {"[]": "6"},
         {"[]": 1.5},
         {"[]": 2**80},
+        {"[]": 16384},
         {"[3]": b"x", "[]": 3},
     ],
     ids=str,
@@ -135,3 +136,10 @@ def _ssem(status):
 
 def _status(status):
     return {"inboundOn": ("lane", 1), "status": status}
+
+
+@pytest.mark.parametrize("length", [0, 16384, 65536])
+def test_the_length_of_a_bitmap_is_told_as_it_is_taken(length):
+    assert CAM.encode(basic(**{"[]": 16383}))
+    with pytest.raises(EncodeError, match=r"the length of a bitmap is an int in 1\.\.16383"):
+        CAM.encode(basic(**{"[]": length}))
