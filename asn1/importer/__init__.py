@@ -13,9 +13,9 @@ from asn1.importer.download import directory_of
 from asn1.importer.editions import Edition, Editions, read_editions
 from asn1.importer.fault import ImportFault, Place, Problem
 from asn1.importer.feasible import require_feasible
-from asn1.importer.module_parser import parse
+from asn1.importer.module_parser import Reading, read
 from asn1.importer.program import Source
-from asn1.importer.resolver import Resolver
+from asn1.importer.resolver import Resolved, Resolver
 from asn1.importer.units import UNITS, read_units
 
 __all__ = ["ImportFault", "check", "import_modules", "write_schema"]
@@ -76,12 +76,14 @@ def _import(
     directory: Path, table: Path, units_table: Path, folder: Path, tell: Callable[[Problem], None]
 ) -> types.Schema:
     editions = read_editions(table)
-    found = _present(editions, directory, tell)
-    sources = {key: one.source for key, one in found.items()}
-    _check_imports(editions, sources)
+    readings: dict[Path, Reading] = {}
+    found, problems = _present(editions, directory, readings, tell)
+    sources = {key: _with_imports(one.source, found) for key, one in found.items()}
+    problems += _missing(editions, found, directory)
     messages = {name: one for name, one in editions.messages.items() if one.pdu.module in sources}
     if not messages:
-        raise ImportFault([Problem(Place(str(directory), 1), f"none of the files that {table.name} names is here")])
+        none = Problem(Place(str(directory), 1), f"none of the files that {table.name} names is here")
+        raise ImportFault(problems or [none])
     place = Place(table.name, 1)
     roots = [(one.pdu.module, one.pdu.name, place) for one in messages.values()]
     is_whole = len(sources) == len(editions.modules)
@@ -93,7 +95,7 @@ def _import(
         if name in sources[key].module.assignments
     ]
     units = read_units(units_table)
-    resolved = Resolver(sources, units).resolve(roots)
+    resolved = _resolved(Resolver(sources, units), roots, list(readings.values()), problems)
     modules = {
         key: types.Module(
             key, found[key].edition.name, sources[key].module.oid, found[key].edition.standard, found[key].file,
@@ -130,18 +132,20 @@ class _Found:
     sha256: str
 
 
-def _present(editions: Editions, directory: Path, tell: Callable[[Problem], None]) -> dict[str, _Found]:
-    """By key: the editions whose files are there, read."""
+def _present(
+    editions: Editions, directory: Path, readings: dict[Path, Reading], tell: Callable[[Problem], None]
+) -> tuple[dict[str, _Found], list[Problem]]:
+    """By key: the editions whose files are there, as far as they can be read; and what is wrong with them."""
     found: dict[str, _Found] = {}
     problems: list[Problem] = []
-    parsed: dict[Path, list[syntax.Module]] = {}
     for key, edition in editions.modules.items():
         paths = edition.paths(directory)
         try:
-            modules = [_module_of(edition, path, directory, parsed, tell) for path in paths]
+            read_ones = [_module_of(edition, path, directory, readings, problems, tell) for path in paths]
         except ImportFault as error:
             problems += error.problems
             continue
+        modules = [module for module in read_ones if module]
         if not modules:
             continue
         problems += [
@@ -152,29 +156,62 @@ def _present(editions: Editions, directory: Path, tell: Callable[[Problem], None
         imports = {editions.modules[other].name: other for other in edition.imports}
         digest = hashlib.sha256(paths[0].read_bytes()).hexdigest()
         found[key] = _Found(edition, Source(key, modules[0], imports), paths[0].name, digest)
+    return found, problems
+
+
+def _resolved(
+    resolver: Resolver, roots: list[tuple[str, str, Place]], readings: list[Reading], problems: list[Problem]
+) -> dict[str, Resolved]:
+    """What the roots reach. Raises ImportFault with `problems` and what is found here beyond them."""
+    resolved: dict[str, Resolved] = {}
+    try:
+        resolved = resolver.resolve(roots)
+    except ImportFault as error:
+        more = error.problems
+        for reading in readings if problems else []:
+            more = reading.others(more)
+        problems += [one for one in more if not (problems and one.text.startswith("no module "))]
     if problems:
         raise ImportFault(problems)
-    return found
+    return resolved
 
 
 def _module_of(
     edition: Edition,
     path: Path,
     directory: Path,
-    parsed: dict[Path, list[syntax.Module]],
+    readings: dict[Path, Reading],
+    problems: list[Problem],
     tell: Callable[[Problem], None],
-) -> syntax.Module:
-    if path not in parsed:
+) -> syntax.Module | None:
+    """None where the file cannot be read so far."""
+    if path not in readings:
         file = str(path.relative_to(directory)) if path.is_relative_to(directory) else path.name
         words = _decoded(path.read_bytes())
-        parsed[path] = parse(words, file)
-        note = crosscheck(words, file, parsed[path])
-        if note:
-            tell(note)
-    for module in parsed[path]:
+        readings[path] = Reading([], [], set())  # where nothing can be read, that is told once
+        readings[path] = read(words, file)
+        problems += readings[path].problems
+        if not readings[path].problems:
+            _compare(words, file, readings[path].modules, problems, tell)
+    for module in readings[path].modules:
         if module.name == edition.name:
             return module
-    raise ImportFault([Problem(parsed[path][0].place, f"no module {edition.name} in this file")])
+    if readings[path].modules and not readings[path].problems:
+        problems.append(Problem(readings[path].modules[0].place, f"no module {edition.name} in this file"))
+    return None
+
+
+def _compare(
+    words: str, file: str, modules: list[syntax.Module], problems: list[Problem], tell: Callable[[Problem], None]
+) -> None:
+    """With what asn1tools reads."""
+    try:
+        note = crosscheck(words, file, modules)
+    except ImportFault as error:
+        problems += error.problems
+        return
+    if note:
+        tell(note)
 
 
 def _decoded(octets: bytes) -> str:
@@ -214,13 +251,16 @@ def _has_unit(assignment: syntax.Assignment | None) -> bool:
     )
 
 
-def _check_imports(editions: Editions, sources: Mapping[str, Source]) -> None:
+def _with_imports(source: Source, found: Mapping[str, _Found]) -> Source:
+    """With the modules alone that are there."""
+    return dataclasses.replace(source, imports={name: key for name, key in source.imports.items() if key in found})
+
+
+def _missing(editions: Editions, found: Mapping[str, _Found], directory: Path) -> list[Problem]:
     """Every edition that is there finds those that it imports from."""
-    problems = [
-        Problem(source.module.place, f"imports from {editions.modules[key].files[0]}, which is not there")
-        for source in sources.values()
-        for key in source.imports.values()
-        if key not in sources
+    return [
+        Problem(one.source.module.place, f"imports from {editions.modules[key].files[0]}, which is not there")
+        for one in found.values()
+        for key in one.source.imports.values()
+        if key not in found and not editions.modules[key].paths(directory)
     ]
-    if problems:
-        raise ImportFault(problems)

@@ -219,3 +219,18 @@ def test_every_edition_of_a_type_has_its_identifier_and_port(type_: str, id_: in
     editions = [one for one in read_editions().messages.values() if one.type == type_]
     assert editions
     assert all(id_ in one.ids and one.btp_port == port for one in editions)
+
+
+def test_what_cannot_be_read_imported_or_found_is_told_at_once(folder: Path) -> None:
+    (folder / "one/Data.asn").write_text(DATA.replace("(0..7)", "(0..)"))
+    (folder / "two/Data.asn").unlink()
+    broken = MSG.replace("count INTEGER", "count REAL,\nset SET {}").replace(
+        "END", "Far ::= SEQUENCE { a NULL, ... ! 3 }\nEND"
+    )
+    (folder / "one/Msg.asn").write_text(broken)
+    assert [line.split(" (")[0] for line in refused(folder)] == [
+        "one/Data.asn:2: expected a value, found ')'",
+        "one/Msg.asn:3: REAL",
+        "one/Msg.asn:4: SET",
+        "one/Msg.asn:5: an exception identifier",
+    ]
