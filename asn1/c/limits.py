@@ -68,4 +68,5 @@ def _default(node: Node, f: Field) -> Iterator[LayoutError]:
 def _holds(node: Node, number: int) -> bool:
     low, high = node.bounds.low, node.bounds.high
     in_root = (low is None or number >= low) and (high is None or number <= high)
-    return number in _range_of(node) and (in_root or node.is_extensible)
+    in_gap = any(first <= number <= last for first, last in node.bounds.gaps if first is not None and last is not None)
+    return number in _range_of(node) and ((in_root and not in_gap) or node.is_extensible)

@@ -120,6 +120,7 @@ MANY = " ".join(f", a{number} NULL" for number in range(65))
         ("BIT STRING (SIZE(8)) DEFAULT '00'B", "Alarm_level: a DEFAULT of 2 bits where the size is 8"),
         ("OCTET STRING (SIZE(2)) DEFAULT '00'H", "Alarm_level: a DEFAULT of 1 octets where the size is 2"),
         ("INTEGER (0..7) DEFAULT 8", "Alarm_level: a DEFAULT of 8, which is not allowed"),
+        ("INTEGER (0..3 | 5..7) DEFAULT 4", "Alarm_level: a DEFAULT of 4, which is not allowed"),
         ("INTEGER (0..7) DEFAULT 300", "Alarm_level: a DEFAULT of 300, which is not allowed"),
         ("INTEGER (0..18446744073709551616)", "Alarm_level: 0..18446744073709551616 is wider than 64 bits"),
         ("INTEGER (18446744073709551616..MAX)", "Alarm_level: numbers wider than 64 bits"),
