@@ -21,7 +21,7 @@ class Predicates:
 
     def inner(self, constraint: Constraint, node: Node, of: str) -> str | None:
         """What a constraint asks beyond the effective bounds of a node; None: nothing."""
-        if not _is_inner(constraint.root) and node.kind is not Kind.ENUMERATED:
+        if not is_inner(constraint.root) and node.kind is not Kind.ENUMERATED:
             return None
         return self.constraint(constraint, node, of)
 
@@ -96,14 +96,14 @@ class Predicates:
         return f"{name}(&{of})"
 
 
-def _is_inner(elements: ElementSet) -> bool:
+def is_inner(elements: ElementSet) -> bool:
     match elements:
         case Inner() | Element():
             return True
         case AnyOf() | AllOf():
-            return any(_is_inner(part) for part in elements.members)
+            return any(is_inner(part) for part in elements.members)
         case AllExcept():
-            return _is_inner(elements.member)
+            return is_inner(elements.member)
         case _:
             return False
 

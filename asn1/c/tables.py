@@ -5,10 +5,12 @@ from collections.abc import Iterator
 from asn1.c.defaults import default_lines
 from asn1.c.header import title
 from asn1.c.names import has_check, has_public_table, literal, member, needs_functions, value_type
+from asn1.c.predicate import is_inner
+from asn1.constraint_text import constraint_text
 from asn1.constraints import Ranges
 from asn1.memory import number_octets
 from asn1.nodes import STRUCTS, Field, Kind, Node
-from asn1.types import Module
+from asn1.types import Constraint, Module
 from asn1.widths import unit_bits
 
 _STRINGS = frozenset({Kind.IA5, Kind.VISIBLE, Kind.PRINTABLE, Kind.NUMERIC})
@@ -70,6 +72,8 @@ def _members(node: Node) -> Iterator[tuple[str, str]]:
     for name, value in (("name", node.asn_name), ("unit", node.unit), ("standard", node.standard)):
         if value is not None:
             yield name, text(value)
+    if rule := _rule(node):
+        yield "rule", text(rule)
     yield "kind", f"CAPTAIN_{node.kind}"
     flags = list(_flags(node))
     if flags:
@@ -105,6 +109,21 @@ def _members(node: Node) -> Iterator[tuple[str, str]]:
         yield "encode", f"{node.c_name}_write"
     if has_check(node):
         yield "validate", f"{node.c_name}_check"
+
+
+def _rule(node: Node) -> str:
+    """What the generated code asks beyond bounds: of the type, of its components, of its elements."""
+    parts = [
+        *_inner(node.constraints, ""),
+        *(part for f in node.fields for part in _inner(f.checks, f"{f.name} ")),
+        *_inner(node.element_checks, "each "),
+    ]
+    return ", ".join(parts)
+
+
+def _inner(constraints: tuple[Constraint, ...], of: str) -> list[str]:
+    asked = [one for one in constraints if is_inner(one.root) and not one.is_extensible]
+    return [f"{of}{constraint_text(one, lambda _: '')}" for one in asked]
 
 
 def _flags(node: Node) -> Iterator[str]:

@@ -347,6 +347,19 @@ def test_the_limit_of_64_bits_is_told_where_the_standard_has_none(radius):
     assert caught.value.path.endswith("[0].protectedZoneRadius")
 
 
+def test_a_constraint_between_components_is_told_with_those_that_are_there():
+    message = captain_messages.find("denm-2.3.1")
+    value = next(message.decode(octets) for edition, octets in REAL if edition == "denm-2.3.1")
+    value["denm"]["management"].pop("termination", None)
+    value["denm"].pop("situation", None)
+    with pytest.raises(captain_messages.ValidateError) as caught:
+        message.validate(value)
+    assert caught.value.path == "denm"
+    assert caught.value.reason.startswith("breaks a constraint of DenmPayload: ((with {..., management (with {..., ")
+    assert "situation present, location present}) | (with " in caught.value.reason
+    assert "; of those that may be absent there " in caught.value.reason
+
+
 def test_a_component_that_json_lacks_is_missing_and_nothing_else():
     with pytest.raises(EncodeError) as caught:
         CAM.from_json("{}")

@@ -205,15 +205,35 @@ static captain_status check_known(locate *in, const captain_type *type, const vo
     }
 }
 
+enum { PRESENT_TEXT = 160 };
+
+/* "; there are a, b": which of the components that may be absent. Empty where it is no SEQUENCE. */
+static const char *present(const captain_type *type, const void *value, char text[PRESENT_TEXT])
+{
+    size_t used = 0;
+    text[0] = 0;
+    for (unsigned i = 0; type->kind == CAPTAIN_SEQUENCE && i < type->fields_count; i++) {
+        const captain_field *field = &type->fields[i];
+        if (field->present == CAPTAIN_NOWHERE || !captain_walk_is_present(field, value) || used + 80 > PRESENT_TEXT)
+            continue;
+        used += (size_t)snprintf(text + used, PRESENT_TEXT - used, "%s%.60s",
+                                 used == 0 ? "; of those that may be absent there are " : ", ", field->name);
+    }
+    if (type->kind == CAPTAIN_SEQUENCE && used == 0)
+        snprintf(text, PRESENT_TEXT, "; of those that may be absent there is none");
+    return text;
+}
+
 /* WITH COMPONENTS is in the generated code alone: what it refuses lies in the innermost value that it refuses. */
 static captain_status check_generated(locate *in, const captain_type *type, const void *value)
 {
     captain_status status = in->is_strict ? captain_validate(type, value) : CAPTAIN_OK;
     if (status == CAPTAIN_OK)
         return status;
-    char text[128];
-    snprintf(text, sizeof text, "breaks a constraint of %.80s", captain_type_text(type));
-    return refuse(in, status, text);
+    char there[PRESENT_TEXT];
+    return captain_walk_refuse(in->report, &in->path, 0, status, "breaks a constraint of %.60s%s%.280s%s",
+                               captain_type_text(type), type->rule == NULL ? "" : ": ",
+                               type->rule == NULL ? "" : type->rule, present(type, value, there));
 }
 
 static captain_status check_value(locate *in, const captain_type *type, const void *value)

@@ -66,7 +66,7 @@ typedef struct captain_report {
     captain_status status;
     size_t bit; /* offset of the first bit of the bad value; of a value in memory 0 */
     char path[512];
-    char text[256];
+    char text[512];
 } captain_report;
 
 /* ---------------------------------------------------------------- how values lie in memory
@@ -162,11 +162,12 @@ typedef struct captain_reader captain_reader;
 typedef struct captain_writer captain_writer;
 #define CAPTAIN_FAILED ((size_t)-1)
 
-/* name, unit, standard: NULL where there is none (an anonymous type inside another has no name). */
+/* name, unit, standard, rule: NULL where there is none (an anonymous type inside another has no name). */
 typedef struct captain_type {
     const char *name;     /* in the ASN.1: "SpeedValue" */
     const char *unit;     /* "0.01 m/s" */
     const char *standard; /* "ETSI TS 102 894-2 v1.3.1" */
+    const char *rule;     /* constraints that the encoding does not see (CAPTAIN_INNER): "(with {..., a present, b absent})" */
     uint8_t kind;         /* captain_kind */
     uint8_t flags;
     uint8_t width;        /* octets of the number in memory (INTEGER, SMALL_BITS) */
