@@ -42,9 +42,7 @@ def _ours(folder: Path, form: str) -> set[Path]:
         lines = manifest.read_text(encoding="utf-8").splitlines()
         there = lines.pop(0).removeprefix(FORM) if lines and lines[0].startswith(FORM) else form
         if there != form:
-            raise NotOursError(
-                f"{folder} holds the form {there}, not {form}: give another directory or delete it"
-            )
+            raise NotOursError(f"{folder} holds the form {there}, not {form}: give another directory or delete it")
         return set(map(Path, lines))
     if any(folder.iterdir()):
         raise NotOursError(f"{folder} is not empty and was not made by captain-asn1: give an empty or a new directory")
