@@ -4,7 +4,6 @@ Each row of disagreements.TABLE has an example here, and nobody else is wrong ab
 test: then its row goes.
 """
 
-import importlib.util
 from typing import Any, NamedTuple
 
 import asn1tools
@@ -18,7 +17,6 @@ from tests.asn1.imported import snippet
 from tests.asn1.oracles import Asn1tools, Oracle, Pycrate
 from tests.asn1.reference import Encoder
 
-HAS_PYCRATE = importlib.util.find_spec("pycrate_asn1rt") is not None
 PATH = "Path ::= SEQUENCE SIZE (1..8) OF BOOLEAN "
 LONGER = "Path ::= SEQUENCE SIZE (1..8, ...) OF INTEGER (0..3) "
 
@@ -103,7 +101,6 @@ def test_asn1tools_is_wrong_where_the_table_says_so_and_nowhere_else(example: Ex
     assert is_right(Asn1tools(schema, root), example) == ("asn1tools" not in wrong(example))
 
 
-@pytest.mark.skipif(not HAS_PYCRATE, reason="pycrate is not installed")
 @pytest.mark.parametrize("example", EXAMPLES, ids=IDS)
 def test_pycrate_is_wrong_where_the_table_says_so_and_nowhere_else(example: Example):
     schema, root = snippet(example.text, "Root")
@@ -116,7 +113,7 @@ def test_pycrate_is_wrong_where_the_table_says_so_and_nowhere_else(example: Exam
 def test_a_constraint_in_its_effective_form_is_read_rightly_by_all(example: Example):
     schema, root = snippet(example.text, "Root")
     assert is_right(Asn1tools(effective(schema), root), example)
-    assert not HAS_PYCRATE or is_right(Pycrate(effective(schema), root), example)
+    assert is_right(Pycrate(effective(schema), root), example)
 
 
 def test_asn1tools_reads_a_default_by_name_as_text():
@@ -138,7 +135,6 @@ def test_asn1tools_cannot_give_back_what_a_newer_sender_added(text: str, message
     assert again != bytes.fromhex(message)
 
 
-@pytest.mark.skipif(not HAS_PYCRATE, reason="pycrate is not installed")
 def test_pycrate_sends_trailing_zeros_of_named_bits():
     # X.691 16.2: they mean nothing. Made values have none, so that the table has no row of it.
     schema, root = snippet("Root ::= BIT STRING { first(0), last(7) }", "Root")
@@ -147,7 +143,6 @@ def test_pycrate_sends_trailing_zeros_of_named_bits():
     assert theirs.encode(theirs.shape((b"\x80", 8))) == octets("00001000 10000000")
 
 
-@pytest.mark.skipif(not HAS_PYCRATE, reason="pycrate is not installed")
 def test_pycrate_does_not_parse_a_union_of_inner_constraints():
     text = "Root ::= SEQUENCE { a NULL OPTIONAL, b NULL OPTIONAL } ((WITH COMPONENTS {a PRESENT}) | (WITH COMPONENTS {b PRESENT}))"
     schema, root = snippet(text, "Root")

@@ -1,6 +1,5 @@
 """Every message of every edition against encoders that share nothing with it. `python -m tests.asn1.truth` is the long form."""
 
-import importlib.util
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +22,6 @@ from tests.asn1.truth import report, schema, tasks
 from tests.asn1.values import Values
 
 MESSAGES = sorted(schema().messages)
-HAS_PYCRATE = importlib.util.find_spec("pycrate_asn1rt") is not None
 
 
 def tried(name: str, count: int, **every: int) -> Tally:
@@ -43,7 +41,6 @@ def test_asn1tools_agrees_but_for_what_is_known(name: str):
     assert tally.unexplained == 0, tally.examples
 
 
-@pytest.mark.skipif(not HAS_PYCRATE, reason="pycrate is not installed")
 @pytest.mark.parametrize("name", MESSAGES)
 def test_pycrate_agrees_but_for_what_is_known(name: str):
     tally = tried(name, 40, pycrate=4)
@@ -51,7 +48,6 @@ def test_pycrate_agrees_but_for_what_is_known(name: str):
     assert tally.unexplained == 0, tally.examples
 
 
-@pytest.mark.skipif(not tshark.IS_HERE, reason="tshark is not installed")
 @pytest.mark.parametrize("name", tshark.MESSAGES)
 def test_tshark_reads_what_was_written_but_for_what_is_known(name: str):
     tally = tried(name, 60, tshark=2)
@@ -59,7 +55,6 @@ def test_tshark_reads_what_was_written_but_for_what_is_known(name: str):
     assert tally.unexplained == 0, tally.examples
 
 
-@pytest.mark.skipif(not tshark.IS_HERE, reason="tshark is not installed")
 @pytest.mark.parametrize("name", sorted({name for name, _ in codec.REAL} & set(tshark.MESSAGES)))
 def test_tshark_reads_real_messages_as_we_do(name: str, tmp_path: Path):
     message = schema().messages[name]
@@ -166,7 +161,6 @@ def test_asn1tools_reads_a_cpm_as_soon_as_its_constraints_are_written_out():
     assert healed.decode(octets) == healed.shape(codec.captain_messages.find("cpm-2.1.1").decode(octets))
 
 
-@pytest.mark.skipif(not tshark.IS_HERE, reason="tshark is not installed")
 def test_tshark_has_no_say_in_it(tmp_path: Path):
     # Wireshark 4.0 knows no message with such a constraint: it leaves a CPM of TS 103 324 alone.
     octets = codec.captain_messages.find("cpm-2.1.1").encode(_least_cpm())
