@@ -1,14 +1,17 @@
 """The inside of a C function while it is written."""
 
 import re
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager
+
+from asn1.nodes import Kind, Node
 
 # One load gives this many bits wherever they begin in an octet, and one store takes as many.
 RUN_MAX = 57
 
 
-class Body:
+class Body(ABC):
     """Lines with their indentation, and names that are free."""
 
     def __init__(self) -> None:
@@ -16,6 +19,34 @@ class Body:
         self.depth = 1
         self.names = 0
         self.exits: dict[str, str] = {}
+
+    @abstractmethod
+    def sequence(self, node: Node, place: str, /) -> None:
+        """The components of a SEQUENCE; place: what stands before their names, "v->" or "v->heading."."""
+
+    @abstractmethod
+    def choice(self, node: Node, /) -> None:
+        """The alternatives of the CHOICE that v points to."""
+
+    @abstractmethod
+    def list_(self, node: Node, /) -> None:
+        """The elements of the list that v points to."""
+
+    @abstractmethod
+    def value(self, node: Node, place: str, /) -> None:
+        """A value of any type at a place."""
+
+    def whole(self, node: Node, content: str) -> None:
+        """The value that v points to; content: how the function spells what v points to."""
+        match node.kind:
+            case Kind.SEQUENCE:
+                self.sequence(node, "v->")
+            case Kind.CHOICE:
+                self.choice(node)
+            case Kind.LIST:
+                self.list_(node)
+            case _:
+                self.value(node, "v" if node.kind is Kind.FIXED_OCTETS else content)
 
     def put(self, *lines: str) -> None:
         self.lines += [f"{'    ' * self.depth}{line}" for line in lines]

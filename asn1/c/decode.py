@@ -19,15 +19,7 @@ def decoder(node: Node) -> list[str]:
     lines = _item_function(node) if has_item_function(node) else []
     name = node.c_name
     body.put(f"{name} *v = to;" if node.kind in STRUCTS else f"{value_type(node)} *v = to;")
-    match node.kind:
-        case Kind.SEQUENCE:
-            body.sequence(node, "v->")
-        case Kind.CHOICE:
-            body.choice(node)
-        case Kind.LIST:
-            body.list_(node)
-        case _:
-            body.value(node, "v" if node.kind is Kind.FIXED_OCTETS else "*v")
+    body.whole(node, "*v")
     body.flush()
     parameters = "captain_reader *r, size_t at, void *to"
     if not node.recurs:

@@ -16,15 +16,7 @@ def encoder(node: Node) -> list[str]:
     body = _Encoder()
     lines = _item_function(node) if node.kind is Kind.LIST and node.item.kind not in STRUCTS else []
     body.put(f"const {node.c_name if node.kind in STRUCTS else value_type(node)} *v = from;")
-    match node.kind:
-        case Kind.SEQUENCE:
-            body.sequence(node, "v->")
-        case Kind.CHOICE:
-            body.choice(node)
-        case Kind.LIST:
-            body.list_(node)
-        case _:
-            body.value(node, "v" if node.kind is Kind.FIXED_OCTETS else "*v")
+    body.whole(node, "*v")
     body.flush()
     name, parameters = node.c_name, "captain_writer *w, size_t at, const void *from"
     if not node.recurs:

@@ -168,10 +168,6 @@ class ReadValues(Body):
         else:
             self.add(width, use)
 
-    def sequence(self, node: Node, to: str) -> None:
-        """Read the components of a SEQUENCE; to: "v->" or "v->heading."."""
-        raise NotImplementedError
-
 
 def _bits(done: int, width: int) -> str:
     shift = 64 - done - width

@@ -13,17 +13,8 @@ from asn1.widths import EMPTY_MAX, is_endless
 def validator(node: Node, predicates: Predicates) -> list[str]:
     """The function; what it asks of other functions of this file stands in `predicates`."""
     body = _Validator(predicates)
-    of = "v" if node.kind is Kind.FIXED_OCTETS else "(*v)"
     body.put(f"const {node.c_name if node.kind in STRUCTS else value_type(node)} *v = from;")
-    match node.kind:
-        case Kind.SEQUENCE:
-            body.sequence(node, "v->")
-        case Kind.CHOICE:
-            body.choice(node)
-        case Kind.LIST:
-            body.list_(node)
-        case _:
-            body.value(node, of)
+    body.whole(node, "(*v)")
     if node.kind in (Kind.SEQUENCE, Kind.CHOICE, Kind.LIST):
         body.constraints(node, node.constraints, "(*v)")
     lines = body.lines if body.uses("v") else [*body.lines, "    (void)v;"]

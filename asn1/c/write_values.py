@@ -144,10 +144,6 @@ class WriteValues(Body):
         with self.block("else"):
             self.step(f"captain_put(w, at, {bits}, {1 + width})")
 
-    def sequence(self, node: Node, of: str) -> None:
-        """Write the components of a SEQUENCE; of: "v->" or "v->heading."."""
-        raise NotImplementedError
-
 
 def outside(node: Node, of: str) -> list[str]:
     """Conditions under which a number is not in the root; never those that its C type makes impossible."""
