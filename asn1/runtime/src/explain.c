@@ -159,10 +159,7 @@ static captain_status explain_choice(explain *to, const explain_node *node)
     TRY(captain_explain_extension_bit(to, node, &is_extended, "23.5"));
     size_t from = to->at;
     uint64_t index;
-    if (is_extended)
-        TRY(captain_explain_small(to, &index));
-    else
-        TRY(captain_explain_take(to, captain_explain_width((uint64_t)type->root_count - 1), &index));
+    TRY(captain_explain_index(to, type, is_extended, &index));
     char text[96];
     if (index >= (is_extended ? (uint64_t)CAPTAIN_UNKNOWN : type->root_count)) {
         snprintf(text, sizeof text, "alternative %" PRIu64 " does not exist: there are %u, counted from 0", index, type->root_count);

@@ -89,6 +89,8 @@ unsigned captain_explain_width(uint64_t range); /* bits that hold 0..range */
 captain_status captain_explain_whole(explain *to, const explain_node *node, uint64_t *number, unsigned *octets, size_t *from);
 /* A normally small number (11.6). */
 captain_status captain_explain_small(explain *to, uint64_t *number);
+/* Which item of an ENUMERATED or alternative of a CHOICE, counted from the first of the root or of the additions. */
+captain_status captain_explain_index(explain *to, const captain_type *type, bool is_extended, uint64_t *index);
 /* One length without bounds (11.9.3.5 to 11.9.3.8), and the clause it follows: without a step, and with one. */
 captain_status captain_explain_take_length(explain *to, explain_part *part, const char **clause);
 captain_status captain_explain_length(explain *to, const explain_node *node, explain_part *part);

@@ -92,6 +92,13 @@ captain_status captain_explain_small(explain *to, uint64_t *number)
     return captain_explain_refuse(to, from, CAPTAIN_RANGE, text);
 }
 
+captain_status captain_explain_index(explain *to, const captain_type *type, bool is_extended, uint64_t *index)
+{
+    if (is_extended)
+        return captain_explain_small(to, index);
+    return captain_explain_take(to, captain_explain_width((uint64_t)type->root_count - 1), index);
+}
+
 captain_status captain_explain_survey(explain *to, unsigned width, uint64_t *total)
 {
     const explain before = *to;

@@ -111,10 +111,7 @@ static captain_status enumerated(explain *to, explain_node *node)
     TRY(captain_explain_extension_bit(to, node, &is_extended, "14.3"));
     size_t from = to->at;
     uint64_t index;
-    if (is_extended)
-        TRY(captain_explain_small(to, &index));
-    else
-        TRY(captain_explain_take(to, captain_explain_width((uint64_t)type->root_count - 1), &index));
+    TRY(captain_explain_index(to, type, is_extended, &index));
     uint64_t limit = is_extended ? CAPTAIN_UNKNOWN : type->root_count;
     if (index >= limit) {
         char text[96];
