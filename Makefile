@@ -50,7 +50,7 @@ bench: bench-station bench-messages ## both of the following
 bench-station: setup-test binary ## latency, loss-free rate, processor and memory beside a C forwarder in the same run
 	@.venv/bin/python -m tests.bench $(ARGS)
 
-bench-messages: setup-test ## the message library beside asn1tools and pycrate in the same run, and how large it is
+bench-messages: setup-test ## the message library beside asn1tools, pycrate and asn1c in the same run, and how large it is
 	@.venv/bin/python -m tests.bench.messages
 	@.venv/bin/python -m tests.bench.sizes
 

@@ -1,5 +1,20 @@
 """What a program reads from a view: five fields of each message of the benchmark, as timeit takes a statement."""
 
+import json
+from pathlib import Path
+from typing import NamedTuple
+
+VECTORS = Path(__file__).resolve().parents[2] / "firmware" / "vectors.json"
+
+
+class Case(NamedTuple):
+    """A real message, and the statement that reads five of its fields from a view."""
+
+    name: str
+    octets: bytes
+    read: str
+
+
 CAM = """
 view = decode(octets)
 cam = view.cam
@@ -72,3 +87,10 @@ READS = (
     ("cpm-tr-2.1.1", 624, CPM),
 )
 """Message, octets of the one of firmware/vectors.json, statement."""
+
+
+def cases() -> list[Case]:
+    vectors = [(vector["octets"], bytes.fromhex(vector["hex"])) for vector in json.loads(VECTORS.read_text())]
+    return [
+        Case(name, next(octets for count, octets in vectors if count == wanted), read) for name, wanted, read in READS
+    ]

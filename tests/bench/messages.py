@@ -1,12 +1,11 @@
 """`python -m tests.bench.messages`: captain_messages beside asn1tools and pycrate, alternating in one run.
 
 Per message of firmware/vectors.json: decode to a dict, a lazy view with five fields read, encode from a dict; the medians,
-and the ratio to asn1tools beside what is to be reached. Then decode and encode in C.
+and the ratio to asn1tools beside what is to be reached. Then decode and encode in C, and the same beside asn1c.
 """
 
 import argparse
 import importlib.util
-import json
 import statistics
 import subprocess
 import sys
@@ -18,7 +17,8 @@ from timeit import Timer
 from typing import Any, NamedTuple
 
 from asn1.types import Reference, Schema
-from tests.bench import message_views
+from tests.bench import asn1c, message_views
+from tests.bench.message_views import Case
 
 ROOT = Path(__file__).resolve().parents[2]
 CODEC = ROOT / "build" / "codec" / "python"
@@ -27,14 +27,6 @@ REPETITION_S = 0.01  # of processor time: what else the machine does does not co
 
 Decode = Callable[[bytes], Any]
 Encode = Callable[[Any], bytes]
-
-
-class Case(NamedTuple):
-    """A real message, and the statement that reads five of its fields from a view."""
-
-    name: str
-    octets: bytes
-    read: str
 
 
 class Codec(NamedTuple):
@@ -53,26 +45,17 @@ def main() -> int:
         print("bench: no captain_messages in build/codec/python: make codec", file=sys.stderr)
         return 1
     sys.path.insert(0, str(CODEC))
-    cases = [case for case in _cases() if arguments.only in case.name]
+    cases = [case for case in message_views.cases() if arguments.only in case.name]
     peers = _peers()
     print(f"{'message':14}{'octets':>7}{'':10}{'ours':>10}", *(f"{peer:>11}" for peer in peers), "  ratio  goal")
     for case in cases:
         _compare(case, peers, arguments.rounds)
-    _c_figures(cases)
+    program = _c_program()
+    if program is None:
+        return 1
+    _c_figures(cases, program)
+    asn1c.compare(cases, program, arguments.rounds)
     return 0
-
-
-def _cases() -> list[Case]:
-    vectors = [(vector["octets"], bytes.fromhex(vector["hex"])) for vector in _vectors()]
-    return [
-        Case(name, next(octets for count, octets in vectors if count == wanted), read)
-        for name, wanted, read in message_views.READS
-    ]
-
-
-def _vectors() -> list[dict[str, Any]]:
-    loaded: list[dict[str, Any]] = json.loads((ROOT / "firmware" / "vectors.json").read_text())
-    return loaded
 
 
 def _peers() -> list[str]:
@@ -198,26 +181,26 @@ PEERS = {"asn1tools": _asn1tools, "pycrate": _pycrate}
 # ---------------------------------------------------------------- C
 
 
-def _c_figures(cases: list[Case]) -> None:
+def _c_program() -> Path | None:
+    """messages.c with the objects of the Python module."""
     program = ROOT / "build" / "bench-messages"
     objects = sorted((CODEC / ".objects").glob("src-*.o"))
     generated = ROOT / "asn1" / "runtime" / "include"
     source = Path(__file__).with_name("messages.c")
     flags = ["-std=gnu11", "-O2", f"-I{generated}", "-Wl,--gc-sections"]
     made = subprocess.run(["cc", *flags, source, *objects, "-o", program], capture_output=True, text=True, check=False)
-    if made.returncode != 0:
-        print(f"bench: no figures of C: {made.stderr:.500}", file=sys.stderr)
-        return
-    lines = "".join(f"{case.name} {case.octets.hex()}\n" for case in cases)
-    answers = subprocess.run(
-        [str(program)], input=lines, capture_output=True, text=True, check=True
-    ).stdout.splitlines()
+    if made.returncode == 0:
+        return program
+    print(f"bench: no figures of C: {made.stderr:.500}", file=sys.stderr)
+    return None
+
+
+def _c_figures(cases: list[Case], program: Path) -> None:
     print("\nC                     decode                           encode")
-    for case, answer in zip(cases, answers, strict=True):
-        decode_ns, encode_ns = map(float, answer.split()[1:])
+    for case in cases:
         cells = (
             f"{ns:>9.1f} ns {len(case.octets) / ns * 1e3:>7.0f} MB/s {ns / len(case.octets) / 8:>6.3f} ns/bit"
-            for ns in (decode_ns, encode_ns)
+            for ns in asn1c.times(program, case)
         )
         print(f"{case.name:14}" + "".join(cells))
 
