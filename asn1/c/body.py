@@ -72,3 +72,23 @@ class Body(ABC):
         """Behind its first line, which declares what the function is about."""
         pattern = re.compile(rf"(?<![\w>.]){word}\b")
         return any(pattern.search(line) for line in self.lines[1:])
+
+
+def counted(function: str, parameters: str, failure: str) -> list[str]:
+    """A function around <function>_inside, for what contains itself: it counts how often, whichever way that is left.
+
+    parameters  "captain_reader *r, size_t at, void *to": the state that holds the depth, the offset, the value.
+    failure     what it returns once that is too often; nothing goes on behind a failure, so the depth may stay.
+    """
+    state, at, value = (one.split()[-1].lstrip("*") for one in parameters.split(","))
+    return [
+        f"size_t {function}({parameters})",
+        "{",
+        f"    if (++{state}->depth > CAPTAIN_MAX_RECURSION)",
+        f"        return {failure};",
+        f"    {at} = {function}_inside({state}, {at}, {value});",
+        f"    {state}->depth--;",
+        f"    return {at};",
+        "}",
+        "",
+    ]

@@ -6,6 +6,7 @@ bit may end a run together with what it decides about; where it is set, the offs
 
 from functools import partial
 
+from asn1.c.body import counted
 from asn1.c.defaults import default_lines
 from asn1.c.names import member, value_type
 from asn1.c.read_values import ReadValues, Use
@@ -17,29 +18,14 @@ def decoder(node: Node) -> list[str]:
     """The function, and before it that of a list's elements where they are no structs."""
     body = _Decoder()
     lines = _item_function(node) if has_item_function(node) else []
-    name = node.c_name
-    body.put(f"{name} *v = to;" if node.kind in STRUCTS else f"{value_type(node)} *v = to;")
+    body.put(f"{node.c_name} *v = to;" if node.kind in STRUCTS else f"{value_type(node)} *v = to;")
     body.whole(node, "*v")
     body.flush()
-    parameters = "captain_reader *r, size_t at, void *to"
+    name, parameters = f"{node.c_name}_read", "captain_reader *r, size_t at, void *to"
     if not node.recurs:
-        return [*lines, *_function(f"size_t {name}_read({parameters})", body)]
-    return [*lines, *_function(f"static size_t {name}_read_inside({parameters})", body), *_counted(name)]
-
-
-def _counted(name: str) -> list[str]:
-    """What contains itself counts how often, whichever way its decoder is left; after a failure nothing is read."""
-    return [
-        f"size_t {name}_read(captain_reader *r, size_t at, void *to)",
-        "{",
-        "    if (++r->depth > CAPTAIN_MAX_RECURSION)",
-        "        return captain_fail(r, at, CAPTAIN_DEPTH);",
-        f"    at = {name}_read_inside(r, at, to);",
-        "    r->depth--;",
-        "    return at;",
-        "}",
-        "",
-    ]
+        return [*lines, *_function(f"size_t {name}({parameters})", body)]
+    wrapper = counted(name, parameters, "captain_fail(r, at, CAPTAIN_DEPTH)")
+    return [*lines, *_function(f"static size_t {name}_inside({parameters})", body), *wrapper]
 
 
 def has_item_function(node: Node) -> bool:

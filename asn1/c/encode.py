@@ -4,6 +4,7 @@ Neighbouring fields of fixed width are put together in a register and stored at 
 numbers and sizes outside of the effective bounds, unknown alternatives; the rest is for validate.
 """
 
+from asn1.c.body import counted
 from asn1.c.defaults import differs
 from asn1.c.names import member, value_type
 from asn1.c.write_values import WriteValues
@@ -18,25 +19,11 @@ def encoder(node: Node) -> list[str]:
     body.put(f"const {node.c_name if node.kind in STRUCTS else value_type(node)} *v = from;")
     body.whole(node, "*v")
     body.flush()
-    name, parameters = node.c_name, "captain_writer *w, size_t at, const void *from"
+    name, parameters = f"{node.c_name}_write", "captain_writer *w, size_t at, const void *from"
     if not node.recurs:
-        return [*lines, *_function(f"size_t {name}_write({parameters})", body)]
-    return [*lines, *_function(f"static size_t {name}_write_inside({parameters})", body), *_counted(name)]
-
-
-def _counted(name: str) -> list[str]:
-    """As that of the decoder."""
-    return [
-        f"size_t {name}_write(captain_writer *w, size_t at, const void *from)",
-        "{",
-        "    if (++w->depth > CAPTAIN_MAX_RECURSION)",
-        "        return captain_refuse(w, CAPTAIN_DEPTH);",
-        f"    at = {name}_write_inside(w, at, from);",
-        "    w->depth--;",
-        "    return at;",
-        "}",
-        "",
-    ]
+        return [*lines, *_function(f"size_t {name}({parameters})", body)]
+    wrapper = counted(name, parameters, "captain_refuse(w, CAPTAIN_DEPTH)")
+    return [*lines, *_function(f"static size_t {name}_inside({parameters})", body), *wrapper]
 
 
 def item_function(node: Node) -> str:
