@@ -172,6 +172,15 @@ def test_the_shared_library_shows_only_what_the_headers_declare(installed: Insta
     assert names <= declared
 
 
+def test_a_release_has_the_flags_that_were_measured_unless_the_user_gives_others(sources: Path, tmp_path: Path):
+    # project() sets what is not set by then: a default behind it had no effect, and a release was made with -O3
+    measured, given = tmp_path / "measured", tmp_path / "given"
+    sh("cmake", "-S", sources, "-B", measured)
+    sh("cmake", "-S", sources, "-B", given, "-DCMAKE_C_FLAGS_RELEASE=-Os")
+    assert "CMAKE_C_FLAGS_RELEASE:STRING=-O2 -DNDEBUG " in (measured / "CMakeCache.txt").read_text()
+    assert "CMAKE_C_FLAGS_RELEASE:STRING=-Os\n" in (given / "CMakeCache.txt").read_text()
+
+
 def test_the_library_has_a_version_in_its_name(installed: Installed):
     library = next(installed.prefix.rglob("libcaptain_messages.so"))
     dynamic = sh("readelf", "-d", library)

@@ -5,6 +5,7 @@ All messages of all editions in one stripped shared library, and what decode, en
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -13,7 +14,9 @@ from asn1 import library, text
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "build" / "bench" / "sizes"
-FLAGS = ("-std=c11", "-O2", "-DNDEBUG", "-fPIC", "-ffunction-sections", "-fdata-sections")
+# Those of asn1/template/CMakeLists.txt.
+FLAGS = ("-std=c11", "-O2", "-DNDEBUG", "-fPIC", "-ffunction-sections", "-fdata-sections",
+         "-fno-unwind-tables", "-fno-asynchronous-unwind-tables")  # fmt: skip
 CODE = (".text", ".plt", ".init", ".fini")
 LIBRARY_GOAL = 3_000_000
 CAM_GOAL = 40_000
@@ -38,6 +41,7 @@ def _shared(messages: tuple[str, ...]) -> Path:
     folder = FOLDER / "all"
     library.generate(text.load_schema(), messages, "cmake", folder, lambda _: None)
     build = folder.with_name("all-build")
+    shutil.rmtree(build, ignore_errors=True)  # it keeps the flags that it was first made with
     _run("cmake", "-S", str(folder), "-B", str(build), "-DCAPTAIN_MESSAGES_STATIC=OFF")
     _run("cmake", "--build", str(build), "-j", str(os.cpu_count()))
     made = next(path for path in build.glob("libcaptain_messages.so*") if not path.is_symlink())
