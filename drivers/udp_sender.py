@@ -9,7 +9,7 @@ from board.address import Address
 from board.errors import RequestError
 from board.loop import WRITE, Timer
 from drivers.access_category import BEACON, NEW_SOCKET, prioritize_datagrams
-from drivers.contract import Host, Sent
+from drivers.contract import BUSY, LATER, NOW, Host, Sent
 from drivers.intake import refused
 from drivers.message import Request
 from drivers.reason import Reason
@@ -70,7 +70,7 @@ class Sender:
         Without a request it is a beacon. Raises RequestError when it is too long for a datagram.
         """
         if self._is_full:
-            return Sent.BUSY
+            return BUSY
         traffic_class = BEACON if request is None else request.traffic_class
         if traffic_class != self._traffic_class:
             self._prioritize(traffic_class)
@@ -79,7 +79,7 @@ class Sender:
                 send(octets)
             except OSError as error:
                 return self._go_on(Rest(octets, self._sends.index(send), request), error)
-        return Sent.NOW
+        return NOW
 
     def close(self) -> None:
         """Close all sockets; idempotent. A datagram that some targets have not got is dropped."""
@@ -98,7 +98,7 @@ class Sender:
             error = self._reach(place, rest.octets, error)
             if error is not None:
                 return self._stop_at(error, rest._replace(place=place))
-        return Sent.NOW
+        return NOW
 
     def _reach(self, place: int, octets: bytes, error: OSError | None) -> OSError | None:
         """Send to one target, after its error if there is one; returns what stops this datagram.
@@ -131,10 +131,10 @@ class Sender:
             raise RequestError(f"{len(rest.octets)} octets are too long for a datagram to {target.to}")
         else:
             self._host.fail(refused(f"sending to {target.to}", error))
-            return Sent.BUSY
+            return BUSY
         self._is_full = True
         self._rest = rest if rest.place > 0 else None
-        return Sent.LATER if self._rest else Sent.BUSY
+        return LATER if self._rest else BUSY
 
     def _resume(self) -> None:
         self._leave_loop()
@@ -148,7 +148,7 @@ class Sender:
         """Send the rest; whether it is done with, sent or dropped."""
         reason = None
         try:
-            if self._go_on(rest) is not Sent.NOW:
+            if self._go_on(rest) is not NOW:
                 return False
         except RequestError:
             reason = Reason.LONG_PDU

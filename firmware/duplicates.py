@@ -1,5 +1,6 @@
 """The same PDU over two interfaces is delivered once; who was first is remembered."""
 
+import math
 from bisect import bisect_left
 from collections import deque
 from dataclasses import dataclass
@@ -10,6 +11,7 @@ from firmware.drops import Drops
 
 # PDUs remembered at once: 2 s of a channel that is full (1,700 frames/s) on four interfaces, rounded up.
 CAPACITY = 16384
+PARTS = 64  # in a flood one part of them is forgotten at a time
 NOBODY: frozenset[str] = frozenset()
 
 
@@ -35,6 +37,9 @@ class Delivery:
         return interface == self.first or interface in self.others
 
 
+Lone = tuple[float, int, str]  # of a PDU that one interface has shown once: when, hash, interface
+
+
 class Duplicates:
     """A stage: pairs the k-th copy of a PDU from one interface with the k-th from another, inside a window.
 
@@ -44,6 +49,8 @@ class Duplicates:
     PDUs are told apart by hash(): Python's siphash of 64 bits under a key that is drawn at each start, which no sender
     can aim at; among the PDUs of one window a false pair is to be expected once in 5,000 years. The PDUs
     themselves would take 5 MB.
+
+    Nearly every PDU is seen once. Until its second copy comes one tuple is all that is kept of it.
     """
 
     def __init__(self, window_s: float, drops: Drops, capacity: int = CAPACITY) -> None:
@@ -52,28 +59,37 @@ class Duplicates:
         self.first: dict[str, First] = {}
         self._drops = drops
         self._capacity = capacity
-        self._deliveries: dict[int, list[Delivery]] = {}
-        self._order: deque[tuple[float, int]] = deque()
+        self._deliveries: dict[int, Lone | list[Delivery]] = {}
+        self._order: deque[Lone] = deque()
+        self._until = math.inf  # when the oldest leaves the window
 
     def __call__(self, indication: Indication) -> Indication | None:
         now = indication.monotonic
         order = self._order
-        while order and (order[0][0] < now - self.window_s or len(order) >= self._capacity):
-            self._forget()
-        interface = indication.interface
+        if now > self._until or len(order) >= self._capacity:
+            self._forget(now)
         key = hash(indication.pdu)
-        deliveries = self._deliveries.get(key)
-        if deliveries is None:
-            self._deliveries[key] = [Delivery(interface, now)]
-        else:
-            # An interface has shown all deliveries up to one of them and none after it: the search may halve.
-            place = bisect_left(deliveries, True, key=lambda delivery: not delivery.was_shown_by(interface))
-            if place < len(deliveries):
-                self._pair(deliveries[place], indication)
-                return None
-            deliveries.append(Delivery(interface, now))
-        order.append((now, key))
+        lone = (now, key, indication.interface)
+        known = self._deliveries.setdefault(key, lone)
+        if known is not lone and not self._is_next(known, lone, indication):
+            return None
+        if not order:
+            self._until = now + self.window_s
+        order.append(lone)
         return indication
+
+    def _is_next(self, known: Lone | list[Delivery], copy: Lone, indication: Indication) -> bool:
+        """Whether a further copy of a known PDU is one that no other interface has shown yet; if not, it is paired."""
+        when, key, interface = copy
+        if isinstance(known, tuple):
+            known = self._deliveries[key] = [Delivery(known[2], known[0])]
+        # An interface has shown all deliveries up to one of them and none after it: the search may halve.
+        place = bisect_left(known, True, key=lambda delivery: not delivery.was_shown_by(interface))
+        if place < len(known):
+            self._pair(known[place], indication)
+            return False
+        known.append(Delivery(interface, when))
+        return True
 
     def _pair(self, delivery: Delivery, indication: Indication) -> None:
         delivery.others |= {indication.interface}
@@ -83,12 +99,20 @@ class Duplicates:
         first.lead_s += indication.monotonic - delivery.when
         self._drops.count(indication.interface, Reason.DUPLICATE, indication.pdu)
 
-    def _forget(self) -> None:
-        _, key = self._order.popleft()
-        deliveries = self._deliveries[key]
-        del deliveries[0]
-        if not deliveries:
-            del self._deliveries[key]
+    def _forget(self, now: float) -> None:
+        """Forget what has left the window, and a part of the rest where there is no more room."""
+        order, deliveries = self._order, self._deliveries
+        room = len(order) - self._capacity + self._capacity // PARTS + 1 if len(order) >= self._capacity else 0
+        since = now - self.window_s
+        while order and (room > 0 or order[0][0] < since):
+            _, key, _ = order.popleft()
+            room -= 1
+            known = deliveries[key]
+            if isinstance(known, list) and len(known) > 1:
+                del known[0]
+            else:
+                del deliveries[key]
+        self._until = order[0][0] + self.window_s if order else math.inf
 
     def status(self) -> dict[str, object]:
         """How many were suppressed, and for each interface how often it was first and by how much on average."""

@@ -68,6 +68,7 @@ class Interface:
         self.on_fail: Callable[[StationError], None] = lambda error: None
         self.can_transmit = Can.TRANSMIT in driver.capabilities.can
         self.neighbours = Neighbours()
+        self._heard = self.neighbours.heard
         self.received = [0] * len(topics.kinds)
         self.sent_count = [0] * len(topics.kinds)
         self.received_octets = 0
@@ -75,6 +76,8 @@ class Interface:
         gap_s = 1.0 / options.rate_per_s if options.rate_per_s else 0.0
         self.outlet = Outlet(loop, self, options.queue, gap_s)
         self._above = above
+        self._indicate = above.indicate
+        self._clock = loop.clock
         self._topics = topics
         self._by_number = topics.by_number
         self._any_port = False
@@ -91,17 +94,21 @@ class Interface:
         if not ITS_HEADER <= size <= MAX_PDU:
             self.drop(_size_reason(size), pdu)
             return
-        if rx.btp_port is not None and rx.btp_port not in self._topics.ports and not self._any_port:
-            self.drop(Reason.BTP_PORT, pdu)
-            return
+        who, rssi_dbm = pdu[2:6], None
+        if rx is not NO_RX_INFO:
+            if rx.btp_port is not None and rx.btp_port not in self._topics.ports and not self._any_port:
+                self.drop(Reason.BTP_PORT, pdu)
+                return
+            rssi_dbm = rx.rssi_dbm
+            if rx.source_mac != NO_MAC:
+                who = rx.source_mac
         kind = self._by_number[pdu[1]]
         self.received[kind.row] += 1
         self.received_octets += size
-        now = self.loop.clock()
-        mac = rx.source_mac
-        self.neighbours.heard(pdu[2:6] if mac == NO_MAC else mac, now, rx.rssi_dbm)
+        now = self._clock()
+        self._heard(who, now, rssi_dbm)
         # tuple.__new__ is what Indication() comes to, at half the price.
-        self._above.indicate(_new(Indication, (kind, pdu, self.name, received_ns, now, rx)))
+        self._indicate(_new(Indication, (kind, pdu, self.name, received_ns, now, rx)))
 
     def heard(self, mac: bytes, rssi_dbm: int | None) -> None:
         self.neighbours.heard(mac, self.loop.clock(), rssi_dbm)

@@ -10,7 +10,7 @@ import zmq
 
 from board.errors import InterfaceError, ProtocolError
 from board.loop import Timer
-from drivers.contract import Can, Capabilities, Host, Sent
+from drivers.contract import BUSY, LATER, NOW, Can, Capabilities, Host, Sent
 from drivers.message import Request
 from drivers.reason import Reason
 from drivers.wire import raw
@@ -95,11 +95,11 @@ class Ipc:
         envelope = self._envelopes[request.kind.row]
         if not self._out.wants(envelope):
             self._host.loop.soon(partial(self._host.confirm, request, Reason.NO_SUBSCRIBER))
-            return Sent.LATER
+            return LATER
         if self._out.offer(envelope, request.pdu):
-            return Sent.NOW
+            return NOW
         self._retry_timer = self._host.loop.after(RETRY_S, self._host.writable)
-        return Sent.BUSY
+        return BUSY
 
     def refresh(self) -> None:
         """Nothing below counts anything."""

@@ -29,7 +29,8 @@ class Neighbours:
         heard = self._heard
         heard[who] = now
         heard.move_to_end(who)
-        self._leave_level(who)
+        if self._rssi_dbm:
+            self._leave_level(who)
         if rssi_dbm is not None:
             self._rssi_dbm[who] = rssi_dbm
             self._levels.setdefault(rssi_dbm, OrderedDict())[who] = now

@@ -4,7 +4,7 @@ from collections import deque
 from typing import Protocol
 
 from board.loop import Loop, Timer
-from drivers.contract import Sent
+from drivers.contract import BUSY, LATER, NOW, Sent
 from drivers.message import Request
 from drivers.reason import Reason
 
@@ -55,7 +55,7 @@ class Outlet:
             self._push(request)
             if not self._is_busy:
                 self._pump()
-        elif self._hand_over(request) is Sent.BUSY:
+        elif self._hand_over(request) is BUSY:
             self._is_busy = True
             self._push(request)
 
@@ -121,7 +121,7 @@ class Outlet:
             self.length -= 1
             if request.deadline < now:
                 self._interface.dropped(request, Reason.EXPIRED)
-            elif self._hand_over(request) is Sent.BUSY:
+            elif self._hand_over(request) is BUSY:
                 self._is_busy = True
                 queue.appendleft(request)
                 self.length += 1
@@ -142,9 +142,9 @@ class Outlet:
     def _hand_over(self, request: Request) -> Sent | None:
         handed_over = self._clock()
         sent = self._interface.transmit(request)
-        if sent is Sent.NOW:
+        if sent is NOW:
             self._interface.sent(request, handed_over)
-        elif sent is Sent.LATER:
+        elif sent is LATER:
             self._kept[request.number] = request, handed_over
         return sent
 

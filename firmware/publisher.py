@@ -105,13 +105,18 @@ class Publisher:
 
     def publish(self, topic: bytes, body: bytes) -> None:
         """Hand a message of two frames to the socket; a slow subscriber loses it, the others do not."""
+        self.publish_all(((topic, body),))
+
+    def publish_all(self, messages: Iterable[tuple[bytes, bytes]]) -> None:
+        """As publish(), one after the other."""
         socket = self._socket
-        try:
-            _send(socket, topic, MORE)
-        except zmq.Again:
-            self._publish_dropping(topic, body)
-        else:
-            _send(socket, body, NOBLOCK)
+        for topic, body in messages:
+            try:
+                _send(socket, topic, MORE)
+            except zmq.Again:
+                self._publish_dropping(topic, body)
+            else:
+                _send(socket, body, NOBLOCK)
         # A send may swallow the edge that announces a subscription: look again soon. A look costs as much as four
         # sends, so one for all messages of LOOK_S.
         if not self._is_looking:
@@ -137,8 +142,10 @@ class Publisher:
         return self._takers[topic] > 0
 
     def close(self) -> None:
-        self._loop.remove(self)
-        self._socket.close()
+        """Idempotent."""
+        if not self._socket.closed:
+            self._loop.remove(self)
+            self._socket.close()
 
     def look(self) -> None:
         """Take the subscriptions that have come until now, where the next message depends on them (1.3 us)."""

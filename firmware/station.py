@@ -142,7 +142,7 @@ class Station:
             interface.interface.outlet.drop_all(Reason.STOPPED)
             interface.stop()
         self._control.close()
-        self.users.publisher.close()
+        self.users.close()
         self._report_publisher.close()
         self._context.term()
 
@@ -185,6 +185,8 @@ class Station:
         }
 
     def _refresh(self) -> None:
+        """Bring the counters up to date, so that their sums match: what the users get, what the kernel dropped."""
+        self.users.flush()
         for interface in self._interfaces:
             interface.refresh()
 

@@ -155,7 +155,7 @@ def test_a_flood_takes_no_more_room_than_the_capacity(is_one_pdu: bool) -> None:
     for number in range(20_000):
         bench.passes("A", pdu_of(2, 0 if is_one_pdu else number))
     remembered = bench.stage._deliveries
-    assert sum(len(deliveries) for deliveries in remembered.values()) <= 100
+    assert sum(len(one) if isinstance(one, list) else 1 for one in remembered.values()) <= 100
     assert len(bench.stage._order) <= 100
 
 
