@@ -30,6 +30,7 @@ FLAGS = (
     ("-fcompound-names", "-gen-PER"),
 )
 EX_USAGE = 64
+MAINS = ("converter-sample.c", "converter-example.c")  # of 0.9.28, and of later ones
 COMPILE = ("cc", "-std=gnu11", "-O2", "-w")
 
 
@@ -109,15 +110,16 @@ def _program(asn1c: str, name: str, sizes: bool) -> tuple[Path, list[str]]:
     compiler = Path(shutil.which(asn1c) or asn1c).read_bytes()
     sources = [*(text.encode() for text in texts.values()), compiler, *map(Path.read_bytes, _own_sources())]
     folder = FOLDER / (f"{name}-sizes" if sizes else name)
-    program, stamp = folder / "program", hashlib.sha256(b"\0".join(sources)).hexdigest()
-    if not program.exists() or (folder / "stamp").read_text() != stamp:
+    program, stamp = folder / "program", folder / "stamp"
+    digest = hashlib.sha256(b"\0".join(sources)).hexdigest()
+    if not stamp.exists() or stamp.read_text() != digest:
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir(parents=True)
         for key, text in texts.items():
             (folder / f"{key}.asn").write_text(text)
         _generate(asn1c, folder)
         _compile(folder, schema.messages[name].pdu.name.replace("-", "_"), program)
-        (folder / "stamp").write_text(stamp)
+        stamp.write_text(digest)
     return program, help_
 
 
@@ -147,7 +149,7 @@ def _reason(said: str) -> str:
 
 def _compile(folder: Path, pdu: str, program: Path) -> None:
     made = folder / "c"
-    sources = [path for path in sorted(made.glob("*.c")) if "sample" not in path.name]
+    sources = [path for path in sorted(made.glob("*.c")) if path.name not in MAINS]
 
     def compiled(part: list[Path]) -> None:
         _cc(made, "-c", "-I.", *(path.name for path in part))
