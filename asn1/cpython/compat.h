@@ -73,4 +73,31 @@ static inline bool small_integer(PyObject *value, int64_t *number)
 #endif
 }
 
+/* The ints that CPython keeps, but gives only by a call. Filled by integers_keep, which returns false and an exception where there
+ * is no memory (integers.c). */
+enum { LEAST_KEPT = -5, INTEGERS_KEPT = 262 };
+extern PyObject *integers[INTEGERS_KEPT];
+bool integers_keep(void);
+
+/* An int of at most 33 bits. */
+static inline PyObject *new_integer(int64_t number)
+{
+    if ((uint64_t)(number - LEAST_KEPT) < INTEGERS_KEPT)
+        return Py_NewRef(integers[number - LEAST_KEPT]);
+#if !defined(Py_LIMITED_API) && !defined(Py_REF_DEBUG) && PY_VERSION_HEX >= 0x030B0000 && PY_VERSION_HEX < 0x030C0000
+    int64_t magnitude = number < 0 ? -number : number;
+    if (magnitude < PyLong_BASE) { /* one digit */
+        PyLongObject *new = PyObject_Malloc(sizeof *new);
+        if (new == NULL)
+            return PyErr_NoMemory();
+        Py_SET_TYPE(new, &PyLong_Type);
+        Py_SET_SIZE(new, number < 0 ? -1 : 1);
+        Py_SET_REFCNT(new, 1);
+        new->ob_digit[0] = (digit)magnitude;
+        return (PyObject *)new;
+    }
+#endif
+    return PyLong_FromLongLong(number);
+}
+
 #endif

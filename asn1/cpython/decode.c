@@ -88,33 +88,19 @@ static PyObject *open_value(const shape *shape, const captain_open *open)
     return inner == NULL ? octets_value(open->octets) : python_value(inner, open->value);
 }
 
-PyObject *python_value(const shape *shape, const unsigned char *value)
+PyObject *other_value(const shape *shape, const unsigned char *value)
 {
     switch (shape->op) {
     case OP_BOOLEAN:
         return PyBool_FromLong(AT(bool, value));
     case OP_NULL:
         return Py_NewRef(Py_None);
-    case OP_U8:
-        return PyLong_FromLong(*value);
-    case OP_U16:
-        return PyLong_FromLong(AT(uint16_t, value));
-    case OP_U32:
-        return PyLong_FromUnsignedLongLong(AT(uint32_t, value));
     case OP_U64:
         return PyLong_FromUnsignedLongLong(AT(uint64_t, value));
-    case OP_I8:
-        return PyLong_FromLong(AT(int8_t, value));
-    case OP_I16:
-        return PyLong_FromLong(AT(int16_t, value));
-    case OP_I32:
-        return PyLong_FromLong(AT(int32_t, value));
     case OP_I64:
         return PyLong_FromLongLong(AT(int64_t, value));
     case OP_ENUMERATED:
         return item_name(shape, AT(int32_t, value));
-    case OP_SEQUENCE:
-        return record_dict(shape, value);
     case OP_CHOICE:
         return choice_pair(shape, value);
     case OP_LIST:
@@ -124,4 +110,9 @@ PyObject *python_value(const shape *shape, const unsigned char *value)
     default:
         return string_value(shape, value);
     }
+}
+
+PyObject *python_value(const shape *shape, const unsigned char *value)
+{
+    return quick_value(shape, value);
 }

@@ -6,6 +6,8 @@
 #include "shapes.h"
 
 PyObject *python_value(const shape *shape, const unsigned char *value);
+/* The kinds that quick_value leaves over. */
+PyObject *other_value(const shape *shape, const unsigned char *value);
 /* SEQUENCE: a dict without absent components and with defaults (record.c). */
 PyObject *record_dict(const shape *shape, const unsigned char *record);
 /* Name of an alternative, "[1]" for one that no edition knows. */
@@ -21,26 +23,37 @@ PyObject *string_value(const shape *shape, const unsigned char *value);
 #define AT(type, value) (*(const type *)(const void *)(value))
 
 /* python_value with the commonest kinds in line. */
-static inline PyObject *quick_value(const shape *shape, const unsigned char *value)
+static ALWAYS_INLINE PyObject *quick_value(const shape *shape, const unsigned char *value)
 {
+    int64_t number;
     switch (shape->op) {
     case OP_U8:
-        return PyLong_FromLong(*value);
+        return Py_NewRef(integers[*value - LEAST_KEPT]);
     case OP_U16:
-        return PyLong_FromLong(AT(uint16_t, value));
+        number = AT(uint16_t, value);
+        break;
+    case OP_U32:
+        number = AT(uint32_t, value);
+        break;
+    case OP_I8:
+        number = AT(int8_t, value);
+        break;
     case OP_I16:
-        return PyLong_FromLong(AT(int16_t, value));
+        number = AT(int16_t, value);
+        break;
     case OP_I32:
-        return PyLong_FromLong(AT(int32_t, value));
+        number = AT(int32_t, value);
+        break;
     case OP_ENUMERATED:
         if (shape->is_dense && (uint32_t)AT(int32_t, value) < shape->type->names_count)
             return Py_NewRef(shape->names[AT(int32_t, value)]);
-        return python_value(shape, value);
+        return other_value(shape, value);
     case OP_SEQUENCE:
         return record_dict(shape, value);
     default:
-        return python_value(shape, value);
+        return other_value(shape, value);
     }
+    return new_integer(number);
 }
 
 #endif

@@ -21,14 +21,25 @@ typedef struct entry {
     PyObject *key, *value;
 } entry;
 
-enum { STR_KEYS = 1 };
+/* Dicts that share their keys (PEP 412) have one table of them, without values: where usable is 0 nothing is added to it, a dict
+ * with a new key gets a table of its own. Their values lie in PyMem memory by the index of the key, NULL where one was deleted, and
+ * in front of them, read backwards from ma_values: octets of this prefix, count, indices in the order of insertion. */
+enum { OTHER_KEYS, STR_KEYS, SHARED_KEYS, MAX_SHARED = 30 };
 
-/* NULL where the dict has keys of other classes, or shares them with an instance's __dict__. */
 static inline keys_table *table_of(PyObject *dict)
 {
-    const PyDictObject *known = (const PyDictObject *)dict;
-    keys_table *table = (keys_table *)(void *)known->ma_keys;
-    return known->ma_values == NULL && table->kind == STR_KEYS ? table : NULL;
+    return (keys_table *)(void *)((PyDictObject *)dict)->ma_keys;
+}
+
+static inline PyObject **values_of(PyObject *dict)
+{
+    return (PyObject **)(void *)((PyDictObject *)dict)->ma_values;
+}
+
+/* Of values for so many keys. */
+static inline size_t prefix_octets(size_t count)
+{
+    return (count + 2 + sizeof(PyObject *) - 1) / sizeof(PyObject *) * sizeof(PyObject *);
 }
 
 static inline size_t entries_offset(const keys_table *table)

@@ -1,9 +1,7 @@
-/* A SEQUENCE has few patterns of present components. For each one seen a `form` is kept: a finished dict with that pattern's
- * keys. Where the layout of dicts is known a new dict is a copy of the form's table of keys, its values written straight into
- * their places: no hashing, 40 ns against 75 to 120 ns for a dict of three values, 50 against 170 to 400 for one of ten.
- * Elsewhere, and for patterns beyond the eighth, keys are set one by one. */
+/* Dicts out of SEQUENCEs: by the forms of form.h, or where the layout of dicts is not known, and for patterns of components
+ * beyond the eighth, key by key. */
 #include "decode.h"
-#include "dict_layout.h"
+#include "form.h"
 
 #include <string.h>
 
@@ -42,41 +40,11 @@ static PyObject *by_items(const shape *shape, const unsigned char *record)
 
 #ifdef MAY_KNOW_DICTS
 
-/* Where a value of the form lies, and what it is. */
-typedef struct part {
-    const slot *slot;
-    const shape *shape;
-    uint32_t offset;
-    bool is_plain; /* not behind a pointer, no default */
-} part;
-
-typedef struct form {
-    uint64_t mask; /* of the components that may be absent, by their number */
-    struct form *next;
-    PyObject *dict; /* all values are None */
-    const keys_table *table;
-    size_t entries; /* offset in the table */
-    size_t octets;  /* of the table */
-    uint16_t count;
-    bool has_containers;
-    part parts[];
-} form;
-
-static bool may_be_absent(const slot *slot)
-{
-    return slot->present != CAPTAIN_NOWHERE && !slot->has_default;
-}
-
-static uint64_t mask_of(const shape *shape, const unsigned char *record)
+static inline uint64_t mask_of(const shape *shape, const unsigned char *record)
 {
     uint64_t mask = 0;
-    if (!shape->may_be_absent)
-        return 0;
-    for (uint16_t index = 0; index < shape->slots_count; index++) {
-        const slot *slot = &shape->slots[index];
-        if (may_be_absent(slot))
-            mask |= (uint64_t)*(const bool *)(record + slot->present) << index;
-    }
+    for (uint16_t index = 0; index < shape->optionals_count; index++)
+        mask |= (uint64_t)*(const bool *)(record + shape->optionals[index]) << index;
     return mask;
 }
 
@@ -84,7 +52,49 @@ static void add_part(form *form, const slot *slot)
 {
     form->parts[form->count++] = (part){
         .slot = slot, .shape = slot->shape, .offset = slot->offset, .is_plain = !slot->is_pointer && !slot->has_default};
-    form->has_containers = form->has_containers || slot->shape->op >= OP_SEQUENCE;
+    form->has_containers = form->has_containers || slot->op >= OP_SEQUENCE;
+    form->has_early = form->has_early || slot->is_early;
+}
+
+/* The keys of a dict as those that dicts share, and that no other key can be added to. NULL: no memory. */
+static keys_table *shared_keys(PyObject *dict)
+{
+    keys_table *table = table_of(dict);
+    size_t octets = entries_offset(table) + (size_t)table->count * sizeof(entry);
+    keys_table *shared = PyObject_Malloc(octets);
+    if (shared == NULL)
+        return NULL;
+    memcpy(shared, table, octets);
+    shared->kind = SHARED_KEYS;
+    shared->usable = 0;
+    for (Py_ssize_t index = 0; index < shared->count; index++) {
+        Py_INCREF(entries_of(shared)[index].key);
+        entries_of(shared)[index].value = NULL;
+    }
+    return shared;
+}
+
+static void set_keys(form *form)
+{
+    PyObject *dict = form->count == 0 || form->count > MAX_SHARED ? NULL : PyDict_New(); /* not presized: see OTHER_KEYS */
+    for (uint16_t index = 0; dict != NULL && index < form->count; index++)
+        if (PyDict_SetItem(dict, form->parts[index].slot->key, Py_None) < 0)
+            Py_CLEAR(dict);
+    form->keys = dict == NULL ? NULL : shared_keys(dict);
+    Py_XDECREF(dict);
+    PyErr_Clear();
+}
+
+static void set_prefix(form *form)
+{
+    form->prefix_octets = prefix_octets(form->count);
+    if (form->prefix_octets > MAX_PREFIX)
+        return;
+    unsigned char *end = form->prefix + form->prefix_octets;
+    end[-1] = (unsigned char)form->prefix_octets;
+    end[-2] = (unsigned char)form->count;
+    for (uint16_t index = 0; index < form->count; index++)
+        end[-3 - index] = (unsigned char)index;
 }
 
 /* NULL: no memory; then the dict is made the plain way. */
@@ -94,26 +104,15 @@ static form *form_new(const shape *shape, uint64_t mask)
     if (form == NULL)
         return NULL;
     form->mask = mask;
-    for (uint16_t index = 0; index < shape->slots_count; index++)
-        if (!may_be_absent(&shape->slots[index]) || (mask >> index & 1))
+    for (uint16_t index = 0, bit = 0; index < shape->slots_count; index++)
+        if (!is_optional(&shape->slots[index]) || (mask >> bit++ & 1))
             add_part(form, &shape->slots[index]);
-    form->dict = PyDict_New(); /* not presized: that makes a table for keys of any class */
-    for (uint16_t index = 0; form->dict != NULL && index < form->count; index++)
-        if (PyDict_SetItem(form->dict, form->parts[index].slot->key, Py_None) < 0)
-            Py_CLEAR(form->dict);
-    if (form->dict == NULL || form->count == 0) {
-        PyErr_Clear();
-        Py_CLEAR(form->dict);
-        PyMem_Free(form);
-        return NULL;
-    }
-    form->table = table_of(form->dict);
-    form->entries = entries_offset(form->table);
-    form->octets = form->entries + (size_t)(form->table->usable + form->table->count) * sizeof(entry);
+    set_keys(form);
+    set_prefix(form);
     return form;
 }
 
-static const form *find_form(const shape *shape, uint64_t mask)
+static NEVER_INLINE const form *further_form(const shape *shape, uint64_t mask)
 {
     int count = 0;
     for (const form *form = shape->forms; form != NULL; form = form->next, count++)
@@ -129,56 +128,68 @@ static const form *find_form(const shape *shape, uint64_t mask)
     return form;
 }
 
-/* An empty dict whose shared table of no keys is replaced by a copy of the form's. */
-static PyObject *dict_with_keys(const form *form, entry **entries)
+static inline const form *find_form(const shape *shape, uint64_t mask)
+{
+    const form *first = shape->forms;
+    return first != NULL && first->mask == mask ? first : further_form(shape, mask);
+}
+
+/* Places for the values, behind their prefix, which begins at *memory. */
+static inline PyObject **values_new(const form *form, unsigned char **memory)
+{
+    *memory = PyMem_Malloc(form->prefix_octets + form->count * sizeof(PyObject *));
+    if (*memory == NULL)
+        return NULL;
+    for (size_t at = 0; at < form->prefix_octets; at += sizeof(uint64_t))
+        memcpy(*memory + at, form->prefix + at, sizeof(uint64_t));
+    return (PyObject **)(void *)(*memory + form->prefix_octets);
+}
+
+/* An empty dict whose shared table of no keys is replaced by the form's; takes the values. */
+static inline PyObject *dict_with(const form *form, PyObject **values)
 {
     PyDictObject *dict = (PyDictObject *)PyDict_New();
     if (dict == NULL)
         return NULL;
-    keys_table *table = PyObject_Malloc(form->octets);
-    if (table == NULL) {
-        Py_DECREF(dict);
-        return PyErr_NoMemory();
-    }
-    memcpy(table, form->table, form->octets);
-    ((keys_table *)(void *)dict->ma_keys)->references--;
-    dict->ma_keys = (PyDictKeysObject *)(void *)table;
+    table_of((PyObject *)dict)->references--;
+    form->keys->references++;
+    dict->ma_keys = (PyDictKeysObject *)(void *)form->keys;
+    dict->ma_values = (PyDictValues *)(void *)values;
     dict->ma_used = form->count;
-    *entries = (entry *)(void *)((char *)table + form->entries);
+    if (form->has_containers)
+        PyObject_GC_Track(dict);
     return (PyObject *)dict;
 }
 
-static PyObject *part_python(const part *part, const unsigned char *record)
+static inline PyObject *part_python(const part *part, const unsigned char *record)
 {
     return part->is_plain ? quick_value(part->shape, record + part->offset) : slot_python(part->slot, record);
 }
 
 static PyObject *by_form(const form *form, const unsigned char *record)
 {
-    entry *entries = NULL;
-    PyObject *dict = dict_with_keys(form, &entries);
-    if (dict == NULL)
-        return NULL;
-    bool is_good = true;
-    for (uint16_t index = 0; index < form->count; index++) {
-        PyObject *value = is_good ? part_python(&form->parts[index], record) : NULL;
-        is_good = value != NULL;
-        entries[index].value = is_good ? value : Py_NewRef(Py_None);
-        Py_INCREF(entries[index].key);
+    unsigned char *memory;
+    PyObject **values = values_new(form, &memory), **at = values;
+    if (values == NULL)
+        return PyErr_NoMemory();
+    const part *part = form->parts, *end = part + form->count;
+    while (part != end && (*at = part_python(part, record)) != NULL)
+        part++, at++;
+    PyObject *dict = part != end ? NULL : dict_with(form, values);
+    if (dict == NULL) {
+        while (at != values)
+            Py_DECREF(*--at);
+        PyMem_Free(memory);
     }
-    if (!is_good)
-        Py_CLEAR(dict);
-    else if (form->has_containers)
-        PyObject_GC_Track(dict);
     return dict;
 }
 
 static PyObject *components(const shape *shape, const unsigned char *record)
 {
-    if (shape->slots_count > MAX_MASK)
+    if (shape->optionals_count > MAX_MASK)
         return by_items(shape, record);
     const form *form = find_form(shape, mask_of(shape, record));
-    return form != NULL ? by_form(form, record) : by_items(shape, record);
+    return form != NULL && form->keys != NULL ? by_form(form, record) : by_items(shape, record);
 }
 
 #else

@@ -1,7 +1,7 @@
 /* Dicts to a SEQUENCE. A dict in the order of the ASN.1 with interned keys, as decode or a literal makes it, costs a comparison of
  * pointers for each component; any other goes the longer way of record_any.c. */
-#include "dict_layout.h"
 #include "encode.h"
+#include "form.h"
 
 #include <string.h>
 
@@ -119,11 +119,32 @@ static step each_entry(maker *maker, const shape *shape, keys_table *table, cons
     return GOOD;
 }
 
+/* The same over the values of a dict that decode made: its keys are known. */
+static step each_part(maker *maker, const shape *shape, const form *form, PyObject *dict, const slot **next, unsigned char *record)
+{
+    unsigned foreign = maker->foreign;
+    PyObject *const *value = values_of(dict);
+    const part *part = form->parts, *end = part + form->count;
+    for (uint16_t index = 0; index < shape->optionals_count; index++)
+        PUT(bool, record + shape->optionals[index], false);
+    for (; part != end; part++, value++) {
+        if (!quick_slot_from(maker, shape, part->slot, *value, record))
+            return BAD;
+        if (maker->foreign != foreign)
+            return OTHER;
+    }
+    *next = shape->slots + shape->slots_count;
+    return GOOD;
+}
+
 static inline step pairs(maker *maker, const shape *shape, PyObject *dict, const slot **next, unsigned char *record)
 {
-    keys_table *table = table_of(dict);
-    return dicts_are_known && table != NULL ? each_entry(maker, shape, table, next, record)
-                                            : each_pair(maker, shape, dict, next, record);
+    if (!dicts_are_known || table_of(dict)->kind == OTHER_KEYS)
+        return each_pair(maker, shape, dict, next, record);
+    if (values_of(dict) == NULL)
+        return each_entry(maker, shape, table_of(dict), next, record);
+    const form *form = form_of(shape, dict);
+    return form != NULL ? each_part(maker, shape, form, dict, next, record) : each_pair(maker, shape, dict, next, record);
 }
 
 #else

@@ -96,7 +96,8 @@ static bool fill_slots(shape *shape)
     const captain_type *type = shape->type;
     shape->slots = PyMem_Calloc(type->fields_count + (size_t)1, sizeof *shape->slots);
     shape->attributes = PyMem_Calloc(type->fields_count + (size_t)1, sizeof *shape->attributes);
-    if (shape->slots == NULL || shape->attributes == NULL) {
+    shape->optionals = PyMem_Calloc(type->fields_count + (size_t)1, sizeof *shape->optionals);
+    if (shape->slots == NULL || shape->attributes == NULL || shape->optionals == NULL) {
         PyErr_NoMemory();
         return false;
     }
@@ -120,7 +121,8 @@ static bool fill_slots(shape *shape)
         slot->high = slot->shape->high;
         slot->is_early = slot->op == OP_OPEN && slot->shape->type->selector >= index;
         shape->slots_count++;
-        shape->may_be_absent = shape->may_be_absent || (slot->present != CAPTAIN_NOWHERE && !slot->has_default);
+        if (is_optional(slot))
+            shape->optionals[shape->optionals_count++] = slot->present;
     }
     return true;
 }

@@ -1,6 +1,6 @@
 /* The tables of runtime.h as Python needs them: one shape for each captain_type that a message of this library reaches, with
  * interned names and what decode and encode would otherwise work out for every value. Made once, at import, then constant
- * (but for the forms of record.c, under the GIL). */
+ * (but for the forms of form.h, under the GIL). */
 #ifndef CAPTAIN_SHAPES_H
 #define CAPTAIN_SHAPES_H
 
@@ -37,15 +37,15 @@ struct shape {
     const captain_type *type;
     uint8_t op;
     bool is_dense;       /* ENUMERATED: the number of every item is its index */
-    bool may_be_absent;  /* SEQUENCE: some slot without a default has a presence bit */
-    uint16_t slots_count;
+    uint16_t slots_count, optionals_count;
     int64_t low, high;   /* INTEGER: what the encoding and the memory hold */
     slot *slots;
+    uint32_t *optionals; /* SEQUENCE: offsets of the bools of all slots that may be absent, and then have no default */
     PyObject **attributes; /* of the slots, side by side: a view looks through them */
     PyObject **names;    /* ENUMERATED: as type->names */
     const shape *element;
     const shape **rows;  /* OPEN: as type->rows */
-    struct form *forms;  /* SEQUENCE: see record.c */
+    struct form *forms;  /* SEQUENCE: see form.h */
 };
 
 /* NULL and an exception: no memory. */
@@ -64,6 +64,12 @@ static inline const unsigned char *slot_value(const slot *slot, const unsigned c
 {
     const unsigned char *value = record + slot->offset;
     return slot->is_pointer ? *(const unsigned char *const *)(const void *)value : value;
+}
+
+/* Absent, it is not in a dict. */
+static inline bool is_optional(const slot *slot)
+{
+    return slot->present != CAPTAIN_NOWHERE && !slot->has_default;
 }
 
 static inline bool slot_is_absent(const slot *slot, const unsigned char *record)

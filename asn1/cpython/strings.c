@@ -2,7 +2,7 @@
 #include "decode.h"
 #include "walk.h"
 
-static PyObject *bits_value(const unsigned char *octets, size_t bits)
+static PyObject *new_bits(const unsigned char *octets, size_t bits)
 {
     PyObject *tuple = PyTuple_New(2);
     if (tuple == NULL)
@@ -14,14 +14,52 @@ static PyObject *bits_value(const unsigned char *octets, size_t bits)
     return tuple;
 }
 
-static PyObject *small_bits_value(const captain_type *type, const unsigned char *value)
+/* Messages are full of tuples of few bits whose values seldom differ: each is kept until another takes its place. They are made
+ * of what cannot change, so that it does not matter who else has one. Under the GIL. */
+enum { LOG2_KEPT = 8, FEW_BITS = 64 };
+static struct kept {
+    PyObject *tuple;
+    uint64_t number;
+    size_t bits;
+} kept[1 << LOG2_KEPT];
+
+static NEVER_INLINE PyObject *keep_bits(struct kept *place, uint64_t number, size_t bits)
 {
     unsigned char octets[8];
-    size_t bits = (size_t)type->high;
-    uint64_t number = bits == 0 ? 0 : (uint64_t)captain_walk_number(type, value) << (64 - bits);
     for (size_t index = 0; index < sizeof octets; index++)
         octets[index] = (unsigned char)(number >> (56 - 8 * index));
-    return bits_value(octets, bits);
+    PyObject *tuple = new_bits(octets, bits), *before = place->tuple;
+    if (tuple == NULL)
+        return NULL;
+    *place = (struct kept){.tuple = Py_NewRef(tuple), .number = number, .bits = bits};
+    Py_XDECREF(before);
+    return tuple;
+}
+
+/* The first bit is the top of the number; bits up to FEW_BITS. */
+static PyObject *few_bits_value(uint64_t number, size_t bits)
+{
+    struct kept *place = &kept[(number + bits) * UINT64_C(0x9E3779B97F4A7C15) >> (64 - LOG2_KEPT)];
+    if (place->tuple == NULL || place->number != number || place->bits != bits)
+        return keep_bits(place, number, bits);
+    return Py_NewRef(place->tuple);
+}
+
+static PyObject *small_bits_value(const captain_type *type, const unsigned char *value)
+{
+    size_t bits = (size_t)type->high;
+    return few_bits_value(bits == 0 ? 0 : (uint64_t)captain_walk_number(type, value) << (64 - bits), bits);
+}
+
+static PyObject *bits_value(const captain_bits *value)
+{
+    uint64_t number = 0;
+    size_t octets = octets_of_bits(value->count);
+    if (value->count > FEW_BITS || value->count == 0)
+        return new_bits(value->octets, value->count);
+    for (size_t index = 0; index < octets; index++)
+        number = number << 8 | value->octets[index];
+    return few_bits_value(number << (64 - 8 * octets), value->count);
 }
 
 static bool append(void *context, const char *text, size_t octets)
@@ -48,7 +86,7 @@ PyObject *string_value(const shape *shape, const unsigned char *value)
     case OP_SMALL_BITS:
         return small_bits_value(type, value);
     case OP_BITS:
-        return bits_value(AT(captain_bits, value).octets, AT(captain_bits, value).count);
+        return bits_value(&AT(captain_bits, value));
     case OP_FIXED_OCTETS:
         return PyBytes_FromStringAndSize((const char *)value, (Py_ssize_t)type->high);
     case OP_OCTETS:
