@@ -1,4 +1,10 @@
-"""ITS time and UTC: milliseconds since 2004 that count leap seconds, and seconds since 1970 that do not."""
+"""ITS time and UTC: milliseconds since 2004 that count leap seconds, and seconds since 1970 that do not.
+
+And what a receiver says of time and place: Fix and TimeMark.
+"""
+
+from enum import IntEnum
+from typing import NamedTuple
 
 from board.errors import RequestError
 
@@ -57,3 +63,69 @@ def utc_s(its_ms: int, leap_seconds: int) -> float:
 def gn_timestamp(its_ms: int) -> int:
     """TST of a GeoNetworking position vector: ITS time modulo 2**32 (EN 302 636-4-1 V1.4.1 clause 9.5.2)."""
     return its_ms & 0xFFFFFFFF
+
+
+class FixKind(IntEnum):
+    """How a position was found, numbered as NAV-PVT.fixType of u-blox F9."""
+
+    NONE = 0
+    DEAD_RECKONING = 1
+    FLAT = 2  # two dimensions
+    FULL = 3  # three dimensions
+    COMBINED = 4  # satellites and dead reckoning
+    TIME_ONLY = 5
+
+
+class Carrier(IntEnum):
+    """State of the carrier phase ambiguities: none, float, or fixed (RTK)."""
+
+    NONE = 0
+    FLOAT = 1
+    FIXED = 2
+
+
+class Fix(NamedTuple):
+    """What a receiver says of place and time at one epoch; what it does not know is None.
+
+    monotonic      the loop's clock when it came.
+    latitude, longitude  1e-7 degree, WGS84. altitude in mm above the ellipsoid.
+    horizontal, vertical  accuracy as the receiver estimates it (u-blox: one standard deviation), mm.
+    speed          over ground, mm/s, with its accuracy. heading: of motion, 1e-5 degree from north, with its accuracy.
+    utc_ns         Unix time of the epoch in ns; None before date, time and leap seconds are resolved.
+    utc_accuracy_ns  of it.
+    """
+
+    monotonic: float
+    kind: FixKind = FixKind.NONE
+    latitude: int | None = None
+    longitude: int | None = None
+    altitude: int | None = None
+    horizontal: int | None = None
+    vertical: int | None = None
+    speed: int | None = None
+    speed_accuracy: int | None = None
+    heading: int | None = None
+    heading_accuracy: int | None = None
+    satellites: int | None = None
+    carrier: Carrier = Carrier.NONE
+    utc_ns: int | None = None
+    utc_accuracy_ns: int | None = None
+
+
+class TimeMark(NamedTuple):
+    """What a receiver says of its next pulse.
+
+    monotonic        the loop's clock when it was said.
+    utc_s            Unix time of the second that the pulse begins; None while leap seconds are not known.
+    accuracy_ns      of the receiver's time.
+    quantisation_ps  error of the pulse by the receiver's clock grid; None where it is not known.
+    is_locked        whether the pulse follows the satellites, with UTC fully resolved.
+    leap_seconds     GPS time less UTC, s; None where it is the firmware's default.
+    """
+
+    monotonic: float
+    utc_s: int | None
+    accuracy_ns: int
+    quantisation_ps: int | None
+    is_locked: bool
+    leap_seconds: int | None

@@ -1,10 +1,13 @@
 """The contract between the station and an interface: a driver below, its host above."""
 
+from collections.abc import Callable, Mapping
 from enum import Enum, Flag, auto
-from typing import Any, Final, NamedTuple, Protocol
+from typing import Any, Final, NamedTuple, Protocol, runtime_checkable
 
 from board.errors import StationError
 from board.loop import Loop
+from board.machine import REAL, Machine
+from board.time import Fix, TimeMark
 from drivers.message import NO_RX_INFO, Ego, Request, RxInfo
 from drivers.reason import Reason
 
@@ -81,6 +84,15 @@ class Host(Protocol):
     def ego(self) -> Ego:
         """Own time and position, now."""
 
+    def fix(self, fix: Fix) -> None:
+        """A receiver's solution of one epoch, with POSITION."""
+
+    def time_mark(self, mark: TimeMark) -> None:
+        """What a receiver says of its next pulse, with TIMEMARK."""
+
+    def tell(self, details: Mapping[str, object]) -> None:
+        """What status shows of the module beside its link, as JSON; replaces what was told before."""
+
 
 class Shared(NamedTuple):
     """What all interfaces of one station have in common; given to a driver's constructor beside its options.
@@ -95,6 +107,7 @@ class Shared(NamedTuple):
                         unit.
     is_mobile           itsGnIsMobile of EN 302 636-4-1.
     is_mac_configured   whether mac was given by the user: the M bit of the GeoNetworking address (clause 6.3).
+    machine             where the kernel's files are: a driver of a USB module finds its ports there.
     """
 
     mac: bytes
@@ -105,6 +118,7 @@ class Shared(NamedTuple):
     station_type: int = 0
     is_mobile: bool = True
     is_mac_configured: bool = False
+    machine: Machine = REAL
 
 
 class Driver(Protocol):
@@ -125,6 +139,20 @@ class Driver(Protocol):
 
     def stop(self) -> None:
         """Close everything, having reported a last time as refresh() does; idempotent."""
+
+
+Answer = Callable[[Mapping[str, object] | StationError], None]
+
+
+@runtime_checkable
+class Operated(Protocol):
+    """A driver that an operator may ask more of: `captain modem`, `captain gnss`."""
+
+    def operate(self, do: str, arguments: Mapping[str, object], answer: Answer) -> None:
+        """Do what is asked and answer once, at once or later; after stop() no more.
+
+        What cannot be done is answered with a StationError.
+        """
 
 
 class DriverClass(Protocol):

@@ -1,11 +1,12 @@
 """One interface of the station: the host of a driver, its counters, its neighbours and its queue."""
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Protocol
 
 from board.errors import RequestError, StationError
 from board.loop import Loop
+from board.time import Fix, TimeMark
 from drivers.contract import Can, Driver, Sent
 from drivers.message import (
     ITS_HEADER,
@@ -66,6 +67,9 @@ class Interface:
         self.why = "not started"
         self.since = loop.clock()
         self.on_fail: Callable[[StationError], None] = lambda error: None
+        self.on_fix: Callable[[Fix], None] = lambda fix: None
+        self.on_time_mark: Callable[[TimeMark], None] = lambda mark: None
+        self.details: Mapping[str, object] = {}
         self.can_transmit = Can.TRANSMIT in driver.capabilities.can
         self.neighbours = Neighbours()
         self._heard = self.neighbours.heard
@@ -142,6 +146,15 @@ class Interface:
     def ego(self) -> Ego:
         return self._above.ego()
 
+    def fix(self, fix: Fix) -> None:
+        self.on_fix(fix)
+
+    def time_mark(self, mark: TimeMark) -> None:
+        self.on_time_mark(mark)
+
+    def tell(self, details: Mapping[str, object]) -> None:
+        self.details = details
+
     # What its queue calls: firmware.outlet.Outgoing.
 
     def transmit(self, request: Request) -> Sent | None:
@@ -187,6 +200,7 @@ class Interface:
             "received_octets": self.received_octets,
             "sent_octets": self.sent_octets,
             "queue": {"length": outlet.length, "capacity": outlet.capacity, "longest": outlet.longest},
+            **({"details": self.details} if self.details else {}),
         }
 
 

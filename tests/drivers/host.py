@@ -1,10 +1,11 @@
 """A station above a driver under test: it answers as a station does and remembers what it was told."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 
 from board.errors import StationError
 from board.loop import Loop
+from board.time import Fix, TimeMark
 from drivers.contract import Shared
 from drivers.message import NO_RX_INFO, Area, Ego, MessageType, Position, Request, RxInfo
 from drivers.reason import Reason
@@ -33,6 +34,9 @@ class Host:
         self.confirms: list[tuple[Request, Reason | None]] = []
         self.links: list[tuple[bool, str]] = []
         self.failures: list[StationError] = []
+        self.fixes: list[Fix] = []
+        self.time_marks: list[TimeMark] = []
+        self.details: list[Mapping[str, object]] = []
         self.times_writable = 0
         self.on_indication: Callable[[], None] = lambda: None
 
@@ -77,6 +81,15 @@ class Host:
 
     def ego(self) -> Ego:
         return EGO
+
+    def fix(self, fix: Fix) -> None:
+        self.fixes.append(fix)
+
+    def time_mark(self, mark: TimeMark) -> None:
+        self.time_marks.append(mark)
+
+    def tell(self, details: Mapping[str, object]) -> None:
+        self.details.append(details)
 
 
 def told(loop: VirtualLoop, is_done: Callable[[], bool], patience_s: float = 2.0) -> None:

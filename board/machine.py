@@ -1,0 +1,19 @@
+"""Where the machine's own files are: a Pi's, or those of a simulated board."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+
+class Machine(NamedTuple):
+    """Roots of the files that the kernel offers.
+
+    uevents  path of a Unix datagram socket that sends what the kernel would; empty: the kernel's own, by netlink.
+    """
+
+    sys: Path = Path("/sys")
+    dev: Path = Path("/dev")
+    proc: Path = Path("/proc")
+    uevents: str = ""
+
+
+REAL = Machine()
