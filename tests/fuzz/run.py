@@ -121,8 +121,14 @@ def _run(
         int(inputs[1]) if inputs else 0,
         int(covered[-1]) if covered else 0,
         time.monotonic() - started,
-        "\n".join(done.stderr.splitlines()[-60:]) if done.returncode else "",
+        _last_words(done) if done.returncode else "",
     )
+
+
+def _last_words(done: subprocess.CompletedProcess[str]) -> str:
+    """Python's traceback, which goes to stdout, and the end of stderr without the lines of libFuzzer's progress (#123 NEW ...)."""
+    told = [line for line in done.stderr.splitlines() if not line.startswith("#")]
+    return "\n".join((*done.stdout.splitlines()[-20:], *told[-60:]))
 
 
 def _keep(name: str, program: Path, learned: Path, merged: Path) -> None:
