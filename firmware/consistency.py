@@ -1,14 +1,10 @@
 """What only several tables of captain.toml together can tell: names that mean nothing, bits that do not fit."""
 
-from __future__ import annotations
+from collections.abc import Collection, Iterator
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
-
+from board.describe import remedy
+from firmware.tables import EndpointOptions, PayloadMatch, PolicyRow, StationOptions, Tables, TypeConfig
 from firmware.topics import ROWS
-
-if TYPE_CHECKING:
-    from firmware.config import EndpointOptions, PayloadMatch, PolicyRow, StationOptions, Tables, TypeConfig
 
 # Interface processes appear as an interface of this name.
 IPC = "ipc"
@@ -16,11 +12,15 @@ IPC = "ipc"
 PLACES = frozenset({"from_users", "to_users", "pull", "report", "router"})
 
 
-def mistakes(tables: Tables) -> list[str]:
-    """Each as `key.path: what is wrong; what to do`."""
+def mistakes(tables: Tables, slots: Collection[str]) -> list[str]:
+    """Each as `key.path: what is wrong; what to do`.
+
+    slots  names of those that the board has.
+    """
     return [
         *_station(tables.station),
         *_interfaces(tables),
+        *_slots(tables, slots),
         *_policy(tables),
         *_types(tables.types),
         *_endpoint(tables.endpoint),
@@ -38,6 +38,20 @@ def _interfaces(tables: Tables) -> Iterator[str]:
             yield f"interfaces: {name!r} cannot be an interface's name: it means something else"
     if IPC in tables.interfaces and (tables.endpoint.ipc_in or tables.endpoint.ipc_out):
         yield f"interfaces.{IPC}: is the name of the interface processes of endpoint.ipc_in and ipc_out"
+
+
+def _slots(tables: Tables, known: Collection[str]) -> Iterator[str]:
+    """Each interface in a slot that there is, and alone: two could not agree on its power."""
+    first: dict[str, str] = {}
+    for name, options in tables.interfaces.items():
+        slot = options.get("slot")
+        if not slot or not isinstance(slot, str):
+            continue
+        if slot not in known:
+            yield f"interfaces.{name}.slot: the board has no slot {slot!r}; {remedy(slot, known)}"
+        elif slot in first:
+            yield f"interfaces.{name}.slot: {slot!r} is that of {first[slot]} already; a slot has one interface"
+        first.setdefault(slot, name)
 
 
 def _policy(tables: Tables) -> Iterator[str]:

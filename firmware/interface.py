@@ -21,10 +21,10 @@ from drivers.message import (
     RxInfo,
 )
 from drivers.reason import Reason
-from firmware.config import QueueOptions
 from firmware.drops import Drops
 from firmware.neighbours import Neighbours
 from firmware.outlet import Outlet
+from firmware.tables import QueueOptions
 from firmware.topics import Topics
 
 _new = tuple.__new__

@@ -7,7 +7,7 @@ from typing import NamedTuple, Protocol
 from drivers.contract import Can
 from drivers.message import Area, Ego, MessageType, Position, Shape
 from drivers.wire.area import contains
-from firmware.config import Match, NeighbourMatch, PayloadMatch, PlaceMatch, PolicyRow, Span
+from firmware.tables import Match, NeighbourMatch, PayloadMatch, PlaceMatch, PolicyRow, Span
 from firmware.topics import Topics
 
 

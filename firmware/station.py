@@ -15,7 +15,7 @@ from drivers.contract import Driver, Shared
 from drivers.message import Ego, Position
 from drivers.reason import Reason
 from drivers.sim.neighbours import Neighbours
-from firmware.config import Config, QueueOptions
+from firmware.config import Config
 from firmware.control_socket import ControlSocket, default_path
 from firmware.drops import Drops
 from firmware.duplicates import Duplicates
@@ -28,6 +28,7 @@ from firmware.publisher import Publisher
 from firmware.report import CONFIRM, STATUS, Report, process_status
 from firmware.router import Router
 from firmware.supervisor import Supervised
+from firmware.tables import QueueOptions
 from firmware.topics import Topics, TypeRow
 from firmware.users import Users
 

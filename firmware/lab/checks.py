@@ -15,9 +15,10 @@ from board.errors import StationError
 from drivers import DRIVERS
 from drivers.contract import Shared
 from firmware.codec.library import Library, NoLibraryError
-from firmware.config import Config, EndpointOptions, InterfaceConfig
+from firmware.config import Config, InterfaceConfig
 from firmware.lab import ports
 from firmware.lab.trial import Trial
+from firmware.tables import EndpointOptions
 from firmware.user.untrusted import text, within
 
 # The first year in which this program existed: a clock before it was never set.

@@ -7,9 +7,9 @@ from board.errors import StationError
 from board.loop import Loop
 from drivers.contract import Can, Capabilities, Host, Sent
 from drivers.message import Confirm, Ego, Indication, MessageType, Outcome, Position, Request
-from firmware.config import QueueOptions
 from firmware.drops import Drops
 from firmware.interface import Interface
+from firmware.tables import QueueOptions
 from firmware.topics import Topics
 
 CAM_PDU = bytes.fromhex("02020000053900010203")

@@ -1,12 +1,14 @@
 """captain.toml over a board file: what is taken, and that every mistake is named at once with its place."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
 from board.errors import ConfigurationError
-from firmware import config
-from firmware.config import Config, Place, Span
+from firmware import board_file, config
+from firmware.config import Config
+from firmware.tables import Place, Span
 
 TWO_UDP = """
 [interfaces.g5]
@@ -65,7 +67,7 @@ def test_each_board_of_the_project_is_read(board: str) -> None:
 
 
 def test_every_board_file_that_ships_is_read() -> None:
-    for path in config.BOARDS.glob("*.toml"):
+    for path in board_file.BOARDS.glob("*.toml"):
         assert config.load(None, (), path.stem).board.name == path.stem
 
 
@@ -400,3 +402,57 @@ def test_two_stations_of_one_name_on_one_host_have_addresses_of_their_own() -> N
 )
 def test_what_can_never_be_meant_is_a_mistake(folder: Path, text: str, key: str) -> None:
     assert any(key in line for line in mistakes(folder, text + "\n"))
+
+
+SLOTS = 'name = "mine"\n[slots.v2x]\nusb = "1-1.3"\n[slots.cellular]\nusb = "1-1.4"\n'
+
+
+@pytest.fixture
+def slots(folder: Path) -> str:
+    path = folder / "mine.toml"
+    path.write_text(SLOTS)
+    return str(path)
+
+
+def test_an_interface_may_sit_in_a_slot_of_the_board(folder: Path, slots: str) -> None:
+    read = loaded(folder, TWO_UDP, "interfaces.g5.slot=v2x", board=slots)
+    assert [entry.queue.slot for entry in read.interfaces] == ["v2x", ""]
+
+
+def test_a_slot_that_the_board_lacks_is_a_mistake_with_what_may_have_been_meant(folder: Path, slots: str) -> None:
+    (said,) = mistakes(folder, TWO_UDP, "interfaces.g5.slot=v2", board=slots)
+    assert said.endswith("interfaces.g5.slot: the board has no slot 'v2'; did you mean v2x?")
+    (said,) = mistakes(folder, TWO_UDP, "interfaces.g5.slot=v2x")
+    assert said.endswith("the board has no slot 'v2x'; known: none")
+
+
+def test_two_interfaces_in_one_slot_are_a_mistake(folder: Path, slots: str) -> None:
+    said = mistakes(folder, TWO_UDP, "interfaces.g5.slot=v2x", "interfaces.mqtt.slot=v2x", board=slots)
+    assert said[0].endswith("interfaces.mqtt.slot: 'v2x' is that of g5 already; a slot has one interface")
+
+
+@pytest.mark.parametrize("slot", ["5", "true", "[]"])
+def test_a_slot_that_is_no_name_is_a_mistake(folder: Path, slots: str, slot: str) -> None:
+    (said,) = mistakes(folder, TWO_UDP, f"interfaces.g5.slot={slot}", board=slots)
+    assert "interfaces.g5: slot: " in said
+
+
+@dataclass(frozen=True)
+class _UsbOptions:
+    """Of a driver whose module sits on USB."""
+
+    usb: str = ""
+
+
+class _UsbDriver:
+    Options = _UsbOptions
+
+
+@pytest.mark.parametrize(("given", "usb"), [("", "1-1.4"), ('usb = "2-1"', "2-1")])
+def test_a_driver_looks_where_its_slot_is_unless_it_is_told_to_look_elsewhere(
+    folder: Path, slots: str, monkeypatch: pytest.MonkeyPatch, given: str, usb: str
+) -> None:
+    monkeypatch.setitem(config.DRIVERS, "usb", _UsbDriver)
+    text = f"[interfaces.modem]\ndriver = 'usb'\nslot = 'cellular'\n{given}\n"
+    (modem,) = loaded(folder, text, board=slots).interfaces
+    assert modem.options.usb == usb

@@ -13,10 +13,10 @@ from drivers.contract import Can
 from drivers.message import Outcome, RxInfo
 from drivers.reason import Reason
 from drivers.wire import raw
-from firmware.config import QueueOptions
 from firmware.drops import Drops
 from firmware.interface import Interface
 from firmware.ipc import RETRY_S, Ipc, IpcOptions
+from firmware.tables import QueueOptions
 from firmware.topics import Topics
 from tests.firmware.doubles import CAM_PDU, NotingStation, pdu_of, request_of
 from tests.virtual import VirtualLoop

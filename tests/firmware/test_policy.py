@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from board.describe import read
 from drivers.contract import Can
 from drivers.message import Area, Ego, Position, Shape
-from firmware.config import Tables
 from firmware.policy import Policy, Rate, Row
+from firmware.tables import Tables
 from firmware.topics import Topics
 from tests.firmware.doubles import INGOLSTADT, pdu_of
 

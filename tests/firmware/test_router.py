@@ -11,12 +11,12 @@ from board.describe import read
 from drivers.contract import Can
 from drivers.message import NO_RX_INFO, Confirm, Ego, Indication, Outcome, Position
 from drivers.reason import Reason
-from firmware.config import Tables
 from firmware.drops import Drops
 from firmware.interface import Interface
 from firmware.options import NOTHING_ASKED, Parsed, parse
 from firmware.policy import Policy
 from firmware.router import Router
+from firmware.tables import Tables
 from firmware.topics import Topics
 from tests.firmware.doubles import BOTH_WAYS, CAM_PDU, ScriptedDriver, interface_of, pdu_of
 from tests.virtual import VirtualLoop

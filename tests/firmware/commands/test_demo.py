@@ -8,7 +8,8 @@ import tomllib
 import pytest
 
 from board import describe
-from firmware import cli, config
+from firmware import cli
+from firmware.board_file import Board
 from firmware.commands import demo
 from tests.firmware.commands.test_program import is_gone
 
@@ -89,7 +90,7 @@ def test_a_station_that_cannot_start_ends_it_with_its_words(started, monkeypatch
 
 def test_each_station_is_the_others_peer():
     boards = dict(demo.boards([1001, 1002, 1003]))
-    read = {name: describe.read(config.Board, tomllib.loads(text), name) for name, text in boards.items()}
+    read = {name: describe.read(Board, tomllib.loads(text), name) for name, text in boards.items()}
     a, b = read["A"].interfaces["g5"], read["B"].interfaces["g5"]
     assert b["peers"] == [a["listen"]]
     assert b["listen"] in a["peers"]

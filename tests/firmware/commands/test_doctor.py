@@ -11,9 +11,10 @@ from drivers.udp import UdpOptions
 from firmware import cli
 from firmware.codec import library
 from firmware.commands import doctor
-from firmware.config import EndpointOptions, InterfaceConfig, QueueOptions
+from firmware.config import InterfaceConfig
 from firmware.lab import checks
 from firmware.lab.checks import Finding, Level
+from firmware.tables import EndpointOptions, QueueOptions
 from tests.firmware.commands.fake import STATUS, FakeControl
 
 MAC = bytes.fromhex("02000000000b")

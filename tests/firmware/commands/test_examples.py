@@ -6,7 +6,7 @@ import shlex
 
 import pytest
 
-from firmware import cli, config
+from firmware import board_file, cli, config
 
 EXAMPLE = re.compile(r"^  (captain .*?)(?:  .*)?$", re.MULTILINE)
 PIECE = re.compile(r" \| | > ?")
@@ -41,7 +41,7 @@ def test_every_example_has_options_that_exist(example):
 def test_every_station_that_an_example_starts_is_configured_well(example, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "captain.toml").write_text('[interfaces.air]\ndriver = "udp"\nlisten = "127.0.0.1:0"\n')
-    (tmp_path / "crowd.toml").write_bytes((config.BOARDS / "sim.toml").read_bytes())
+    (tmp_path / "crowd.toml").write_bytes((board_file.BOARDS / "sim.toml").read_bytes())
     asked = parsed(example)
     read = config.load(asked.config, asked.overrides, asked.board)
     assert read.interfaces

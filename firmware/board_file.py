@@ -1,0 +1,118 @@
+"""A board file as the station reads it: the hardware, and the interfaces that a station on it begins with."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from board import describe
+from board.describe import remedy
+from board.description import Hardware, LineDescription, RailDescription, TemperatureDescription
+from board.errors import ConfigurationError
+from drivers.sim.neighbours import NeighboursOptions
+
+BOARDS = Path(describe.__file__).parent / "boards"
+
+
+@dataclass(frozen=True)
+class Board(Hardware):
+    """What is there before captain.toml says what is wanted of it.
+
+    interfaces  as captain.toml has them, which is laid over these.
+    neighbours  simulated stations in the radio's reach.
+    """
+
+    interfaces: dict[str, dict[str, Any]] = field(default_factory=dict)
+    neighbours: NeighboursOptions | None = None
+
+
+def load(board: str) -> Board:
+    """A board by its name in board/boards (`sim`, `none`) or by the path of a file.
+
+    Raises ConfigurationError that names every mistake with file and key path.
+    """
+    path = Path(board) if "/" in board or board.endswith(".toml") else BOARDS / f"{board}.toml"
+    if path.parent == BOARDS and not path.exists():
+        known = ", ".join(sorted(entry.stem for entry in BOARDS.glob("*.toml")))
+        raise ConfigurationError(f"board {board!r} is not known", f"one of {known}, or the path of a board file")
+    read = describe.read(Board, describe.load(path), str(path))
+    if wrong := [f"{path}: {text}" for text in mistakes(read)]:
+        raise ConfigurationError("\n".join(wrong))
+    return read
+
+
+def mistakes(board: Hardware) -> Iterator[str]:
+    """What only several tables together can tell, each as `key.path: what is wrong; what to do`."""
+    for name, line in board.lines.items():
+        yield from _unknown(f"lines.{name}.expander", line.expander, board.expanders)
+    yield from _buses(board)
+    for name, rail in board.rails.items():
+        yield from _one_source(f"rails.{name}", rail, "bus and hwmon", rail.bus, rail.hwmon)
+    for name, temperature in board.temperatures.items():
+        yield from _temperature(f"temperatures.{name}", temperature)
+    yield from _slots(board)
+    yield from _taken_twice(board)
+
+
+def _buses(board: Hardware) -> Iterator[str]:
+    """Every chip on a bus that is declared."""
+    for table in ("expanders", "rails", "temperatures"):
+        for name, chip in getattr(board, table).items():
+            yield from _unknown(f"{table}.{name}.bus", chip.bus, board.buses)
+    if board.identity is not None:
+        yield from _unknown("identity.bus", board.identity.bus, board.buses)
+
+
+def _temperature(where: str, one: TemperatureDescription) -> Iterator[str]:
+    if (one.kind == "tmp102") != bool(one.bus):
+        yield f"{where}: a tmp102 has a bus, and nothing else has; {one.kind!r} is with {one.bus or 'no bus'!r}"
+    elif one.kind != "tmp102" and not one.source:
+        yield f"{where}.source: is missing; give the name of the {one.kind} device"
+
+
+def _one_source(where: str, one: RailDescription, words: str, *given: str) -> Iterator[str]:
+    if sum(map(bool, given)) != 1:
+        yield f"{where}: a rail is read by one of {words}; give exactly one of them"
+
+
+def _slots(board: Hardware) -> Iterator[str]:
+    for name, slot in board.slots.items():
+        where = f"slots.{name}"
+        yield from _unknown(f"{where}.power", slot.power, board.lines)
+        yield from _unknown(f"{where}.reset", slot.reset, board.lines)
+        if slot.hub_port and not slot.usb:
+            yield f"{where}.usb: is missing; a hub can switch a port only where its topology path is known"
+        if slot.power and slot.power == slot.reset:
+            yield f"{where}.reset: {slot.reset!r} is its power as well; give it a line of its own"
+
+
+def _taken_twice(board: Hardware) -> Iterator[str]:
+    """One place, one slot; one pin, one line; one slot to a line."""
+    slots, lines = board.slots, board.lines
+    yield from _twice("slots", "usb", {name: slot.usb for name, slot in slots.items() if slot.usb})
+    yield from _twice("lines", "pin", {name: _pin(line) for name, line in lines.items()})
+    for key in ("power", "reset"):
+        yield from _twice(
+            "slots", key, {name: getattr(slot, key) for name, slot in slots.items() if getattr(slot, key)}
+        )
+
+
+def _pin(line: LineDescription) -> str:
+    if line.expander:
+        return f"{line.expander} {line.pin}"
+    return line.line or f"{line.chip} {line.offset}"
+
+
+def _twice(table: str, key: str, taken: dict[str, str]) -> Iterator[str]:
+    first: dict[str, str] = {}
+    for name, place in taken.items():
+        if place in first:
+            yield f"{table}.{name}.{key}: {place!r} is that of {first[place]} already; each has its own"
+        elif place:
+            first[place] = name
+
+
+def _unknown(where: str, name: str, known: dict[str, Any]) -> Iterator[str]:
+    """A name that another table should have; an empty one names nothing."""
+    if name and name not in known:
+        yield f"{where}: {name!r} is not declared; {remedy(name, known)}"

@@ -1,0 +1,180 @@
+"""The tables of captain.toml as frozen dataclasses: what may be written in it, with bounds and defaults."""
+
+from dataclasses import dataclass, field
+from typing import Annotated, Any, Literal
+
+from board.describe import Range
+
+Port = Annotated[int, Range(0, 65535)]
+Octet = Annotated[int, Range(0, 255)]
+StationId = Annotated[int, Range(0, 4294967295)]
+Priority = Annotated[int, Range(0, 7)]
+Seconds = Annotated[float, Range(0.0, 86400.0)]
+
+
+@dataclass(frozen=True)
+class Place:
+    """A position in degrees, WGS84."""
+
+    latitude: Annotated[float, Range(-90.0, 90.0)]
+    longitude: Annotated[float, Range(-180.0, 180.0)]
+
+
+@dataclass(frozen=True)
+class StationOptions:
+    """[station]: who this is.
+
+    type       StationType of TS 102 894-2: 5 passenger car, 15 roadside unit, 0 unknown.
+    is_mobile  itsGnIsMobile of EN 302 636-4-1: whether it may move while it runs.
+    mac        own address; an empty one is made from host, name and port, locally administered.
+    """
+
+    name: str = "captain"
+    type: Annotated[int, Range(0, 31)] = 0
+    is_mobile: bool = True
+    profile: Literal["standard", "legacy"] = "standard"
+    mac: str = ""
+    position: Place | None = None
+
+
+@dataclass(frozen=True)
+class EndpointOptions:
+    """[endpoint]: where user programs connect. An ipc_ address is off when empty."""
+
+    address: str = "127.0.0.1"
+    from_users: Port = 5555
+    to_users: Port = 5556
+    pull: Port = 5557
+    report: Port = 5558
+    control: str = ""
+    strict: bool = False
+    local_info: bool = True
+    ipc_in: str = ""
+    ipc_out: str = ""
+
+
+@dataclass(frozen=True)
+class ReceptionOptions:
+    """[reception]: what is passed on to users, and what is dropped with its reason."""
+
+    unverified: Literal["drop", "deliver"] = "drop"
+    gn_versions: tuple[Annotated[int, Range(0, 15)], ...] = (1,)
+    unknown_btp_port: Literal["drop", "deliver"] = "drop"
+    duplicate_window_s: Seconds = 2.0
+
+
+@dataclass(frozen=True)
+class QueueOptions:
+    """The options that every [interfaces.<name>] has beside its driver's.
+
+    queue       requests that may wait for it.
+    rate_per_s  its pace; 0 is as fast as the driver takes them.
+    technology  what status calls its medium, where the driver cannot know: its-g5 behind a udp or ethernet interface.
+    slot        of the board that its module sits in: it gets power before the driver is started, and is taken from it
+                and given again where starting alone does not help; empty: none, the driver is tried for ever.
+    """
+
+    driver: str
+    queue: Annotated[int, Range(1, 65536)] = 256
+    rate_per_s: Annotated[float, Range(0.0, 100_000.0)] = 0.0
+    technology: str = ""
+    slot: str = ""
+
+
+@dataclass(frozen=True)
+class TypeConfig:
+    """[[types]]: a further or changed row of the table of message types."""
+
+    number: Octet
+    name: str
+    btp_port: Port | None = None
+    priority: Priority = 3
+    lifetime_s: Seconds = 1.0
+    traffic_class: Octet = 2
+
+
+@dataclass(frozen=True)
+class Span:
+    """Limits of a number, both included; one left out is open."""
+
+    min: int | None = None
+    max: int | None = None
+
+
+@dataclass(frozen=True)
+class PayloadMatch:
+    """Octets of the PDU from offset on, hexadecimal; only the bits of the mask are compared."""
+
+    offset: Annotated[int, Range(0, 1499)]
+    value: str
+    mask: str = ""
+
+
+@dataclass(frozen=True)
+class NeighbourMatch:
+    """At least `count` stations heard on an interface in the last within_s seconds, each at rssi_dbm or better."""
+
+    interface: str
+    within_s: Seconds = 5.0
+    count: Annotated[int, Range(0, 4096)] = 1
+    rssi_dbm: int | None = None
+
+
+@dataclass(frozen=True)
+class PlaceMatch:
+    """Own position inside a circle."""
+
+    latitude: Annotated[float, Range(-90.0, 90.0)]
+    longitude: Annotated[float, Range(-180.0, 180.0)]
+    radius_m: Annotated[float, Range(0.0, 1e7)]
+
+
+@dataclass(frozen=True)
+class Match:
+    """When a row of the policy applies: all that is given must hold; an empty one always does."""
+
+    type: tuple[str, ...] = ()
+    station: tuple[StationId, ...] = ()
+    size: Span = Span()
+    btp_port: tuple[Port, ...] = ()
+    traffic_class: tuple[Octet, ...] = ()
+    area: Literal["", "none", "any", "inside", "outside"] = ""
+    payload: tuple[PayloadMatch, ...] = ()
+    link_up: tuple[str, ...] = ()
+    link_down: tuple[str, ...] = ()
+    bearer: bool | None = None
+    neighbours: NeighbourMatch | None = None
+    no_neighbours: NeighbourMatch | None = None
+    position: PlaceMatch | None = None
+
+
+@dataclass(frozen=True)
+class PolicyRow:
+    """[[policy]]: the first row whose match applies says how a message leaves.
+
+    interfaces     that it leaves by; "*" is each that transmits; none drops it.
+    fallback       those that it leaves by when none of them has its link up.
+    priority, lifetime_s, traffic_class  in place of the type's own.
+    rate_per_s     of messages that this row lets through; 0 is any.
+    """
+
+    name: str = ""
+    match: Match = Match()
+    interfaces: tuple[str, ...] = ("*",)
+    fallback: tuple[str, ...] = ()
+    priority: Priority | None = None
+    lifetime_s: Seconds | None = None
+    rate_per_s: Annotated[float, Range(0.0, 100_000.0)] = 0.0
+    traffic_class: Octet | None = None
+
+
+@dataclass(frozen=True)
+class Tables:
+    """The tables of captain.toml; interfaces are read once more, with their drivers' options."""
+
+    station: StationOptions = StationOptions()
+    endpoint: EndpointOptions = EndpointOptions()
+    reception: ReceptionOptions = ReceptionOptions()
+    interfaces: dict[str, dict[str, Any]] = field(default_factory=dict)
+    types: tuple[TypeConfig, ...] = ()
+    policy: tuple[PolicyRow, ...] = ()

@@ -1,0 +1,132 @@
+"""A board file: every table may be left out, and every name in one of them must mean something in another."""
+
+from pathlib import Path
+
+import pytest
+
+from board.errors import ConfigurationError
+from firmware import board_file
+from firmware.board_file import BOARDS, Board
+
+WHOLE = """
+name = "mine"
+[buses.main]
+path = "/dev/i2c-1"
+[expanders.pins]
+bus = "main"
+address = 0x20
+[lines.v2x_power]
+expander = "pins"
+pin = 3
+initial = "active"
+[lines.v2x_reset]
+chip = "pinctrl-bcm2711"
+offset = 17
+active_low = true
+open_drain = true
+[rails.main]
+kind = "ina219"
+bus = "main"
+min_v = 4.75
+[temperatures.board]
+kind = "tmp102"
+bus = "main"
+[temperatures.cpu]
+kind = "thermal"
+source = "cpu-thermal"
+max_c = 80
+[fan]
+hwmon = "pwmfan"
+[identity]
+bus = "main"
+[slots.v2x]
+title = "ITS-G5"
+usb = "1-1.3"
+power = "v2x_power"
+reset = "v2x_reset"
+[slots.free]
+usb = "1-1.2"
+hub_port = true
+"""
+
+
+def read(folder: Path, text: str) -> Board:
+    path = folder / "mine.toml"
+    path.write_text(text)
+    return board_file.load(str(path))
+
+
+def mistakes(folder: Path, text: str) -> list[str]:
+    with pytest.raises(ConfigurationError) as caught:
+        read(folder, text)
+    where = f"{folder}/mine.toml: "
+    lines = str(caught.value).splitlines()
+    assert all(line.startswith(where) for line in lines)
+    return [line.removeprefix(where) for line in lines]
+
+
+def test_a_whole_board_is_read(tmp_path: Path) -> None:
+    board = read(tmp_path, WHOLE)
+    assert board.lines["v2x_power"].pin == 3
+    assert board.expanders["pins"].address == 0x20
+    assert (board.rails["main"].min_v, board.rails["main"].max_a) == (4.75, None)
+    assert board.temperatures["cpu"].max_c == 80.0
+    assert board.fan is not None
+    assert board.identity is not None
+    assert list(board.slots) == ["v2x", "free"]
+
+
+def test_a_name_is_all_that_a_board_must_have(tmp_path: Path) -> None:
+    board = read(tmp_path, 'name = "bare"\n')
+    assert (board.slots, board.fan, board.simulated) == ({}, None, False)
+
+
+@pytest.mark.parametrize("path", sorted(BOARDS.glob("*.toml")), ids=lambda path: path.stem)
+def test_a_board_that_ships_has_no_mistake_and_says_what_it_is(path: Path) -> None:
+    board = board_file.load(path.stem)
+    assert board.name == path.stem
+    assert board.description
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        (
+            'expander = "pins"',
+            'expander = "pin"',
+            "lines.v2x_power.expander: 'pin' is not declared; did you mean pins?",
+        ),
+        ('[expanders.pins]\nbus = "main"', '[expanders.pins]\nbus = "mian"', "expanders.pins.bus: 'mian' is not decl"),
+        ('[rails.main]\nkind = "ina219"\nbus = "main"', '[rails.main]\nkind = "ina219"\nbus = "x"', "rails.main.bus: "),
+        ('kind = "tmp102"\nbus = "main"', 'kind = "tmp102"\nbus = "x"', "temperatures.board.bus: 'x' is not declared"),
+        ('[identity]\nbus = "main"', '[identity]\nbus = "x"', "identity.bus: 'x' is not declared; known: main"),
+        ('power = "v2x_power"', 'power = "v2x_powr"', "slots.v2x.power: 'v2x_powr' is not declared; did you mean"),
+        ('reset = "v2x_reset"', 'reset = "v2x"', "slots.v2x.reset: 'v2x' is not declared"),
+        ('reset = "v2x_reset"', 'reset = "v2x_power"', "slots.v2x.reset: 'v2x_power' is its power as well"),
+        ('usb = "1-1.2"\n', "", "slots.free.usb: is missing; a hub can switch"),
+        ('usb = "1-1.2"', 'usb = "1-1.3"', "slots.free.usb: '1-1.3' is that of v2x already"),
+        ("hub_port = true", 'power = "v2x_power"', "slots.free.power: 'v2x_power' is that of v2x already"),
+        ('kind = "ina219"\nbus = "main"', 'kind = "ina219"', "rails.main: a rail is read by one of bus and hwmon"),
+        ('kind = "ina219"\n', 'kind = "ina219"\nhwmon = "ina219"\n', "rails.main: a rail is read by one of bus and"),
+        ('kind = "tmp102"\nbus = "main"', 'kind = "tmp102"', "temperatures.board: a tmp102 has a bus"),
+        ('source = "cpu-thermal"', "", "temperatures.cpu.source: is missing; give the name of the thermal device"),
+        ('source = "cpu-thermal"', 'bus = "main"', "temperatures.cpu: a tmp102 has a bus, and nothing else has"),
+        (
+            'chip = "pinctrl-bcm2711"\noffset = 17',
+            'expander = "pins"\npin = 3',
+            "lines.v2x_reset.pin: 'pins 3' is that",
+        ),
+        ('chip = "pinctrl-bcm2711"', "", "lines.v2x_reset: a line has one of chip, line and expander"),
+        ("address = 0x20", "address = 0x78", "expanders.pins.address: 120 is "),
+        ("pin = 3", "pin = 16", "lines.v2x_power.pin: 16 is "),
+    ],
+)
+def test_a_mistake_is_named_with_its_place_and_what_to_do(tmp_path: Path, old: str, new: str, said: str) -> None:
+    assert old in WHOLE
+    (mistake,) = mistakes(tmp_path, WHOLE.replace(old, new, 1))
+    assert mistake.startswith(said)
+
+
+def test_all_mistakes_are_named_at_once(tmp_path: Path) -> None:
+    wrong = WHOLE.replace('power = "v2x_power"', 'power = "a"').replace('reset = "v2x_reset"', 'reset = "b"')
+    assert len(mistakes(tmp_path, wrong)) == 2
