@@ -34,3 +34,10 @@ class ProtocolError(StationError):
 
 class InterfaceError(StationError):
     """A device, socket or line is absent, busy, gone or refuses; the supervisor tries again later."""
+
+
+class StuckError(InterfaceError):
+    """A module obeys no command any more, so that only losing its power may help.
+
+    The supervisor cuts the power of its slot at once; where it has no slot, it is tried again as after every failure.
+    """
