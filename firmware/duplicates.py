@@ -63,22 +63,25 @@ class Duplicates:
         self._order: deque[Lone] = deque()
         self._until = math.inf  # when the oldest leaves the window
 
-    def __call__(self, indication: Indication) -> Indication | None:
-        now = indication.monotonic
-        order = self._order
-        if now > self._until or len(order) >= self._capacity:
-            self._forget(now)
-        key = hash(indication.pdu)
-        lone = (now, key, indication.interface)
-        known = self._deliveries.setdefault(key, lone)
-        if known is not lone and not self._is_next(known, lone, indication):
-            return None
-        if not order:
-            self._until = now + self.window_s
-        order.append(lone)
-        return indication
+    def __call__(self, indications: list[Indication]) -> list[Indication]:
+        passed = []
+        order, deliveries, capacity = self._order, self._deliveries, self._capacity
+        for indication in indications:
+            now = indication.monotonic
+            if now > self._until or len(order) >= capacity:
+                self._forget(now)
+            pdu = indication.pdu
+            key = hash(pdu)
+            lone = (now, key, indication.interface)
+            known = deliveries.setdefault(key, lone)
+            if known is lone or self._is_next(known, lone, pdu):
+                if not order:
+                    self._until = now + self.window_s
+                order.append(lone)
+                passed.append(indication)
+        return passed
 
-    def _is_next(self, known: Lone | list[Delivery], copy: Lone, indication: Indication) -> bool:
+    def _is_next(self, known: Lone | list[Delivery], copy: Lone, pdu: bytes) -> bool:
         """Whether a further copy of a known PDU is one that no other interface has shown yet; if not, it is paired."""
         when, key, interface = copy
         if isinstance(known, tuple):
@@ -86,18 +89,18 @@ class Duplicates:
         # An interface has shown all deliveries up to one of them and none after it: the search may halve.
         place = bisect_left(known, True, key=lambda delivery: not delivery.was_shown_by(interface))
         if place < len(known):
-            self._pair(known[place], indication)
+            self._pair(known[place], when, interface)
+            self._drops.count(interface, Reason.DUPLICATE, pdu)
             return False
         known.append(Delivery(interface, when))
         return True
 
-    def _pair(self, delivery: Delivery, indication: Indication) -> None:
-        delivery.others |= {indication.interface}
+    def _pair(self, delivery: Delivery, when: float, interface: str) -> None:
+        delivery.others |= {interface}
         self.suppressed += 1
         first = self.first.setdefault(delivery.first, First())
         first.count += 1
-        first.lead_s += indication.monotonic - delivery.when
-        self._drops.count(indication.interface, Reason.DUPLICATE, indication.pdu)
+        first.lead_s += when - delivery.when
 
     def _forget(self, now: float) -> None:
         """Forget what has left the window, and a part of the rest where there is no more room."""

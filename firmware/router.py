@@ -15,18 +15,22 @@ from firmware.topics import Topics
 
 _new = tuple.__new__
 DEFAULT_HOP_LIMIT = 10  # itsGnDefaultHopLimit, EN 302 636-4-1 V1.4.1 Annex H
-Stage = Callable[[Indication], Indication | None]
+BURST = 32  # indications that wait at most, 0.2 ms or so of a flood
+Stage = Callable[[list[Indication]], list[Indication]]
 RequestStage = Callable[[Request], Request | Reason]
 
 
 class Router:
     """Routes indications to users and requests to interfaces.
 
-    publish         gives an indication to the users; one that they cannot take is its business.
+    publish         gives indications to the users; one that they cannot take is its business.
     report          gives a confirm to those who listen.
     ego             own time and position.
-    stages          what an indication passes on its way; each returns what goes on, or None having said why.
+    stages          what indications pass on their way; each returns what goes on, having said why the rest does not.
     request_stages  what a request passes after the policy; each returns what goes on, or the reason against it.
+
+    What one turn of the loop brings goes up together: a stage is called once for all of it, and the I/O thread of
+    libzmq is woken once.
     """
 
     def __init__(self, loop: Loop, topics: Topics, drops: Drops, ego: Callable[[], Ego]) -> None:
@@ -34,13 +38,15 @@ class Router:
         self.interfaces: dict[str, Interface] = {}
         self.stages: Sequence[Stage] = ()
         self.request_stages: Sequence[RequestStage] = ()
-        self.publish: Callable[[Indication], None] = lambda indication: None
+        self.publish: Callable[[list[Indication]], None] = lambda indications: None
         self.report: Callable[[Confirm, tuple[Interface, ...]], None] = lambda confirm, targets: None
         self.ego = ego
         self.policy = Policy((), topics, self)
         self.requests = 0
         self.accepted = 0
+        self._loop = loop
         self._clock = loop.clock
+        self._burst: list[Indication] = []
         self._unknown = topics.unknown
         self._drops = drops
         self._targets: dict[Row, tuple[Interface, ...]] = {}
@@ -60,12 +66,22 @@ class Router:
     # From an interface: firmware.interface.Above.
 
     def indicate(self, indication: Indication) -> None:
-        for stage in self.stages:
-            passed = stage(indication)
-            if passed is None:
-                return
-            indication = passed
-        self.publish(indication)
+        """Take an indication; it goes up at the end of the turn."""
+        burst = self._burst
+        if not burst:
+            self._loop.soon(self.flush)
+        burst.append(indication)
+        if len(burst) >= BURST:
+            self.flush()
+
+    def flush(self) -> None:
+        """Let what has come so far go up."""
+        burst = self._burst
+        if burst:
+            self._burst = []
+            for stage in self.stages:
+                burst = stage(burst)
+            self.publish(burst)
 
     def confirm(self, confirm: Confirm) -> None:
         self.report(confirm, ())

@@ -143,7 +143,8 @@ class Station:
             interface.interface.outlet.drop_all(Reason.STOPPED)
             interface.stop()
         self._control.close()
-        self.users.close()
+        self.router.flush()
+        self.users.publisher.close()
         self._report_publisher.close()
         self._context.term()
 
@@ -187,7 +188,7 @@ class Station:
 
     def _refresh(self) -> None:
         """Bring the counters up to date, so that their sums match: what the users get, what the kernel dropped."""
-        self.users.flush()
+        self.router.flush()
         for interface in self._interfaces:
             interface.refresh()
 

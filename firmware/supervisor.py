@@ -2,7 +2,8 @@
 
 A try opens a socket or a device and harms nothing, and what is missing comes back without an operator: a network, a
 cable, a port that another program had. The fault does not hide meanwhile: status shows it, the journal has it once.
-Power is not touched here. That is for slots alone, whose fault stays until an operator or a hot-plug event clears it.
+Power is not touched here. That is for slots alone (slots.py), whose fault stays until an operator or a hot-plug event
+clears it: the slot of an interface says when it is started, and may take it out of the tries.
 """
 
 import logging
@@ -22,7 +23,11 @@ log = logging.getLogger("captain.supervisor")
 
 
 class Supervised:
-    """One interface's life: starting, up or down (its link), waiting for the next try, stopped."""
+    """One interface's life: starting, up or down (its link), waiting for the next try, stopped.
+
+    on_start    told that its driver runs.
+    on_failure  asked, when it has failed, whether to try again: else somebody will call start().
+    """
 
     def __init__(self, loop: Loop, interface: Interface, chance: Callable[[], float] = random.random) -> None:
         self.interface = interface
@@ -33,6 +38,8 @@ class Supervised:
         self._timer: Timer | None = None
         self._state = "stopped"
         self._said = ""
+        self.on_start: Callable[[], None] = lambda: None
+        self.on_failure: Callable[[StationError], bool] = lambda error: True
         interface.on_fail = self._failed
 
     @property
@@ -43,7 +50,7 @@ class Supervised:
         return self._state
 
     def start(self) -> None:
-        self._timer = None
+        self._cancel()
         self._state = "starting"
         try:
             self.interface.driver.start(self.interface)
@@ -54,10 +61,20 @@ class Supervised:
         if self._state == "starting":
             self._state = "running"
             self._timer = self._loop.after(MOST_S, self._forgive)
+            self.on_start()
+
+    def hold(self, why: str) -> None:
+        """Stop the driver, and start it no more until start() is called; idempotent."""
+        self._cancel()
+        if self._state in ("starting", "running"):
+            self.interface.driver.stop()
+            self.interface.outlet.drop_kept(Reason.SEND_FAILED)
+        self._state = "waiting"
+        self._delay = FIRST_S
+        self.interface.link(False, why)
 
     def stop(self) -> None:
-        if self._timer is not None:
-            self._timer.cancel()
+        self._cancel()
         self._state = "stopped"
         self.interface.driver.stop()
         self.interface.link(False, "stopped")
@@ -78,18 +95,22 @@ class Supervised:
         self._retry(error)
 
     def _retry(self, error: StationError) -> None:
-        if self._timer is not None:
-            self._timer.cancel()
+        self._cancel()
         self._state = "waiting"
         self.restarts += 1
-        delay = self._delay * (1.0 + JITTER * (2.0 * self._chance() - 1.0))
         self.interface.link(False, error.message)
         # The same fault is said once, however often it is met.
         if str(error) != self._said:
             self._said = str(error)
             log.warning("%s: %s; trying again, at most every %.0f s", self.interface.name, error, MOST_S)
-        self._delay = min(MOST_S, 2.0 * self._delay)
-        self._timer = self._loop.after(delay, self.start)
+        if self.on_failure(error):
+            delay = self._delay * (1.0 + JITTER * (2.0 * self._chance() - 1.0))
+            self._delay = min(MOST_S, 2.0 * self._delay)
+            self._timer = self._loop.after(delay, self.start)
+
+    def _cancel(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
 
     def _forgive(self) -> None:
         """It has run for as long as the longest delay: its next fault is a new one."""

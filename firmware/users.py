@@ -15,7 +15,6 @@ from firmware.topics import Topics
 RAW = b"raw."
 HEARTBEAT = b"hb.counter"
 HEARTBEAT_S = 1.0
-BATCH = 32  # that wait at most, 0.2 ms or so of a flood
 
 
 class Users:
@@ -40,43 +39,25 @@ class Users:
         self._envelopes = topics.envelopes
         self._local = local
         self.publisher = Publisher(loop, context, address, "to_users", drops, (RAW,), self._interest)
-        self._waiting: list[Indication] = []
         self._beats = 0
 
     def start(self) -> None:
         self._loop.every(HEARTBEAT_S, self._beat)
 
-    def publish(self, indication: Indication) -> None:
-        """Take a message for the users, who have it at the end of the turn: many together wake the socket once."""
-        waiting = self._waiting
-        if not waiting:
-            self._loop.soon(self.flush)
-        waiting.append(indication)
-        if len(waiting) >= BATCH:
-            self.flush()
-
-    def flush(self) -> None:
-        """Hand what waits to the socket: of each first `raw.` with what is known of the reception, then the PDU."""
-        waiting, self._waiting = self._waiting, []
-        if not waiting:
-            return
+    def publish(self, indications: list[Indication]) -> None:
+        """Of each first `raw.` with what is known of the reception, then the PDU as it came."""
         # Building one costs 2 us: only for somebody. libzmq puts a subscription in force inside a send: without a look
         # before it, whoever comes now would receive 10 ms of PDUs alone.
         if not self._is_raw_wanted:
             self.publisher.look()
         envelopes = self._envelopes
         if self._is_raw_wanted:
-            self.raw += len(waiting)
-            messages = [message for one in waiting for message in self._both(one)]
+            messages = [message for one in indications for message in self._both(one)]
+            self.raw += len(indications)
         else:
-            messages = [(envelopes[one.kind.row], one.pdu) for one in waiting]
+            messages = [(envelopes[one.kind.row], one.pdu) for one in indications]
         self.publisher.publish_all(messages)
-        self.published += len(waiting)
-
-    def close(self) -> None:
-        """Hand over what waits, and close; idempotent."""
-        self.flush()
-        self.publisher.close()
+        self.published += len(indications)
 
     def _both(self, one: Indication) -> tuple[tuple[bytes, bytes], tuple[bytes, bytes]]:
         body = raw.build(one.pdu, one.received_ns, one.rx, self._local_info())

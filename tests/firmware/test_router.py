@@ -15,7 +15,7 @@ from firmware.drops import Drops
 from firmware.interface import Interface
 from firmware.options import NOTHING_ASKED, Parsed, parse
 from firmware.policy import Policy
-from firmware.router import Router
+from firmware.router import BURST, Router
 from firmware.tables import Tables
 from firmware.topics import Topics
 from tests.firmware.doubles import BOTH_WAYS, CAM_PDU, ScriptedDriver, interface_of, pdu_of
@@ -335,23 +335,54 @@ def indication_of(pdu: bytes = CAM_PDU) -> Indication:
     return Indication(Topics().by_number[2], pdu, "g5", 0, 0.0, NO_RX_INFO)
 
 
-def test_an_indication_passes_the_stages_in_their_order_and_is_published(bench: Bench) -> None:
-    published: list[bytes] = []
-    bench.router.publish = lambda indication: published.append(indication.pdu)
+class Above(list[bytes]):
+    """What the users were given; publish() as the router calls it."""
+
+    def publish(self, indications: list[Indication]) -> None:
+        self += [indication.pdu for indication in indications]
+
+
+def test_indications_pass_the_stages_in_their_order_and_are_published(bench: Bench) -> None:
+    users = Above()
+    bench.router.publish = users.publish
     bench.router.stages = (
-        lambda indication: indication._replace(pdu=indication.pdu + b"1"),
-        lambda indication: indication._replace(pdu=indication.pdu + b"2"),
+        lambda indications: [one._replace(pdu=one.pdu + b"1") for one in indications],
+        lambda indications: [one._replace(pdu=one.pdu + b"2") for one in indications],
     )
     bench.router.indicate(indication_of())
-    assert published == [CAM_PDU + b"12"]
+    bench.loop.run_for(0.0)
+    assert users == [CAM_PDU + b"12"]
 
 
 def test_what_a_stage_takes_out_meets_no_further_stage_and_no_user(bench: Bench) -> None:
-    seen: list[str] = []
-    bench.router.publish = lambda indication: seen.append("users")
-    bench.router.stages = (lambda indication: None, lambda indication: seen.append("second"))
+    users = Above()
+    bench.router.publish = users.publish
+    bench.router.stages = (
+        lambda indications: [one for one in indications if one.pdu != CAM_PDU],
+        lambda indications: [one._replace(pdu=one.pdu + b"2") for one in indications],
+    )
     bench.router.indicate(indication_of())
-    assert seen == []
+    bench.router.indicate(indication_of(b"other"))
+    bench.router.flush()
+    assert users == [b"other2"]
+
+
+def test_what_one_turn_brings_goes_up_at_its_end_in_order(bench: Bench) -> None:
+    users = Above()
+    bench.router.publish = users.publish
+    for number in range(3):
+        bench.router.indicate(indication_of(pdu_of(2, number)))
+    assert users == []
+    bench.loop.run_for(0.0)
+    assert users == [pdu_of(2, number) for number in range(3)]
+
+
+def test_no_indication_waits_for_more_than_a_burst_of_others(bench: Bench) -> None:
+    users = Above()
+    bench.router.publish = users.publish
+    for number in range(BURST + 1):
+        bench.router.indicate(indication_of(pdu_of(2, number)))
+    assert len(users) == BURST
 
 
 def test_the_policy_may_ask_about_interfaces_that_do_not_exist(bench: Bench) -> None:

@@ -10,7 +10,7 @@ from drivers.message import NO_RX_INFO, Ego, Indication, Position, RxInfo
 from drivers.wire import raw
 from firmware.drops import Drops
 from firmware.topics import Topics
-from firmware.users import BATCH, Users, heartbeat
+from firmware.users import Users, heartbeat
 from tests.firmware.doubles import CAM_PDU, INGOLSTADT, pdu_of
 from tests.firmware.subscribers import Subscribers, received
 from tests.virtual import VirtualLoop
@@ -29,17 +29,13 @@ class Bench:
     def ego(self) -> Ego:
         return Ego(0, self.position or Position(), self.position is not None)
 
-    def take(self, pdu: bytes = CAM_PDU, rx: RxInfo = NO_RX_INFO) -> None:
-        kind = TOPICS.by_number[pdu[1]]
-        self.users.publish(Indication(kind, pdu, "g5", 1_795_182_426_461_613_000, self.loop.clock(), rx))
-
     def publish(self, pdu: bytes = CAM_PDU, rx: RxInfo = NO_RX_INFO) -> None:
-        self.take(pdu, rx)
-        self.users.flush()
+        kind = TOPICS.by_number[pdu[1]]
+        self.users.publish([Indication(kind, pdu, "g5", 1_795_182_426_461_613_000, self.loop.clock(), rx)])
 
     def close(self) -> None:
         self.subscribers.close()
-        self.users.close()
+        self.users.publisher.close()
         self.context.term()
 
 
@@ -85,30 +81,6 @@ def test_whoever_comes_between_two_messages_receives_both_of_the_next(bench: Ben
         assert [envelope for envelope, _ in received(late)] == [b"raw.", b"v2x.cam."]
         late.unsubscribe(b"")
         bench.loop.run_for(0.05)
-
-
-def test_what_one_turn_brings_leaves_at_its_end_in_order(bench: Bench) -> None:
-    subscriber = bench.subscribers.join(b"")
-    for station in range(3):
-        bench.take(pdu_of(2, station))
-    assert received(subscriber) == []
-    bench.loop.run_for(0.0)
-    assert [body for topic, body in received(subscriber) if topic != b"raw."] == [pdu_of(2, one) for one in range(3)]
-
-
-def test_no_message_waits_for_more_than_a_batch_of_others(bench: Bench) -> None:
-    subscriber = bench.subscribers.join(b"v2x.")
-    for station in range(BATCH + 1):
-        bench.take(pdu_of(2, station))
-    assert len(received(subscriber)) == BATCH
-    assert bench.users.published == BATCH
-
-
-def test_what_waits_is_handed_over_at_the_close(bench: Bench) -> None:
-    subscriber = bench.subscribers.join(b"v2x.")
-    bench.take()
-    bench.users.close()
-    assert received(subscriber) == [[b"v2x.cam.", CAM_PDU]]
 
 
 def test_an_unknown_type_has_two_dots(bench: Bench) -> None:

@@ -1,0 +1,486 @@
+"""A slot's life in virtual time: every state, every way out of it, and hours of modules that fail at random."""
+
+import logging
+import random
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import closing
+
+import pytest
+
+from board.errors import InterfaceError, StationError, StuckError
+from drivers.contract import Host
+from firmware.slots import CYCLES, RULES, STARTS, STEADY_S, Event, Slot, State
+from firmware.supervisor import Supervised
+from tests.firmware.doubles import NotingStation, ScriptedDriver, interface_of
+from tests.virtual import VirtualLoop
+
+DEAF = InterfaceError("/dev/ttyUSB2: no answer to AT within 3 s", "is it an AT port?")
+SETTLE_S, BOOT_S, WAIT_S, OFF_S = 0.1, 8.0, 30.0, 5.0
+
+
+class FakePower:
+    """A slot's switch and the module behind it: it shows itself BOOT_S after power, when there is one.
+
+    refusal  why the switch cannot be set; empty: it can.
+    """
+
+    def __init__(self, loop: VirtualLoop) -> None:
+        self.is_on = False
+        self.has_module = True
+        self.refusal = ""
+        self.switched: list[tuple[float, bool]] = []
+        self.tell: Callable[[Event, str], None] = lambda event, why: None
+        self._loop = loop
+        self._round = 0
+
+    @property
+    def state(self) -> str:
+        return "powered" if self.is_on else "off"
+
+    @property
+    def cuts(self) -> int:
+        return sum(not is_on for _, is_on in self.switched)
+
+    def power(self) -> None:
+        if self._switch(True):
+            self._later(BOOT_S if self.has_module else WAIT_S, self._look)
+
+    def cut(self) -> None:
+        if self._switch(False):
+            self._later(OFF_S, lambda: self.tell(Event.UNPOWERED, ""))
+
+    def plug(self) -> None:
+        self.has_module = True
+        if self.is_on:
+            self.tell(Event.PLUGGED, "seen at 1-1.3")
+
+    def unplug(self) -> None:
+        self.has_module = False
+        if self.is_on:
+            self._later(WAIT_S, self._look)
+            self.tell(Event.UNPLUGGED, "gone from 1-1.3")
+
+    def _look(self) -> None:
+        if self.has_module:
+            self.tell(Event.PLUGGED, "seen at 1-1.3")
+        else:
+            self.tell(Event.ABSENT, "nothing at 1-1.3 within 30 s")
+
+    def _switch(self, is_on: bool) -> bool:
+        self._round += 1
+        if self.refusal:
+            self._later(OFF_S, lambda: self.tell(Event.ABSENT, self.refusal))
+            return False
+        self.is_on = is_on
+        self.switched.append((self._loop.now, is_on))
+        return True
+
+    def _later(self, delay: float, call: Callable[[], None]) -> None:
+        """What was begun before is over when something new is."""
+        self._round += 1
+        mine = self._round
+
+        def when_still_meant() -> None:
+            if mine == self._round:
+                call()
+
+        self._loop.after(delay, when_still_meant)
+
+
+class Bench:
+    def __init__(self, loop: VirtualLoop, has_interface: bool = True) -> None:
+        self.loop = loop
+        self.power = FakePower(loop)
+        self.driver = ScriptedDriver()
+        self.interface = interface_of(loop, NotingStation(), self.driver)
+        self.interface.link(False, "not started")
+        self.driver.starts = 0
+        life = Supervised(loop, self.interface, lambda: 0.5) if has_interface else None
+        self.notes: list[str] = []
+        self.slot = Slot(loop, "v2x", "ITS-G5", self.power, life, lambda who, what: self.notes.append(what))
+        self.power.tell = self.slot.tell
+
+    @property
+    def state(self) -> State:
+        return self.slot.state
+
+    def break_driver(self, error: StationError = DEAF) -> None:
+        def start(host: Host) -> None:
+            raise error
+
+        self.driver.on_start = start
+
+    def mend_driver(self) -> None:
+        self.driver.on_start = lambda host: host.link(True, "answers")
+
+    def until(self, state: State, within: float = 600.0) -> None:
+        self.loop.run_until(lambda: self.slot.state is state, within)
+
+
+@pytest.fixture
+def loop() -> Iterator[VirtualLoop]:
+    with closing(VirtualLoop()) as loop:
+        yield loop
+
+
+@pytest.fixture
+def bench(loop: VirtualLoop) -> Bench:
+    bench = Bench(loop)
+    bench.slot.start()
+    return bench
+
+
+@pytest.fixture
+def running(bench: Bench) -> Bench:
+    bench.until(State.RUNNING)
+    return bench
+
+
+@pytest.fixture
+def faulty(bench: Bench) -> Bench:
+    """In a fault, its driver mended only now."""
+    bench.break_driver()
+    bench.until(State.FAULT)
+    bench.mend_driver()
+    return bench
+
+
+def lines(caplog: pytest.LogCaptureFixture, level: int) -> list[str]:
+    return [r.getMessage() for r in caplog.records if r.name == "captain.slots" and r.levelno == level]
+
+
+def test_before_the_start_nothing_is_switched_and_nothing_happens(loop: VirtualLoop) -> None:
+    bench = Bench(loop)
+    bench.slot.tell(Event.PLUGGED)
+    assert (bench.state, bench.power.switched, bench.driver.starts) == (State.STOPPED, [], 0)
+
+
+def test_power_comes_first_then_the_device_then_the_driver(bench: Bench) -> None:
+    assert (bench.state, bench.power.is_on, bench.driver.starts) == (State.POWERING, True, 0)
+    bench.loop.run_for(BOOT_S)
+    assert (bench.state, bench.driver.starts) == (State.RUNNING, 1)
+    assert bench.notes == [
+        "powering: the station has started",
+        "starting: seen at 1-1.3",
+        "running: driver started",
+    ]
+
+
+def test_a_driver_that_fails_is_started_again_without_touching_power(running: Bench) -> None:
+    running.interface.fail(DEAF)
+    assert running.state is State.STARTING
+    running.loop.run_for(1)
+    assert (running.state, running.driver.starts, running.power.cuts) == (State.RUNNING, 2, 0)
+    assert running.slot.status()["cause"] == DEAF.message
+
+
+def test_a_driver_that_cannot_start_is_tried_often_before_power_is_cut(bench: Bench) -> None:
+    bench.break_driver()
+    bench.until(State.CYCLING)
+    assert (bench.driver.starts, bench.power.cuts) == (STARTS, 1)
+    assert bench.loop.now - 1000 - BOOT_S > 45  # a radio needs 30 s until it answers
+
+
+def test_a_driver_that_fails_again_and_again_costs_a_power_cycle_as_well(bench: Bench) -> None:
+    bench.driver.on_start = lambda host: bench.loop.after(2.0, lambda: host.fail(DEAF)) and None
+    bench.until(State.CYCLING)
+    assert bench.driver.starts == STARTS
+
+
+def test_a_power_cycle_keeps_the_slot_without_power_for_a_while(bench: Bench) -> None:
+    bench.break_driver()
+    bench.until(State.CYCLING)
+    bench.mend_driver()
+    bench.until(State.RUNNING)
+    (_, is_on), (off, is_off), (on, is_on_again) = bench.power.switched
+    assert (is_on, is_off, is_on_again) == (True, False, True)
+    assert on - off == pytest.approx(OFF_S)
+
+
+def test_a_driver_that_says_its_module_is_stuck_gets_a_power_cycle_at_once(running: Bench) -> None:
+    running.interface.fail(StuckError("the modem answers nothing"))
+    assert (running.state, running.power.cuts, running.driver.stops) == (State.CYCLING, 1, 1)
+    running.until(State.RUNNING)
+
+
+def test_a_driver_that_cannot_start_as_its_module_is_stuck_gets_a_power_cycle_at_once(bench: Bench) -> None:
+    bench.break_driver(StuckError("the modem answers nothing"))
+    bench.until(State.CYCLING)
+    assert bench.driver.starts == 1
+
+
+def test_while_power_is_away_no_driver_is_started_and_the_status_says_why(running: Bench) -> None:
+    running.interface.fail(StuckError("the modem answers nothing"))
+    starts = running.driver.starts
+    running.loop.run_for(OFF_S + BOOT_S - 0.1)
+    assert running.driver.starts == starts
+    assert running.interface.why.startswith("slot v2x: ")
+
+
+def test_a_device_that_does_not_show_itself_costs_a_power_cycle(loop: VirtualLoop) -> None:
+    bench = Bench(loop)
+    bench.power.has_module = False
+    bench.slot.start()
+    bench.until(State.CYCLING)
+    assert bench.loop.now == pytest.approx(1000 + WAIT_S)
+    bench.power.has_module = True
+    bench.until(State.RUNNING)
+    assert bench.slot.cycles == 1
+
+
+@pytest.mark.parametrize("what", ["absent", "deaf", "stuck"])
+def test_after_so_many_power_cycles_it_is_a_fault_with_the_first_cause(bench: Bench, what: str) -> None:
+    match what:
+        case "absent":
+            bench.power.has_module = False
+        case "deaf":
+            bench.break_driver()
+        case _:
+            bench.break_driver(StuckError("the modem answers nothing"))
+    bench.until(State.FAULT)
+    cause = {"absent": "nothing at 1-1.3 within 30 s", "deaf": DEAF.message, "stuck": "the modem answers nothing"}
+    status = bench.slot.status()
+    assert (status["cause"], status["cycles"]) == (cause[what], CYCLES)
+    assert status["why"] == f"{cause[what]}; given up after {CYCLES} power cycles"
+    assert (bench.power.cuts, bench.power.is_on) == (CYCLES, True)
+
+
+def test_the_cause_is_the_first_and_not_the_last(bench: Bench) -> None:
+    bench.break_driver()
+    bench.until(State.CYCLING)
+    bench.power.has_module = False
+    bench.until(State.FAULT)
+    assert bench.slot.status()["cause"] == DEAF.message
+
+
+def test_a_fault_stays(faulty: Bench) -> None:
+    starts, switched = faulty.driver.starts, len(faulty.power.switched)
+    faulty.loop.run_for(100_000)
+    assert (faulty.state, faulty.driver.starts, len(faulty.power.switched)) == (State.FAULT, starts, switched)
+
+
+def test_a_fault_ends_when_a_device_is_plugged_in(faulty: Bench) -> None:
+    faulty.power.unplug()
+    assert faulty.state is State.FAULT
+    faulty.power.plug()
+    assert faulty.state is State.RUNNING
+    assert faulty.slot.status()["cause"] == ""
+
+
+@pytest.mark.parametrize("word", ["on", "cycle"])
+def test_a_fault_ends_when_an_operator_asks(faulty: Bench, word: str) -> None:
+    faulty.slot.operate(word)
+    faulty.until(State.RUNNING)
+    assert faulty.slot.status()["cause"] == ""
+
+
+def test_a_fault_that_an_operator_ends_may_use_all_power_cycles_again(faulty: Bench) -> None:
+    faulty.break_driver()
+    faulty.slot.operate("on")
+    faulty.until(State.FAULT, 2000)
+    assert faulty.slot.cycles == 2 * CYCLES
+
+
+def test_what_ran_steadily_has_all_its_power_cycles_again(bench: Bench) -> None:
+    stuck = StuckError("the modem answers nothing")
+    for _ in range(5 * CYCLES):
+        bench.until(State.RUNNING)
+        bench.loop.run_for(STEADY_S + 1)
+        bench.interface.fail(stuck)
+    assert (bench.state, bench.slot.cycles) == (State.CYCLING, 5 * CYCLES)
+
+
+def test_what_never_runs_steadily_ends_as_a_fault(bench: Bench) -> None:
+    for _ in range(CYCLES + 1):
+        bench.until(State.RUNNING)
+        bench.loop.run_for(STEADY_S / 2)
+        bench.interface.fail(StuckError("the modem answers nothing"))
+    assert bench.state is State.FAULT
+
+
+def test_a_failure_takes_the_steady_time_back(running: Bench) -> None:
+    running.loop.run_for(STEADY_S - 1)
+    running.interface.fail(DEAF)
+    running.loop.run_for(5)
+    assert (running.state, running.slot.status()["cause"]) == (State.RUNNING, DEAF.message)
+    running.loop.run_for(STEADY_S)
+    assert running.slot.status()["cause"] == ""
+
+
+def test_an_unplugged_device_is_waited_for_and_its_driver_stopped(running: Bench) -> None:
+    running.power.unplug()
+    assert (running.state, running.driver.stops, running.interface.is_up) == (State.POWERING, 1, False)
+    running.loop.run_for(WAIT_S / 2)
+    running.power.plug()
+    assert (running.state, running.power.cuts) == (State.RUNNING, 0)
+
+
+def test_a_device_that_leaves_while_its_driver_is_started_is_waited_for(bench: Bench) -> None:
+    bench.break_driver()
+    bench.until(State.STARTING)
+    bench.power.unplug()
+    starts = bench.driver.starts
+    bench.loop.run_for(WAIT_S - 1)
+    assert (bench.state, bench.driver.starts) == (State.POWERING, starts)
+
+
+def test_a_device_that_never_comes_back_is_a_fault_until_it_does(running: Bench) -> None:
+    running.power.unplug()
+    running.until(State.FAULT)
+    assert running.slot.cycles == CYCLES
+    running.power.plug()
+    assert running.state is State.RUNNING
+
+
+def test_a_switch_that_does_not_obey_is_a_fault_that_says_so(bench: Bench) -> None:
+    bench.power.refusal = "no answer from 0x20 on /dev/i2c-1"
+    bench.slot.operate("cycle")
+    bench.until(State.FAULT)
+    assert bench.slot.status()["cause"] == "no answer from 0x20 on /dev/i2c-1"
+    bench.power.refusal = ""
+    bench.slot.operate("on")
+    bench.until(State.RUNNING)
+
+
+def test_what_an_operator_switches_off_stays_off(running: Bench) -> None:
+    running.slot.operate("off")
+    assert (running.state, running.power.is_on, running.driver.stops) == (State.OFF, False, 1)
+    running.loop.run_for(10_000)
+    assert (running.state, running.slot.cycles) == (State.OFF, 0)
+    running.slot.operate("on")
+    running.until(State.RUNNING)
+
+
+@pytest.mark.parametrize("state", [State.POWERING, State.STARTING, State.RUNNING, State.CYCLING, State.FAULT])
+@pytest.mark.parametrize("word", ["off", "cycle"])
+def test_an_operator_may_switch_it_off_and_cycle_it_in_every_state(bench: Bench, state: State, word: str) -> None:
+    if state in (State.STARTING, State.CYCLING, State.FAULT):
+        bench.break_driver()
+    bench.until(state)
+    bench.mend_driver()
+    bench.slot.operate(word)
+    if word == "cycle":
+        bench.until(State.RUNNING)
+    else:
+        bench.loop.run_for(1000)
+        assert (bench.state, bench.power.is_on) == (State.OFF, False)
+
+
+def test_a_slot_that_is_off_is_switched_on_by_a_power_cycle(running: Bench) -> None:
+    running.slot.operate("off")
+    running.loop.run_for(OFF_S)
+    running.slot.operate("cycle")
+    running.until(State.RUNNING)
+
+
+def test_a_slot_without_an_interface_is_left_as_it_is_until_an_operator_asks(loop: VirtualLoop) -> None:
+    bench = Bench(loop, has_interface=False)
+    bench.slot.start()
+    loop.run_for(1000)
+    assert (bench.state, bench.power.switched) == (State.UNUSED, [])
+    bench.slot.operate("on")
+    bench.until(State.RUNNING)
+    bench.slot.operate("off")
+    assert (bench.state, bench.power.is_on) == (State.OFF, False)
+
+
+def test_a_stop_keeps_the_power_and_ends_everything_else(running: Bench) -> None:
+    running.slot.stop()
+    running.slot.stop()
+    running.power.unplug()
+    running.power.plug()
+    running.loop.run_for(1000)
+    assert (running.state, running.power.is_on, running.power.cuts) == (State.STOPPED, True, 0)
+    assert (running.driver.starts, running.interface.is_up) == (1, False)
+
+
+def test_every_decision_is_in_the_journal_once(bench: Bench, caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.INFO)
+    bench.break_driver()
+    bench.until(State.FAULT)
+    assert lines(caplog, logging.ERROR) == [f"slot v2x: fault: {DEAF.message}; given up after {CYCLES} power cycles"]
+    assert lines(caplog, logging.WARNING) == [f"slot v2x: cycling: {DEAF.message}"] * CYCLES
+    assert len([r for r in caplog.records if r.name == "captain.supervisor"]) == 1
+
+
+def test_a_bad_contact_floods_no_journal(running: Bench, caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.INFO, "captain.slots")
+    for _ in range(1000):
+        running.power.unplug()
+        running.loop.run_for(0.5)
+        running.power.plug()
+        running.loop.run_for(0.5)
+    said = lines(caplog, logging.INFO)
+    assert len(said) <= 12 + 1000 / 10 + 1
+    assert "lines before it were left out" in said[-1]
+
+
+def test_the_status_says_what_is_there_and_what_has_happened(running: Bench) -> None:
+    running.loop.run_for(2)
+    assert running.slot.status() == {
+        "title": "ITS-G5",
+        "state": "running",
+        "since_s": 2.0,
+        "why": "driver started",
+        "cause": "",
+        "cycles": 0,
+        "power": "powered",
+        "interface": "g5",
+    }
+
+
+def test_no_event_in_any_state_is_a_bug(loop: VirtualLoop) -> None:
+    for state in State:
+        for event in Event:
+            bench = Bench(loop)
+            bench.slot.state = state
+            bench.slot.tell(event)
+            assert bench.state is state or (state, event) in RULES or event in (Event.ABSENT, Event.STUCK)
+
+
+def test_every_state_can_be_entered_and_left() -> None:
+    assert {rule.state for rule in RULES.values()} | {State.STOPPED, State.UNUSED} == set(State)
+    assert {state for state, _ in RULES} == set(State)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_six_hours_of_modules_that_fail_at_random_end_well(loop: VirtualLoop, seed: int) -> None:
+    """Whatever fails, in whatever state: power cycles are few, and the slot runs soon after the last failure."""
+    bench = Bench(loop)
+    bench.slot.start()
+    chance = random.Random(seed)
+    seen: Counter[State] = Counter()
+
+    def start(host: Host) -> None:
+        if chance.random() < 0.3:
+            raise DEAF
+        host.link(True, "answers")
+
+    bench.driver.on_start = start
+    failures: list[Callable[[], None]] = [
+        lambda: bench.interface.fail(DEAF),
+        lambda: bench.interface.fail(StuckError("the modem answers nothing")),
+        bench.power.unplug,
+        bench.power.plug,
+        lambda: bench.slot.operate(chance.choice(["on", "off", "cycle"])),
+    ]
+    while loop.now < 1000 + 6 * 3600:
+        loop.run_for(chance.expovariate(1 / 60))
+        chance.choice(failures)()
+        seen[bench.state] += 1
+    assert seen[State.RUNNING] > seen[State.FAULT]
+    assert bench.slot.cycles <= bench.power.cuts  # an operator's `off` is none
+    bench.power.plug()
+    bench.slot.operate("on")
+    bench.mend_driver()
+    bench.until(State.RUNNING, within=120)
+    loop.run_for(STEADY_S)
+    assert bench.slot.status()["cause"] == ""
+
+
+def test_in_an_hour_a_slot_is_not_power_cycled_more_often_than_it_may(bench: Bench) -> None:
+    """A module that hangs 61 s after each start is the worst that does not end as a fault: it ran steadily."""
+    bench.driver.on_start = lambda host: bench.loop.after(STEADY_S + 1, lambda: host.fail(StuckError("hangs"))) and None
+    bench.loop.run_for(3600)
+    assert bench.slot.cycles <= 3600 / (STEADY_S + BOOT_S + OFF_S)
