@@ -7,19 +7,18 @@ import logging
 import os
 import socket
 import tempfile
-from collections.abc import Callable, Mapping
+from collections import deque
 from pathlib import Path
 
-from board.errors import InterfaceError, StationError
+from board.errors import InterfaceError, RequestError
 from board.loop import READ, WRITE, Loop
+from firmware.question import Commands, Pending
 
 MAX_LINE = 4096  # octets of a command
 MAX_CLIENTS = 8  # people at a console
 PAUSE_S = 1.0  # before the next try when a connection cannot be taken: it stays readable, and would spin the loop
 
 log = logging.getLogger("captain.control")
-
-Command = Callable[[dict[str, object]], dict[str, object]]
 
 
 def default_path(from_users: int) -> str:
@@ -38,12 +37,9 @@ def default_paths(from_users: int) -> list[str]:
 
 
 class ControlSocket:
-    """Listens and answers.
+    """Listens and answers."""
 
-    commands  name in "do" -> what makes the answer; a StationError of it is the answer's error.
-    """
-
-    def __init__(self, loop: Loop, path: str, commands: Mapping[str, Command]) -> None:
+    def __init__(self, loop: Loop, path: str, commands: Commands) -> None:
         self.path = path
         self.commands = commands
         self.clients: dict[Client, None] = {}  # the one that asked last at the end
@@ -78,32 +74,22 @@ class ControlSocket:
         with contextlib.suppress(FileNotFoundError):
             os.unlink(self.path)
 
-    def answer(self, line: bytes) -> dict[str, object]:
-        """The answer to one line."""
-        try:
-            command = json.loads(line)
-        except (ValueError, RecursionError):
-            return {"ok": False, "error": "not JSON", "hint": 'one object a line, such as {"do": "status"}'}
-        do = command.get("do") if isinstance(command, dict) else None
-        call = self.commands.get(do) if isinstance(do, str) else None
-        if call is None:
-            known = ", ".join(sorted(self.commands))
-            return {"ok": False, "error": f"unknown command {do!r}", "hint": f"one of {known}"}
-        try:
-            return {"ok": True, **call(command)}
-        except StationError as error:
-            return {"ok": False, "error": error.message, "hint": error.hint}
-
 
 class Client:
-    """One connection: reads lines, writes answers, never waits for a client that does not read."""
+    """One connection: reads lines, writes answers, never waits for a client that does not read.
+
+    A line is answered before the next is asked, and while an answer is waited for nothing is read.
+    """
 
     def __init__(self, loop: Loop, connection: socket.socket, server: ControlSocket) -> None:
         self._loop = loop
         self._connection = connection
         self._server = server
         self._unread = b""
+        self._lines: deque[bytes | None] = deque()  # None: one that was too long
+        self._pending: Pending | None = None
         self._unsent = b""
+        self._is_asking = False
         connection.setblocking(False)
         loop.add(self)
 
@@ -114,14 +100,18 @@ class Client:
         try:
             if self._unsent:
                 self._write()
-            else:
+            elif self._pending is None:
                 self._read()
+            else:  # it asked for nothing: the client has hung up
+                self.close()
         except BlockingIOError:
             return
         except OSError:
             self.close()
 
     def close(self) -> None:
+        if self._pending is not None:
+            self._pending.forget()
         self._loop.remove(self)
         self._connection.close()
         self._server.clients.pop(self, None)
@@ -134,22 +124,42 @@ class Client:
         clients = self._server.clients
         clients[self] = clients.pop(self)
         *lines, self._unread = (self._unread + received).split(b"\n")
-        answers = [self._server.answer(line) for line in lines]
+        self._lines.extend(lines)
         if len(self._unread) > MAX_LINE:
-            answers.append({"ok": False, "error": f"a line of more than {MAX_LINE} octets", "hint": "no command is"})
+            self._lines.append(None)
             self._unread = b""
-        self._unsent = b"".join(json.dumps(answer).encode() + b"\n" for answer in answers)
-        if self._unsent:
-            self._write()
+        self._serve()
+
+    def _serve(self) -> None:
+        """Ask one line after the other until an answer has to be waited for, and send what was answered."""
+        self._is_asking = True
+        while self._lines and self._pending is None:
+            self._pending = Pending(self._loop, self._said)
+            line = self._lines.popleft()
+            if line is None:
+                self._pending.answer(RequestError(f"a line of more than {MAX_LINE} octets", "no command is"))
+            else:
+                self._server.commands.ask(line, self._pending)
+        self._is_asking = False
+        self._write()
+
+    def _said(self, answer: dict[str, object]) -> None:
+        self._pending = None
+        self._unsent += json.dumps(answer).encode() + b"\n"
+        if not self._is_asking:  # it has come later
+            try:
+                self._serve()
+            except OSError:
+                self.close()
 
     def _write(self) -> None:
-        """Send what fits; no further line is read before all of it has gone."""
+        """Send what fits; no further line is read before all of it has gone and everything is answered."""
         try:
-            sent = self._connection.send(self._unsent)
+            sent = self._connection.send(self._unsent) if self._unsent else 0
         except BlockingIOError:
             sent = 0
         self._unsent = self._unsent[sent:]
-        self._loop.want(self, WRITE if self._unsent else READ)
+        self._loop.want(self, WRITE if self._unsent else READ if self._pending is None else 0)
 
 
 def _listen(path: str) -> socket.socket:

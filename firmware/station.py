@@ -25,6 +25,7 @@ from firmware.ipc import Ipc, IpcOptions
 from firmware.notify import ServiceNotice
 from firmware.policy import Policy
 from firmware.publisher import Publisher
+from firmware.question import Commands
 from firmware.report import CONFIRM, STATUS, Report, process_status
 from firmware.router import Router
 from firmware.supervisor import Supervised
@@ -229,11 +230,13 @@ class Station:
         self._control = ControlSocket(
             loop,
             endpoint.control or default_path(endpoint.from_users),
-            {
-                "status": lambda _: {"status": self.status()},
-                "reload": lambda _: done(self.reload_policy),
-                "stop": lambda _: done(self.stop),
-            },
+            Commands(
+                {
+                    "status": lambda _: {"status": self.status()},
+                    "reload": lambda _: done(self.reload_policy),
+                    "stop": lambda _: done(self.stop),
+                }
+            ),
         )
         self.router.publish = self.users.publish
         self.router.report = self.report.confirm

@@ -13,7 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from board.errors import InterfaceError, StationError
+from drivers.contract import Answer
 from firmware.control_socket import MAX_CLIENTS, MAX_LINE, ControlSocket, default_path
+from firmware.question import Commands
 from tests.virtual import VirtualLoop
 
 
@@ -21,18 +23,27 @@ def refuse(_: dict[str, object]) -> dict[str, object]:
     raise StationError("cannot", "do something else")
 
 
-COMMANDS = {
+NOW = {
     "status": lambda command: {"status": {"asked": command.get("number")}},
     "long": lambda command: {"text": "x" * 1_000_000},
     "refuse": refuse,
 }
+COMMANDS = Commands(NOW)
 
 
 class Bench:
+    """asked: the answers that commands which answer later wait for."""
+
     def __init__(self, loop: VirtualLoop, path: str) -> None:
         self.loop = loop
-        self.server = ControlSocket(loop, path, COMMANDS)
+        self.asked: list[Answer] = []
+        later = {"later": lambda question, answer: self.asked.append(answer), "at_once": self.at_once}
+        self.server = ControlSocket(loop, path, Commands(NOW, later))
         self.clients: list[socket.socket] = []
+
+    def at_once(self, question: dict[str, object], answer: Answer) -> None:
+        answer({"number": question.get("number")})
+        answer({"number": "a second time"})
 
     def client(self) -> socket.socket:
         client = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
@@ -44,7 +55,7 @@ class Bench:
 
     def turn(self) -> None:
         for _ in range(4):
-            self.loop.turn()
+            self.loop.run_for(0)  # what is ready, without moving the clock
 
     def tell(self, client: socket.socket, octets: bytes) -> None:
         client.send(octets)
@@ -145,7 +156,7 @@ def test_what_is_no_command_is_refused_with_those_that_there_are(bench: Bench, l
     bench.tell(client, line + b"\n")
     (answer,) = bench.lines(client)
     assert answer["ok"] is False
-    assert answer["hint"] == "one of long, refuse, status"
+    assert answer["hint"] == "one of at_once, later, long, refuse, status"
 
 
 def test_a_line_without_an_end_is_refused_and_takes_no_room(bench: Bench) -> None:
@@ -222,6 +233,83 @@ def test_a_hundred_clients_one_after_the_other_leave_nothing_behind(bench: Bench
         assert bench.lines(client) == [ANSWER]
         client.close()
         bench.turn()
+    assert not bench.server.clients
+
+
+def test_an_answer_may_come_later(bench: Bench) -> None:
+    client = bench.client()
+    bench.tell(client, b'{"do": "later"}\n')
+    bench.loop.run_for(5)
+    assert bench.lines(client) == []
+    bench.asked[0]({"registered": True})
+    assert bench.lines(client) == [{"ok": True, "registered": True}]
+
+
+def test_an_answer_of_those_that_may_be_late_may_come_at_once_and_is_the_only_one(bench: Bench) -> None:
+    client = bench.client()
+    bench.tell(client, b'{"do": "at_once", "number": 1}\n' * 3)
+    assert bench.lines(client) == [{"ok": True, "number": 1}] * 3
+
+
+def test_a_late_error_is_told_with_what_to_do(bench: Bench) -> None:
+    client = bench.client()
+    bench.tell(client, b'{"do": "later"}\n')
+    bench.asked[0](StationError("cannot", "do something else"))
+    assert bench.lines(client) == [{"ok": False, "error": "cannot", "hint": "do something else"}]
+
+
+def test_an_answer_that_does_not_come_in_time_is_an_error_and_comes_no_more(bench: Bench) -> None:
+    client = bench.client()
+    bench.tell(client, b'{"do": "later", "within_s": 3}\n')
+    bench.loop.run_for(3)
+    bench.asked[0]({"registered": True})
+    (answer,) = bench.lines(client)
+    assert answer == {
+        "ok": False,
+        "error": "later: no answer within 3 s",
+        "hint": "it may still be done; ask for the status",
+    }
+
+
+@pytest.mark.parametrize("within", ["0", "-1", "601", "1e999", "true", '"3"', "null", "[]"])
+def test_a_time_that_is_none_is_refused(bench: Bench, within: str) -> None:
+    client = bench.client()
+    bench.tell(client, b'{"do": "later", "within_s": %s}\n' % within.encode())
+    (answer,) = bench.lines(client)
+    assert answer["ok"] is False
+    assert not bench.asked
+
+
+def test_answers_keep_the_order_of_their_lines_and_others_are_not_held_up(bench: Bench) -> None:
+    client, other = bench.client(), bench.client()
+    bench.tell(client, STATUS + b'{"do": "later"}\n' + b"x" * 5 + b"\n" + STATUS)
+    bench.tell(client, STATUS)
+    bench.tell(other, STATUS)
+    assert bench.lines(other) == [ANSWER]
+    assert bench.lines(client) == [ANSWER]
+    bench.asked[0]({})
+    answers = bench.lines(client)
+    assert [answer.get("error") for answer in answers] == [None, "not JSON", None, None]
+
+
+def test_a_client_that_leaves_while_its_answer_is_waited_for_is_forgotten(bench: Bench) -> None:
+    client = bench.client()
+    bench.tell(client, b'{"do": "later"}\n')
+    client.close()
+    bench.turn()
+    assert not bench.server.clients
+    bench.asked[0]({})
+    bench.loop.run_for(20)
+
+
+def test_a_client_that_has_said_all_is_still_answered_later(bench: Bench) -> None:
+    client = bench.client()
+    bench.tell(client, b'{"do": "later"}\n')
+    client.shutdown(socket.SHUT_WR)
+    bench.turn()
+    bench.asked[0]({})
+    assert bench.lines(client) == [{"ok": True}]
+    bench.turn()
     assert not bench.server.clients
 
 
