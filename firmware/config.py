@@ -62,8 +62,8 @@ def load(path: str | None, overrides: Sequence[str] = (), board: str | None = No
             tables = replace(tables, **{key: getattr(part, key)})
     interfaces = []
     for name, options in tables.interfaces.items():
-        read = _collect(mistakes, lambda name=name, options=options: _interface(name, options, where))
-        interfaces.append(_in_its_slot(read, there) if read else read)
+        read = _collect(mistakes, lambda name=name, options=options: _interface(name, options, there, where))
+        interfaces.append(read)
     mistakes += [f"{where}: {text}" for text in consistency.mistakes(tables, there.slots)]
     mac = _collect(mistakes, lambda: _mac(tables, where))
     if mistakes:
@@ -88,29 +88,24 @@ def _collect(mistakes: list[str], read: Any) -> Any:
         return None
 
 
-def _interface(name: str, table: Mapping[str, Any], where: str) -> InterfaceConfig:
+def _interface(name: str, table: Mapping[str, Any], board: Board, where: str) -> InterfaceConfig:
     common = {key: value for key, value in table.items() if key in QueueOptions.__dataclass_fields__}
     own = {key: value for key, value in table.items() if key not in common}
+    slot = board.slots.get(str(common.get("slot")))
     place = f"{where}: interfaces.{name}"
     mistakes: list[str] = []
     queue = _collect(mistakes, lambda: describe.read(QueueOptions, common, place))
     word = table.get("driver")
     driver = DRIVERS.get(word) if isinstance(word, str) else None
     if driver is not None:
+        if slot is not None and "usb" in driver.Options.__dataclass_fields__ and "port" not in own:
+            own.setdefault("usb", slot.usb)  # a driver looks where its slot is, unless it is told to look elsewhere
         options = _collect(mistakes, lambda: describe.read(driver.Options, own, place))
     elif isinstance(word, str):
         mistakes.append(f"{place}.driver: {word!r} is no driver; one of {', '.join(sorted(DRIVERS))}")
     if mistakes:
         raise ConfigurationError("\n".join(mistakes))
     return InterfaceConfig(name, queue, options)
-
-
-def _in_its_slot(interface: InterfaceConfig, board: Board) -> InterfaceConfig:
-    """The driver of a USB module looks where its slot is, unless it was told to look elsewhere."""
-    slot = board.slots.get(interface.queue.slot)
-    if slot is None or getattr(interface.options, "usb", None) != "":
-        return interface
-    return replace(interface, options=replace(interface.options, usb=slot.usb))
 
 
 def _mac(tables: Tables, where: str) -> bytes:

@@ -1,47 +1,33 @@
 """Where the station is, and when: the most certain receiver's fix while it is fresh, else what is configured."""
 
-import logging
-import math
 import time
 from collections.abc import Callable
 
 from board.time import EPOCH, Fix, FixKind, TimeMark, its_time_ms, leap_seconds
 from drivers.message import Ego, Position
-from firmware.journal import Journal
 from firmware.tables import Place as PlaceOptions
 
 FRESH_S = 2.0  # receivers say one a second at least; a car drives 60 m meanwhile
 # A position vector with a place less certain has no PAI: itsGnPaiInterval / 2, EN 302 636-4-1 V1.4.1 Annex H; mm.
 MOST_UNCERTAIN = 40_000
-FASTEST = 150.0  # m/s between two fixes: twice what any road vehicle does
-CONFIRMED = 5  # fixes that agree with each other and not with the one before: then that one was wrong
-METRE = 89.8  # of latitude, in 1e-7 degree
 
 PLACES = frozenset({FixKind.DEAD_RECKONING, FixKind.FLAT, FixKind.FULL, FixKind.COMBINED})
 
-log = logging.getLogger("captain.place")
-
 
 class Place:
-    """Own position.
-
-    jumps  fixes that no vehicle could have driven to.
-    """
+    """Own position. Drivers believe no jump of their receiver; what they give is taken."""
 
     def __init__(self, clock: Callable[[], float], configured: PlaceOptions | None) -> None:
-        self.jumps = 0
         self._clock = clock
         self._position, self._is_configured = _position(configured), configured is not None
         self._fixes: dict[str, Fix] = {}
-        self._doubted: dict[str, tuple[Fix, int]] = {}
         self._source = ""
         self._best: Fix | None = None
         self._mark: tuple[str, TimeMark] | None = None
-        self._journal = Journal(log, clock)
 
     def fix(self, source: str, fix: Fix) -> None:
         """A receiver's solution; source is the interface that it is on."""
-        if not _is_usable(fix) or not self._is_believed(source, fix):
+        if not _is_usable(fix):
             return
         self._fixes[source] = fix
         fresh = {name: one for name, one in self._fixes.items() if self._is_fresh(one)}
@@ -79,7 +65,7 @@ class Place:
         else:
             latitude, longitude = self._position if self._is_configured else (None, None)
             said = _degrees(latitude, longitude) | {"source": "configured" if self._is_configured else ""}
-        return said | {"jumps": self.jumps, "time_mark": self._time_mark()}
+        return said | {"time_mark": self._time_mark()}
 
     def _time_mark(self) -> dict[str, object] | None:
         if self._mark is None:
@@ -90,41 +76,6 @@ class Place:
 
     def _is_fresh(self, fix: Fix) -> bool:
         return self._clock() - fix.monotonic <= FRESH_S
-
-    def _is_believed(self, source: str, fix: Fix) -> bool:
-        """Whether a vehicle can have driven there from where this receiver saw it last; CONFIRMED fixes overrule it."""
-        before = self._fixes.get(source)
-        if before is None or _could_drive(before, fix):
-            self._doubted.pop(source, None)
-            return True
-        doubted, count = self._doubted.get(source, (fix, 0))
-        count = count + 1 if _could_drive(doubted, fix) else 1
-        if count >= CONFIRMED:
-            del self._doubted[source]
-            self._say("%s: its position has jumped by %.1f km, and stays there", source, before, fix)
-            return True
-        if source not in self._doubted:
-            self.jumps += 1
-            self._say("%s: a position %.1f km away is not believed yet", source, before, fix)
-        self._doubted[source] = (fix, count)
-        return False
-
-    def _say(self, text: str, source: str, before: Fix, fix: Fix) -> None:
-        self._journal.say(logging.WARNING, text, source, distance(before, fix) / 1000)
-
-
-def distance(one: Fix, other: Fix) -> float:
-    """Metres between two places, good to a percent within a few hundred km."""
-    north = ((other.latitude or 0) - (one.latitude or 0)) / METRE
-    around = ((other.longitude or 0) - (one.longitude or 0) + 1_800_000_000) % 3_600_000_000 - 1_800_000_000
-    east = around / METRE * math.cos(math.radians((one.latitude or 0) / 1e7))
-    return math.hypot(north, east)
-
-
-def _could_drive(before: Fix, after: Fix) -> bool:
-    """Whether the way between is driven in the time between, as certain as both are."""
-    slack = (_uncertainty(before) + _uncertainty(after)) / 1000 * 3 + 10.0
-    return distance(before, after) <= slack + FASTEST * max(0.0, after.monotonic - before.monotonic)
 
 
 def _is_usable(fix: Fix) -> bool:

@@ -439,16 +439,21 @@ def test_a_slot_that_is_no_name_is_a_mistake(folder: Path, slots: str, slot: str
 
 @dataclass(frozen=True)
 class _UsbOptions:
-    """Of a driver whose module sits on USB."""
+    """Of a driver whose module sits on USB, or at a port."""
 
     usb: str = ""
+    port: str = ""
+
+    def __post_init__(self) -> None:
+        if bool(self.usb) == bool(self.port):
+            raise ConfigurationError("one of usb and port")
 
 
 class _UsbDriver:
     Options = _UsbOptions
 
 
-@pytest.mark.parametrize(("given", "usb"), [("", "1-1.4"), ('usb = "2-1"', "2-1")])
+@pytest.mark.parametrize(("given", "usb"), [("", "1-1.4"), ('usb = "2-1"', "2-1"), ('port = "/dev/ttyS0"', "")])
 def test_a_driver_looks_where_its_slot_is_unless_it_is_told_to_look_elsewhere(
     folder: Path, slots: str, monkeypatch: pytest.MonkeyPatch, given: str, usb: str
 ) -> None:

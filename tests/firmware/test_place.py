@@ -1,14 +1,13 @@
 """Own position: the best fresh fix of any receiver, else the configured one; and what is not believed."""
 
 import json
-import logging
 from collections.abc import Iterator
 
 import pytest
 
 from board.time import EPOCH, Carrier, Fix, FixKind, TimeMark, its_time_ms
 from drivers.message import Position
-from firmware.place import CONFIRMED, FRESH_S, Place
+from firmware.place import FRESH_S, Place
 from firmware.tables import Place as PlaceOptions
 
 NOW = 1_795_182_426.0
@@ -118,63 +117,6 @@ def test_of_two_receivers_the_more_certain_is_used_while_it_is_fresh(place: Plac
     assert place.status()["source"] == "modem"
 
 
-def later(fix: Fix, seconds: float, metres: float = 0.0) -> Fix:
-    """The receiver some seconds and metres further north."""
-    assert fix.latitude is not None
-    return fix._replace(monotonic=fix.monotonic + seconds, latitude=fix.latitude + round(metres * 89.8))
-
-
-def test_a_drive_is_believed(place: Place, clock: Clock) -> None:
-    fix = INGOLSTADT
-    for _ in range(100):
-        place.fix("gnss", fix)
-        fix = later(fix, 0.1, 5.0)  # 50 m/s
-        clock.now = fix.monotonic
-    assert place.jumps == 0
-
-
-def test_a_jump_of_100_km_is_not_believed_and_counted_and_said_once(
-    place: Place, clock: Clock, caplog: pytest.LogCaptureFixture
-) -> None:
-    place.fix("gnss", INGOLSTADT)
-    clock.now += 0.1
-    place.fix("gnss", later(INGOLSTADT, 0.1, 100_000))
-    assert place.ego().position == Position(487_668_616, 114_320_680)
-    place.fix("gnss", later(INGOLSTADT, 0.2, 3))
-    assert place.ego().position.latitude == 487_668_616 + 269
-    assert place.jumps == 1
-    assert [r.getMessage() for r in caplog.records] == ["gnss: a position 100.0 km away is not believed yet"]
-
-
-def test_a_receiver_that_insists_is_believed(place: Place, clock: Clock, caplog: pytest.LogCaptureFixture) -> None:
-    place.fix("gnss", INGOLSTADT)
-    for count in range(CONFIRMED):
-        clock.now = 100.1 + count / 10
-        place.fix("gnss", later(INGOLSTADT, 0.1 + count / 10, 100_000))
-    assert place.ego().position.latitude == 487_668_616 + 8_980_000
-    assert (place.jumps, caplog.records[-1].levelno) == (1, logging.WARNING)
-
-
-def test_a_receiver_that_is_somewhere_else_each_time_is_not_believed_and_floods_no_log(
-    place: Place, clock: Clock, caplog: pytest.LogCaptureFixture
-) -> None:
-    place.fix("gnss", INGOLSTADT)
-    for count in range(1, 1000):
-        clock.now = 100.0 + count / 10
-        place.fix("gnss", later(INGOLSTADT, count / 10, 100_000 * (count % 7 + 1)))
-        place.fix("gnss", later(INGOLSTADT, count / 10))
-    assert place.ego().position.latitude == 487_668_616
-    assert place.jumps == 999
-    assert len(caplog.records) < 30
-
-
-def test_a_drive_across_the_date_line_is_no_jump(place: Place) -> None:
-    east = INGOLSTADT._replace(latitude=0, longitude=1_799_999_900)
-    place.fix("gnss", east)
-    place.fix("gnss", east._replace(longitude=-1_799_999_900, monotonic=101.0))
-    assert place.jumps == 0
-
-
 def test_before_the_clock_is_set_the_position_counts_as_unknown(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
     place.fix("gnss", INGOLSTADT)
     for utc_s in (12.0, EPOCH - 1.0):
@@ -199,7 +141,6 @@ def test_the_status_is_in_degrees_metres_and_seconds(place: Place, clock: Clock)
         "satellites": 14,
         "source": "gnss",
         "age_s": 0.5,
-        "jumps": 0,
         "time_mark": {
             "source": "gnss",
             "age_s": 0.5,
