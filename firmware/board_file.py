@@ -25,6 +25,11 @@ class Board(Hardware):
     interfaces: dict[str, dict[str, Any]] = field(default_factory=dict)
     neighbours: NeighboursOptions | None = None
 
+    @property
+    def has_hardware(self) -> bool:
+        """Whether anything is declared that is switched, read or looked at."""
+        return bool(self.lines or self.rails or self.temperatures or self.fan or self.identity or self.slots)
+
 
 def load(board: str) -> Board:
     """A board by its name in board/boards (`sim`, `none`) or by the path of a file.

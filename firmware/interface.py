@@ -60,6 +60,7 @@ class Interface:
         self.loop = loop
         self.driver = driver
         self.driver_name = options.driver
+        self.slot = options.slot
         self._technology = options.technology or driver.capabilities.technology
         self._max_payload = driver.capabilities.max_payload
         self._carries_areas = Can.GEOBROADCAST in driver.capabilities.can
@@ -68,6 +69,7 @@ class Interface:
         self.since = loop.clock()
         self.on_fail: Callable[[StationError], None] = lambda error: None
         self.on_fix: Callable[[Fix], None] = lambda fix: None
+        self.on_link: Callable[[bool, str], None] = lambda is_up, why: None
         self.on_time_mark: Callable[[TimeMark], None] = lambda mark: None
         self.details: Mapping[str, object] = {}
         self.can_transmit = Can.TRANSMIT in driver.capabilities.can
@@ -133,6 +135,7 @@ class Interface:
         self.is_up = is_up
         self.why = why
         log.info("%s: %s: %s", self.name, "up" if is_up else "down", why)
+        self.on_link(is_up, why)
         if has_changed:
             self.since = self.loop.clock()
             self._above.links_changed()
@@ -192,6 +195,7 @@ class Interface:
         return {
             "driver": self.driver_name,
             "technology": self._technology,
+            **({"slot": self.slot} if self.slot else {}),
             "why": self.why,
             "since_s": round(now - self.since, 3),
             "neighbours": self.neighbours.count(now),

@@ -70,7 +70,7 @@ def test_a_station_that_is_stopped_ends_its_loop_and_closes(folder: Folder, loop
 def port_of(station: Station) -> int:
     import zmq
 
-    return int(station._inlets[0]._socket.get(zmq.LAST_ENDPOINT).rstrip(b"\0").decode().rpartition(":")[2])
+    return int(station.endpoint.inlets[0]._socket.get(zmq.LAST_ENDPOINT).rstrip(b"\0").decode().rpartition(":")[2])
 
 
 @pytest.mark.parametrize("key", ["from_users", "to_users", "pull", "report"])
@@ -113,7 +113,7 @@ def test_the_status_is_json_and_has_what_is_promised(folder: Folder, loop: Loop)
 def test_the_legacy_profile_suppresses_no_duplicates_and_adds_no_localinfo(folder: Folder, loop: Loop) -> None:
     with closing(folder.station(loop, "station.profile=legacy")) as station:
         assert station.router.stages == ()
-        assert station.users._local is None
+        assert station.endpoint.users._local is None
 
 
 def names(station: Station) -> list[str]:
@@ -161,7 +161,7 @@ def test_a_clock_that_is_not_set_makes_the_position_unknown_and_is_said(
     monkeypatch.setattr("firmware.station.time.time", lambda: 12.0)
     station = folder.station(loop, "station.position={latitude=48.0, longitude=11.0}")
     station.start()
-    assert (station.ego().its_ms, station.ego().is_known) == (0, False)
+    assert (station.place.ego().its_ms, station.place.ego().is_known) == (0, False)
     assert station.status()["is_clock_set"] is False
     assert "clock is not set" in caplog.text
     station.close()
@@ -169,7 +169,7 @@ def test_a_clock_that_is_not_set_makes_the_position_unknown_and_is_said(
 
 def test_a_station_may_be_bound_to_an_ipv6_address(folder: Folder, loop: Loop) -> None:
     station = folder.station(loop, "endpoint.address='::1'")
-    address = station.users.publisher._socket.get(zmq.LAST_ENDPOINT)
+    address = station.endpoint.users.publisher._socket.get(zmq.LAST_ENDPOINT)
     assert address.startswith(b"tcp://[::1]:")
     station.close()
 

@@ -1,0 +1,118 @@
+"""The station's sockets: four ports for users, and the Unix socket of the command line."""
+
+from collections.abc import Callable
+
+import zmq
+
+from board.errors import StationError
+from board.loop import Loop
+from drivers.message import Ego
+from firmware.control_socket import ControlSocket, default_path
+from firmware.drops import Drops
+from firmware.inlet import Inlet
+from firmware.publisher import Publisher
+from firmware.question import Commands
+from firmware.report import CONFIRM, STATUS, Report
+from firmware.router import Router
+from firmware.tables import EndpointOptions
+from firmware.topics import Topics
+from firmware.users import Users
+
+# What users have handed over is taken for FINISH_S when the station stops.
+FINISH_S = 0.2
+
+
+class Endpoint:
+    """All of them, opened at once.
+
+    local     own position for localInfo; None leaves it out.
+    status    makes the status object; refresh brings the counters in it up to date.
+    commands  of the control socket.
+
+    Raises StationError when one cannot be had, and has then closed the others.
+    """
+
+    def __init__(
+        self,
+        loop: Loop,
+        options: EndpointOptions,
+        topics: Topics,
+        drops: Drops,
+        router: Router,
+        local: Callable[[], Ego] | None,
+        status: Callable[[], dict[str, object]],
+        refresh: Callable[[], None],
+        commands: Commands,
+    ) -> None:
+        self.context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+        self._loop = loop
+        self._router = router
+        host = f"[{options.address}]" if ":" in options.address else options.address
+
+        def at(port: int) -> str:
+            return f"tcp://{host}:{port}"
+
+        try:
+            self.users = Users(loop, self.context, at(options.to_users), topics, drops, local)
+            self._reports = Publisher(
+                loop, self.context, at(options.report), "report", drops, (CONFIRM, STATUS), self._interest
+            )
+            self.report = Report(loop, self._reports, status, refresh)
+            self.inlets = [
+                Inlet(loop, self.context, kind, at(port), name, topics, router, kind == zmq.PULL, options.strict)
+                for kind, port, name in (
+                    (zmq.SUB, options.from_users, "from_users"),
+                    (zmq.PULL, options.pull, "pull"),
+                )
+            ]
+            self._control = ControlSocket(loop, options.control or default_path(options.from_users), commands)
+        except StationError:
+            self.context.destroy(linger=0)  # those sockets that could be had
+            raise
+        router.publish = self.users.publish
+        router.report = self.report.confirm
+
+    def start(self) -> None:
+        self.users.start()
+        self.report.start()
+
+    def finish(self) -> None:
+        """Take what users have handed over, and nothing after it."""
+        until = self._loop.clock() + FINISH_S
+        for inlet in self.inlets:
+            inlet.finish(until)
+
+    def close_inlets(self) -> None:
+        for inlet in self.inlets:
+            inlet.close()
+
+    def close(self) -> None:
+        """Close what is left; messages on their way out have libzmq's time to leave."""
+        self._control.close()
+        self.users.publisher.close()
+        self._reports.close()
+        self.context.term()
+
+    def status(self) -> dict[str, object]:
+        """The parts of the status that are about users and reports."""
+        publisher = self.users.publisher
+        return {
+            "endpoint": {
+                "requests": self._router.requests,
+                "accepted": self._router.accepted,
+                "published": self.users.published,
+                "raw": self.users.raw,
+                "slow_since": publisher.slow_since,
+                "slow_count": publisher.slow_count,
+            },
+            "report": {
+                "slow_since": self._reports.slow_since,
+                "slow_count": self._reports.slow_count,
+            },
+        }
+
+    def _interest(self, topic: bytes, is_wanted: bool) -> None:
+        if topic == CONFIRM:
+            self._router.is_confirm_wanted = is_wanted
+        else:
+            self.report.status_interest(is_wanted)
