@@ -1,0 +1,90 @@
+"""NAV-PVT as a Fix, and fixes that cannot be."""
+
+from math import cos, hypot, radians
+
+from board.time import Carrier, Fix, FixKind
+from drivers.wire.gnss_time import utc_ns
+from drivers.wire.ubx_messages import NavPvt
+
+METRES = 0.0111319  # of 1e-7 degree on a great circle, WGS84 equator
+
+
+def fix_of(pvt: NavPvt, now: float) -> Fix:
+    """NAV-PVT as a Fix. Without gnssFixOK it has a time at most: such a position is outside its own limits."""
+    utc = utc_ns(pvt)
+    accuracy = pvt.time_accuracy_ns if utc is not None else None
+    kind = FixKind(pvt.fix_type) if pvt.fix_type <= max(FixKind) and pvt.is_fix_ok else FixKind.NONE
+    if kind in (FixKind.NONE, FixKind.TIME_ONLY) or pvt.is_position_invalid:
+        kind = FixKind.TIME_ONLY if kind is FixKind.TIME_ONLY else FixKind.NONE
+        return Fix(now, kind, satellites=pvt.satellites, utc_ns=utc, utc_accuracy_ns=accuracy)
+    is_flat = kind is FixKind.FLAT
+    return Fix(
+        now,
+        kind,
+        latitude=pvt.latitude,
+        longitude=pvt.longitude,
+        altitude=None if is_flat else pvt.height_mm,
+        horizontal=pvt.horizontal_mm,
+        vertical=None if is_flat else pvt.vertical_mm,
+        speed=max(0, pvt.speed_mm_s),
+        speed_accuracy=pvt.speed_accuracy_mm_s,
+        heading=pvt.heading % 36_000_000,
+        heading_accuracy=pvt.heading_accuracy,
+        satellites=pvt.satellites,
+        carrier=Carrier(min(pvt.carrier, Carrier.FIXED)),
+        utc_ns=utc,
+        utc_accuracy_ns=accuracy,
+    )
+
+
+def distance(one: Fix, other: Fix) -> float:
+    """Metres between two positions, to 1 % up to some 100 km; both are known."""
+    assert one.latitude is not None
+    assert one.longitude is not None
+    assert other.latitude is not None
+    assert other.longitude is not None
+    north = other.latitude - one.latitude
+    east = (other.longitude - one.longitude + 1_800_000_000) % 3_600_000_000 - 1_800_000_000
+    return METRES * hypot(north, east * cos(radians((one.latitude + other.latitude) / 2e7)))
+
+
+class Jumps:
+    """Tells a position that nothing can have driven to from the one before.
+
+    It is believed once several epochs in a row agree on it: a receiver that was wrong for an hour and has found
+    itself must not be refused for ever.
+    """
+
+    SPEED = 150.0  # m/s: beyond any vehicle on a road
+    SLACK = 1000.0  # m: a first fix between buildings is wrong by hundreds
+    CONFIRMED = 5  # epochs
+
+    def __init__(self) -> None:
+        self.count = 0  # jumps met
+        self.metres = 0.0  # of the last one
+        self._believed: Fix | None = None
+        self._doubted: Fix | None = None
+        self._agreeing = 0
+
+    def is_believed(self, fix: Fix) -> bool:
+        """Whether a fix with a position can follow the ones before."""
+        if self._believed is None or self._follows(fix, self._believed):
+            self._believe(fix)
+            return True
+        if self._doubted is not None and self._follows(fix, self._doubted):
+            self._agreeing += 1
+        else:
+            self.count += 1
+            self.metres = distance(self._believed, fix)
+            self._agreeing = 1
+        self._doubted = fix
+        if self._agreeing < self.CONFIRMED:
+            return False
+        self._believe(fix)
+        return True
+
+    def _believe(self, fix: Fix) -> None:
+        self._believed, self._doubted = fix, None
+
+    def _follows(self, fix: Fix, before: Fix) -> bool:
+        return distance(before, fix) <= self.SLACK + self.SPEED * (fix.monotonic - before.monotonic)

@@ -1,0 +1,168 @@
+"""What comes out of a GNSS receiver: UBX frames, NMEA sentences and RTCM 3 frames on one line, in any order.
+
+Each begins with octets of its own, and has a length and a checksum. Where they disagree, the search goes on one octet
+behind the beginning, in what was received already: a frame that was damaged, or a beginning that was none, takes
+nothing with it.
+"""
+
+import re
+from typing import Final
+
+from drivers.reason import Reason
+from drivers.wire import nmea, rtcm, ubx
+from drivers.wire.serial_frame import SAMPLE, Garbage
+
+Event = ubx.Frame | nmea.Sentence | rtcm.Frame | Garbage
+
+# What has begun is complete so soon, or was none. The longest that a receiver is asked for, a MON-VER of 340 octets,
+# takes 0.4 s at 9,600 baud; a false beginning may promise 8,200.
+FRAME_S = 1.0
+
+MAX_GARBAGE = 1024  # octets that are told in one piece
+
+_BEGINNING = re.compile(rb"[\xb5$\xd3]")
+# A sentence is printable but for `$`, `*`, and the end of the line; what is cut off may go on so.
+_SENTENCE = re.compile(rb"\$([ -#%-)+-~]{5,256})\*([0-9A-F]{2})\r\n")
+_SENTENCE_BEGUN = re.compile(rb"\$[ -#%-)+-~]{0,256}(\*[0-9A-F]{0,2}\r?)?")
+
+
+class _More:
+    """The candidate is not complete."""
+
+
+_MORE: Final = _More()
+_Found = tuple[Event, int] | _More | Reason
+
+
+class GnssStream:
+    """Octets in, frames and sentences out; they do not depend on how the octets were cut.
+
+    Every octet is in one of them or counted as garbage. Garbage is told in one piece before what follows it, and when
+    it gets long.
+    """
+
+    def __init__(self) -> None:
+        self._waiting = bytearray()
+        self._since: float | None = None  # when the candidate began
+        self._reason = Reason.FRAMING
+        self._sample = b""
+        self._skipped = 0
+
+    def receive(self, octets: bytes, now: float) -> list[Event]:
+        """What octets complete, and the garbage in front of it."""
+        events: list[Event] = []
+        self._waiting += octets
+        self._scan(events, now)
+        if self._skipped >= MAX_GARBAGE:
+            self._tell(events)
+        return events
+
+    def deadline(self) -> float | None:
+        """When expire() wants to be called."""
+        return None if self._since is None else self._since + FRAME_S
+
+    def expire(self, now: float) -> list[Event]:
+        """Take an unfinished frame for none after its time; what stands behind its beginning is looked at again."""
+        events: list[Event] = []
+        deadline = self.deadline()
+        if deadline is not None and now >= deadline:
+            self._skip(1)
+            self._scan(events, now)
+            if not self._waiting:
+                self._tell(events)
+        return events
+
+    def _scan(self, events: list[Event], now: float) -> None:
+        """Take all that is complete from the front; what remains is a candidate."""
+        waiting = self._waiting
+        at = 0
+        while (found := _BEGINNING.search(waiting, at)) is not None:
+            self._pass_over(at, found.start())
+            at = found.start()
+            result = _look(waiting, at)
+            if isinstance(result, _More):
+                break
+            if isinstance(result, Reason):
+                if result is Reason.CHECKSUM:
+                    self._reason = result
+                self._pass_over(at, at + 1)
+                at += 1
+                continue
+            self._tell(events)
+            event, at = result
+            events.append(event)
+        else:
+            self._pass_over(at, len(waiting))
+            at = len(waiting)
+        del waiting[:at]
+        if not waiting:
+            self._since = None
+        elif self._since is None or at:
+            self._since = now
+
+    def _skip(self, octets: int) -> None:
+        self._pass_over(0, octets)
+        del self._waiting[:octets]
+        self._since = None
+
+    def _pass_over(self, start: int, end: int) -> None:
+        """Count octets of the buffer as garbage; they stay in it."""
+        room = SAMPLE - len(self._sample)
+        if room > 0:
+            self._sample += self._waiting[start : min(end, start + room)]
+        self._skipped += end - start
+
+    def _tell(self, events: list[Event]) -> None:
+        if self._skipped:
+            events.append(Garbage(self._reason, bytes(self._sample), self._skipped))
+        self._reason, self._sample, self._skipped = Reason.FRAMING, b"", 0
+
+
+def _look(waiting: bytearray, at: int) -> _Found:
+    """What begins here: the event and its end, or that more is needed, or why it is none."""
+    match waiting[at]:
+        case 0xB5:
+            return _ubx(waiting, at)
+        case 0xD3:
+            return _rtcm(waiting, at)
+        case _:
+            return _nmea(waiting, at)
+
+
+def _ubx(waiting: bytearray, at: int) -> _Found:
+    if len(waiting) < at + 6:
+        return _MORE if ubx.SYNC.startswith(waiting[at : at + 2]) else Reason.FRAMING
+    length = waiting[at + 4] | waiting[at + 5] << 8
+    if waiting[at + 1] != ubx.SYNC[1] or length > ubx.MAX_PAYLOAD:
+        return Reason.FRAMING
+    end = at + length + ubx.OVERHEAD
+    if len(waiting) < end:
+        return _MORE
+    body = bytes(waiting[at + 2 : end - 2])
+    if ubx.checksum(body) != waiting[end - 2 : end]:
+        return Reason.CHECKSUM
+    return ubx.Frame(body[0] << 8 | body[1], body[4:]), end
+
+
+def _rtcm(waiting: bytearray, at: int) -> _Found:
+    if len(waiting) < at + 3:
+        return _MORE if len(waiting) < at + 2 or waiting[at + 1] < 4 else Reason.FRAMING
+    length = int.from_bytes(waiting[at + 1 : at + 3])
+    if length > rtcm.MAX_MESSAGE:
+        return Reason.FRAMING
+    end = at + length + rtcm.OVERHEAD
+    if len(waiting) < end:
+        return _MORE
+    frame = bytes(waiting[at:end])
+    return (rtcm.Frame(frame), end) if rtcm.crc24q(frame) == 0 else Reason.CHECKSUM
+
+
+def _nmea(waiting: bytearray, at: int) -> _Found:
+    found = _SENTENCE.match(waiting, at)
+    if found is None:
+        is_begun = _SENTENCE_BEGUN.fullmatch(waiting, at)
+        return _MORE if is_begun else Reason.FRAMING
+    body, digits = found.groups()
+    if nmea.checksum(body) != int(digits, 16):
+        return Reason.CHECKSUM
+    return nmea.Sentence(body.decode("ascii")), found.end()

@@ -1,0 +1,123 @@
+"""Configuration of a u-blox receiver of generation 9: CFG-VALSET and CFG-VALGET, which carry keys and values.
+
+A key's bits 28..30 say how long its value is. A receiver takes all of a CFG-VALSET, or refuses it with ACK-NAK because
+of one key that its firmware does not know, and does not say which.
+Source: u-blox F9 HPG 1.32 interface description, clauses 3.10 and 6.
+"""
+
+from struct import Struct
+from typing import NamedTuple
+
+from board.errors import ProtocolError
+from drivers.wire.ubx_keys import Key, key
+
+# Layers of CFG-VALSET are bits.
+RAM, BBR, FLASH = 1, 2, 4
+# Layers of CFG-VALGET are numbers.
+GET_RAM, GET_BBR, GET_FLASH, GET_DEFAULT = 0, 1, 2, 7
+
+MAX_ITEMS = 64  # of one message
+
+# Octets of a value by bits 28..30 of its key; 1 is a single bit that takes a whole octet.
+_SIZES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8}
+_HEADER = Struct("<BBBB")
+_KEY = Struct("<I")
+_FLOAT = {4: Struct("<f"), 8: Struct("<d")}
+
+Value = int | float
+Items = tuple[tuple[int, Value], ...]
+
+
+class ValSet(NamedTuple):
+    """Set keys in layers. Values are signed or not, or floating-point, as ubx_keys.py says of the key."""
+
+    layers: int
+    items: Items
+    version: int = 0
+    transaction: int = 0  # of version 1: 0 none, 1 begin, 2 go on, 3 apply
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> "ValSet":
+        version, layers, transaction, _ = _head(payload, "CFG-VALSET")
+        return cls(layers, _unpack_items(payload), version, transaction)
+
+    def pack(self) -> bytes:
+        return _HEADER.pack(self.version, self.layers, self.transaction, 0) + _pack_items(self.items)
+
+
+class ValGet(NamedTuple):
+    """Ask for the values of keys in one layer (version 0), or what was asked for (version 1).
+
+    items  of a question: the keys, with a value of 0 that is not sent.
+    """
+
+    version: int
+    layer: int
+    items: Items
+    position: int = 0  # so many values of the answer are skipped
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> "ValGet":
+        version, layer, low, high = _head(payload, "CFG-VALGET")
+        if version:
+            return cls(version, layer, _unpack_items(payload), low | high << 8)
+        keys = payload[_HEADER.size :]
+        if len(keys) % _KEY.size:
+            raise ProtocolError(f"CFG-VALGET: {len(keys)} octets of keys are no whole number of keys")
+        return cls(0, layer, tuple((number, 0) for (number,) in _KEY.iter_unpack(keys)), low | high << 8)
+
+    def pack(self) -> bytes:
+        head = _HEADER.pack(self.version, self.layer, self.position & 0xFF, self.position >> 8)
+        if self.version:
+            return head + _pack_items(self.items)
+        return head + b"".join(_KEY.pack(number) for number, _ in self.items)
+
+
+def _head(payload: bytes, name: str) -> tuple[int, ...]:
+    if len(payload) < _HEADER.size:
+        raise ProtocolError(f"{name} of {len(payload)} octets: it has at least {_HEADER.size}")
+    return _HEADER.unpack_from(payload)
+
+
+def _pack_items(items: Items) -> bytes:
+    assert len(items) <= MAX_ITEMS
+    return b"".join(_KEY.pack(number) + pack_value(key(number), value) for number, value in items)
+
+
+def _unpack_items(payload: bytes) -> Items:
+    items: list[tuple[int, Value]] = []
+    at = _HEADER.size
+    while at < len(payload):
+        if at + _KEY.size > len(payload):
+            raise ProtocolError(f"a configuration ends in the middle of a key, {len(payload) - at} octets of it")
+        (number,) = _KEY.unpack_from(payload, at)
+        end = at + _KEY.size + size(number)
+        if end > len(payload):
+            raise ProtocolError(f"a configuration ends in the middle of the value of {key(number).name}")
+        items.append((number, unpack_value(key(number), payload[at + _KEY.size : end])))
+        at = end
+    return tuple(items)
+
+
+def size(number: int) -> int:
+    """Octets of a key's value. Raises ProtocolError for a key that cannot be."""
+    octets = _SIZES.get(number >> 28 & 7)
+    if octets is None:
+        raise ProtocolError(f"{number:#010x} is no key: its bits 28..30 name no size")
+    return octets
+
+
+def pack_value(one: Key, value: Value) -> bytes:
+    """A value as it stands behind its key."""
+    octets = size(one.number)
+    if one.type == "R":
+        return _FLOAT[octets].pack(value)
+    return int(value).to_bytes(octets, "little", signed=one.type == "I")
+
+
+def unpack_value(one: Key, octets: bytes) -> Value:
+    """The inverse of pack_value()."""
+    if one.type == "R" and len(octets) in _FLOAT:
+        value: float = _FLOAT[len(octets)].unpack(octets)[0]
+        return value
+    return int.from_bytes(octets, "little", signed=one.type == "I")

@@ -1,0 +1,51 @@
+"""RTCM 3 frames compared with pyrtcm, and what an RTCMEM may hold."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pyrtcm import RTCMReader, calc_crc24q
+
+from board.errors import ProtocolError
+from drivers.wire import rtcm
+
+# RTCM 10403.3, clause 4.2: a message 1005 of station 2003 as an example of the framing.
+EXAMPLE = bytes.fromhex("d300133ed7d30202980edeef34b4bd62ac0941986f33360b98")
+
+
+def test_the_example_of_the_standard_is_built_and_taken_apart():
+    frame = rtcm.Frame(EXAMPLE)
+    assert frame.number == 1005
+    assert rtcm.encode(frame.message) == EXAMPLE
+    assert rtcm.crc24q(EXAMPLE) == 0
+    assert RTCMReader.parse(EXAMPLE).DF003 == 2003
+
+
+@given(message=st.binary(max_size=1023))
+def test_the_checksum_is_theirs(message):
+    frame = rtcm.encode(message)
+    assert calc_crc24q(frame[:-3]).to_bytes(3, "big") == frame[-3:]
+
+
+@given(message=st.binary(min_size=2, max_size=1023).filter(lambda message: message[0] != 0xD3))
+def test_a_message_is_framed_whether_it_was_already_or_not(message):
+    frame = rtcm.encode(message)
+    assert rtcm.framed(message) == frame
+    assert rtcm.framed(frame) == frame
+    assert rtcm.Frame(frame).number == int.from_bytes(message[:2]) >> 4
+
+
+def test_an_empty_message_has_no_number():
+    assert rtcm.Frame(rtcm.encode(b"")).number is None
+
+
+@pytest.mark.parametrize("octets", [EXAMPLE[:-1], EXAMPLE + b"\0", EXAMPLE[:-1] + b"\0", b"\xd3", bytes(1024)])
+def test_what_cannot_be_framed_is_refused(octets):
+    with pytest.raises(ProtocolError):
+        rtcm.framed(octets)
+
+
+@given(at=st.integers(0, len(EXAMPLE) * 8 - 1))
+def test_every_bit_of_a_frame_is_covered(at):
+    damaged = bytearray(EXAMPLE)
+    damaged[at // 8] ^= 1 << at % 8
+    assert rtcm.crc24q(damaged)
