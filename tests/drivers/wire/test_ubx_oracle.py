@@ -171,14 +171,15 @@ def test_a_position_that_they_build_from_its_fields_we_read():
         "NAV", "NAV-PVT", GET, year=2026, month=6, day=1, hour=8, min=0, second=60, validDate=1, validTime=1,
         fullyResolved=1, tAcc=22, nano=-412, fixType=3, gnssFixOk=1, carrSoln=2, confirmedAvai=1, confirmedDate=1,
         confirmedTime=1, numSV=28, lon=11.432068, lat=-48.7668616, height=420_000, hAcc=14, gSpeed=13_900,
-        headMot=16.25, lastCorrectionAge=3,
+        headMot=16.21917, lastCorrectionAge=3,
     )  # fmt: skip
     message = ours(made)
     assert (message.year, message.second, message.nano) == (2026, 60, -412)
     assert message.longitude == 114_320_680
     assert message.latitude == -487_668_616
     assert (message.is_fully_resolved, message.is_confirmed, message.is_fix_ok) == (True, True, True)
-    assert (message.carrier, message.correction_age, message.heading) == (2, 3, 1_625_000)
+    assert (message.carrier, message.correction_age) == (2, 3)
+    assert abs(message.heading - 1_621_917) <= 1  # they cut off what floating-point leaves behind the point
 
 
 ASCII = st.text(st.characters(min_codepoint=0x21, max_codepoint=0x7E), max_size=30)
