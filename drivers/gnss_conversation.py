@@ -1,0 +1,76 @@
+"""Questions to a receiver, one at a time: each has an answer, or was asked often enough."""
+
+from collections import deque
+from collections.abc import Callable
+from typing import NamedTuple
+
+from board.loop import Loop, Timer
+from drivers.wire.ubx_messages import Message
+
+Wanted = Callable[[Message], bool]
+Done = Callable[[Message | None], None]
+
+
+class _Question(NamedTuple):
+    octets: bytes
+    wanted: Wanted
+    done: Done
+    tries: int
+    wait_s: float
+
+
+class Conversation:
+    """Asks by write, and hears all that the receiver says."""
+
+    def __init__(self, loop: Loop, write: Callable[[bytes], object]) -> None:
+        self._loop = loop
+        self._write = write
+        self._waiting: deque[_Question] = deque()
+        self._current: _Question | None = None
+        self._timer: Timer | None = None
+
+    def ask(self, octets: bytes, wanted: Wanted, done: Done, tries: int = 3, wait_s: float = 1.0) -> None:
+        """Send, at most `tries` times; done() gets the first message that is wanted, or None."""
+        self._waiting.append(_Question(octets, wanted, done, tries, wait_s))
+        if self._current is None:
+            self._next()
+
+    def hear(self, message: Message) -> None:
+        """Whether it answers anything or not."""
+        current = self._current
+        if current is not None and current.wanted(message):
+            self._end(current, message)
+
+    def close(self) -> None:
+        """Nobody is told anything any more; idempotent."""
+        self._waiting.clear()
+        self._current = None
+        self._stop_waiting()
+
+    def _next(self) -> None:
+        if self._waiting:
+            self._send(self._waiting.popleft())
+
+    def _send(self, question: _Question) -> None:
+        self._current = question._replace(tries=question.tries - 1)
+        self._timer = self._loop.after(question.wait_s, self._late)
+        self._write(question.octets)
+
+    def _late(self) -> None:
+        current = self._current
+        if current is not None and current.tries > 0:
+            self._send(current)
+        elif current is not None:
+            self._end(current, None)
+
+    def _end(self, question: _Question, answer: Message | None) -> None:
+        self._stop_waiting()
+        self._current = None
+        question.done(answer)
+        if self._current is None:  # unless done() has asked, or closed
+            self._next()
+
+    def _stop_waiting(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None

@@ -1,0 +1,99 @@
+"""Any receiver that speaks NMEA 0183, as it is: it gives positions and the time of day, and no word on pulses."""
+
+from board.errors import InterfaceError, ProtocolError, RequestError
+from board.machine import Machine
+from drivers.gnss_options import GnssOptions
+from drivers.gnss_port import GnssPort
+from drivers.gnss_receiver import SILENT_S, Above
+from drivers.reason import Reason
+from drivers.wire.gnss_stream import GnssStream
+from drivers.wire.nmea import Sentence, decode
+from drivers.wire.nmea_epochs import NmeaEpochs
+from drivers.wire.serial_frame import Garbage
+
+GIVE_UP_S = 15.0  # a receiver that says nothing for so long is not there, or has another rate
+
+
+class NmeaReceiver:
+    """Listens."""
+
+    def __init__(self, options: GnssOptions, machine: Machine, above: Above) -> None:
+        self._options = options
+        self._machine = machine
+        self._above = above
+        self._port: GnssPort | None = None
+
+    def start(self) -> None:
+        host = self._above.host
+        self._loop = host.loop
+        self._stream = GnssStream()
+        self._epochs = NmeaEpochs()
+        self._talker = ""
+        self._is_known = False
+        self._garbage = self._unread = 0
+        port = GnssPort(host.loop, self._options, self._machine, self._received, self._above.failed)
+        port.open(self._options.rate_baud)
+        self._port = port
+        host.link(False, f"listening at {port.path}, {self._options.rate_baud} baud")
+
+    def stop(self) -> None:
+        if self._port is not None:
+            self._port.close()
+            self._port = None
+
+    def silent(self, seconds: float) -> None:
+        if self._port is None:
+            return
+        self._is_known = False
+        self._above.host.link(False, f"{self._port.name}: no epoch for {SILENT_S:.0f} s")
+        if seconds >= GIVE_UP_S:
+            what = "only garbage comes" if self._garbage else "nothing comes"
+            self._above.failed(
+                InterfaceError(
+                    f"{self._port.path}: {what} at {self._options.rate_baud} baud",
+                    "is baud that of the receiver? mostly 4800, 9600, 38400 or 115200",
+                )
+            )
+
+    def correct(self, frame: bytes) -> None:
+        """A receiver that is not configured takes none."""
+
+    def reset(self, kind: str) -> None:
+        raise RequestError("a receiver of kind nmea cannot be reset", "power-cycle its slot: `captain slot cycle`")
+
+    def details(self) -> dict[str, object]:
+        return {
+            "port": self._port.path if self._port else "",
+            "talker": self._talker,
+            "unread": self._unread,
+            "garbage_octets": self._garbage,
+        }
+
+    def _received(self, octets: bytes) -> None:
+        now = self._loop.clock()
+        for event in [*self._stream.expire(now), *self._stream.receive(octets, now)]:
+            if self._port is None:
+                return
+            match event:
+                case Sentence():
+                    self._take(event, self._port, now)
+                case Garbage():
+                    self._garbage += event.octets
+                    self._above.host.drop(event.reason, event.sample)
+
+    def _take(self, sentence: Sentence, port: GnssPort, now: float) -> None:
+        try:
+            message = decode(sentence)
+        except ProtocolError:
+            self._unread += 1
+            self._above.host.drop(Reason.FRAMING, sentence.body.encode("ascii"))
+            return
+        if message is None:
+            return
+        self._talker = sentence.body[:2]
+        if not self._is_known:
+            self._is_known = True
+            self._above.configured(f"NMEA receiver, talker {self._talker}, at {port.name}")
+        fix = self._epochs.take(message, now)
+        if fix is not None:
+            self._above.epoch(fix)

@@ -1,0 +1,111 @@
+"""What a u-blox receiver says of itself beside its epochs: jamming, spoofing, antenna, leap seconds, corrections."""
+
+import logging
+
+from drivers.wire.gnss_time import GPS_EPOCH, Leap, civil_ns, leap_of
+from drivers.wire.ubx_health import MonRf, SecSig
+from drivers.wire.ubx_messages import CORRECTION_AGE_S, Message, NavPvt, NavStatus, RxmRtcm
+from drivers.wire.ubx_time import NavTimeLs
+
+log = logging.getLogger("captain.gnss")
+
+JAMMING = ("unknown", "none", "warning", "critical")
+SPOOFING = ("unknown", "none", "indicated", "affirmed")
+ANTENNA = ("starting", "unknown", "ok", "short circuit", "open")
+POWER = ("off", "on", "unknown")
+LEAP_SOURCES = ("firmware", "glonass", "gps", "sbas", "beidou", "galileo")
+
+LATE_S = 60  # that a receiver may be late in counting a leap second
+
+# What is worth a line in the journal when it changes.
+_QUIET = ("unknown", "none", "ok", "starting")
+
+
+class ReceiverState:
+    """Takes messages, and tells what they say; a change for the worse is logged once, and its end too.
+
+    name  of the interface, in the journal.
+    """
+
+    def __init__(self, name: str) -> None:
+        self.leap: Leap | None = None
+        self.pvt: NavPvt | None = None
+        self._name = name
+        self._words: dict[str, str] = {"jamming": "unknown", "spoofing": "unknown", "antenna": "unknown"}
+        self._leap_source = "unknown"
+        self._has_signal_security = False
+        self._used = self._unused = self._damaged = 0
+
+    def take(self, message: Message) -> None:
+        """Note what a message says; most say nothing here."""
+        match message:
+            case NavPvt():
+                self.pvt = message
+            case NavTimeLs():
+                self._take_leap(message)
+            case SecSig():
+                self._has_signal_security = True
+                self._set("jamming", JAMMING, message.jamming)
+                self._set("spoofing", SPOOFING, message.spoofing)
+            case NavStatus() if not self._has_signal_security:
+                self._set("spoofing", SPOOFING, message.spoofing)
+            case MonRf() if message.blocks:
+                if not self._has_signal_security:
+                    self._set("jamming", JAMMING, max(block.jamming for block in message.blocks))
+                self._set("antenna", ANTENNA, max(block.antenna for block in message.blocks))
+                self._words["antenna_power"] = _word(POWER, message.blocks[0].power)
+            case RxmRtcm():
+                self._used += message.use == 2
+                self._unused += message.use == 1
+                self._damaged += message.is_damaged
+
+    def details(self) -> dict[str, object]:
+        """As status shows it."""
+        found: dict[str, object] = {**self._words}
+        leap = self.leap
+        found["leap_seconds"] = leap.seconds if leap else None
+        found["leap_source"] = self._leap_source
+        if leap is not None and leap.event is not None:
+            found["leap_change"] = {"seconds": leap.change, "unix": GPS_EPOCH + leap.event - leap.seconds}
+        if self.pvt is not None:
+            found["pdop"] = self.pvt.pdop / 100
+            found["utc_resolved"] = self.pvt.is_fully_resolved
+        return found
+
+    def corrections(self) -> dict[str, object]:
+        """What the receiver made of the corrections that it was given."""
+        row = self.pvt.correction_age if self.pvt else 0
+        age = CORRECTION_AGE_S[row] if row < len(CORRECTION_AGE_S) else None
+        return {
+            "age_s_below": age if row else None,
+            "is_old": age is None,
+            "used": self._used,
+            "unused": self._unused,
+            "damaged": self._damaged,
+        }
+
+    def _take_leap(self, message: NavTimeLs) -> None:
+        self._leap_source = _word(LEAP_SOURCES, message.source)
+        before, leap = self.leap, leap_of(message, self._unix_now())
+        if before and leap and before.event and leap == Leap(before.seconds) and message.to_event_s > -LATE_S:
+            return  # the event has passed, and the receiver does not count it yet
+        self.leap = leap
+
+    def _unix_now(self) -> int | None:
+        pvt = self.pvt
+        if pvt is None or not (pvt.is_date_valid and pvt.is_time_valid):
+            return None
+        now_ns = civil_ns(pvt.year, pvt.month, pvt.day, pvt.hour, pvt.minute, pvt.second, 0)
+        return None if now_ns is None else now_ns // 10**9
+
+    def _set(self, what: str, words: tuple[str, ...], number: int) -> None:
+        before, now = self._words[what], _word(words, number)
+        self._words[what] = now
+        if now == before or (now in _QUIET and before in _QUIET):
+            return
+        level = logging.INFO if now in _QUIET else logging.WARNING
+        log.log(level, "%s: %s: %s, was %s", self._name, what, now, before)
+
+
+def _word(words: tuple[str, ...], number: int) -> str:
+    return words[number] if number < len(words) else "unknown"

@@ -1,0 +1,59 @@
+"""No receiver: a position that was surveyed, as of a roadside unit. It knows no time."""
+
+from board.errors import RequestError
+from board.loop import Timer
+from board.machine import Machine
+from board.time import Fix, FixKind
+from drivers.gnss_options import GnssOptions
+from drivers.gnss_receiver import Above
+
+PERIOD_S = 1.0
+
+
+class StaticReceiver:
+    """Says the same every second."""
+
+    def __init__(self, options: GnssOptions, machine: Machine, above: Above) -> None:
+        assert options.latitude is not None
+        assert options.longitude is not None
+        self._above = above
+        self._timer: Timer | None = None
+        accuracy_mm = round(options.accuracy_m * 1000)
+        has_altitude = options.altitude_m is not None
+        self._fix = Fix(
+            0.0,
+            FixKind.FULL if has_altitude else FixKind.FLAT,
+            latitude=round(options.latitude * 10**7),
+            longitude=round(options.longitude * 10**7),
+            altitude=round((options.altitude_m or 0.0) * 1000) if has_altitude else None,
+            horizontal=accuracy_mm,
+            vertical=accuracy_mm if has_altitude else None,
+            speed=0,
+            speed_accuracy=0,
+        )
+
+    def start(self) -> None:
+        self._above.configured("a position that was surveyed")
+        self._timer = self._above.host.loop.after(0.0, self._tell)
+
+    def stop(self) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def silent(self, seconds: float) -> None:
+        """It never is."""
+
+    def correct(self, frame: bytes) -> None:
+        """It moves for nothing."""
+
+    def reset(self, kind: str) -> None:
+        raise RequestError("a static position cannot be reset", "it is in captain.toml")
+
+    def details(self) -> dict[str, object]:
+        return {}
+
+    def _tell(self) -> None:
+        loop = self._above.host.loop
+        self._timer = loop.after(PERIOD_S, self._tell)
+        self._above.epoch(self._fix._replace(monotonic=loop.clock()))

@@ -1,0 +1,169 @@
+"""A u-blox receiver of generation 9: its epochs and time marks."""
+
+import logging
+
+from board.errors import InterfaceError, ProtocolError, RequestError
+from board.machine import Machine
+from board.time import TimeMark
+from drivers.gnss_bringup import Bringup
+from drivers.gnss_conversation import Conversation
+from drivers.gnss_options import GnssOptions
+from drivers.gnss_port import GnssPort
+from drivers.gnss_receiver import SILENT_S, Above
+from drivers.gnss_state import ReceiverState
+from drivers.reason import Reason
+from drivers.wire import ubx
+from drivers.wire.gnss_fix import fix_of
+from drivers.wire.gnss_stream import GnssStream
+from drivers.wire.gnss_time import Pulses
+from drivers.wire.nmea import Sentence
+from drivers.wire.serial_frame import Garbage
+from drivers.wire.ubx_health import MonVer
+from drivers.wire.ubx_messages import CfgRst, NavPvt, decode, encode
+from drivers.wire.ubx_time import TimTp
+
+log = logging.getLogger("captain.gnss")
+
+# CFG-RST by what an operator asks for. All but `full` keep the configuration.
+RESETS = {"hot": CfgRst(0, 2), "warm": CfgRst(1, 2), "cold": CfgRst(0xFFFF, 2), "full": CfgRst(0, 1)}
+
+FRESH_S = 2.0  # an epoch is no reason to trust a pulse for longer
+
+UNKNOWN_NS = 0xFFFF_FFFF  # as NAV-PVT says of a time that it does not know
+
+
+class UbxReceiver:
+    """Brought up by Bringup, supervised by who is above."""
+
+    def __init__(self, options: GnssOptions, machine: Machine, above: Above) -> None:
+        self._options = options
+        self._machine = machine
+        self._above = above
+        self._bringup: Bringup | None = None
+        self._port: GnssPort | None = None
+
+    def start(self) -> None:
+        host = self._above.host
+        self._loop = host.loop
+        self._state = ReceiverState(host.name)
+        self._version: MonVer | None = None
+        self._refused: list[str] = []
+        self._sentences = self._bringups = self._garbage = 0
+        port = GnssPort(host.loop, self._options, self._machine, self._received, self._above.failed)
+        self._port = port
+        self._talk = Conversation(host.loop, port.write)
+        host.link(False, f"asking the receiver at {self._options.usb or self._options.port} who it is")
+        self._bring_up(port)
+
+    def stop(self) -> None:
+        if self._bringup is not None:
+            self._bringup.close()
+            self._bringup = None
+        if self._port is not None:
+            self._port.close()
+            self._port = None
+
+    def silent(self, seconds: float) -> None:
+        if self._bringup is not None or self._port is None:
+            return
+        self._above.host.link(False, f"{self._port.name}: no epoch for {SILENT_S:.0f} s; bringing it up anew")
+        try:
+            self._bring_up(self._port)
+        except InterfaceError as error:
+            self._above.failed(error)
+
+    def correct(self, frame: bytes) -> None:
+        if self._version is not None and self._port is not None:
+            self._port.write(frame)
+
+    def reset(self, kind: str) -> None:
+        if kind not in RESETS:
+            raise RequestError(f"{kind!r} is no reset of a receiver", f"one of {', '.join(RESETS)}")
+        if self._port is None or self._version is None:
+            raise RequestError("the receiver is not there", "`captain gnss status` says why")
+        self._port.write(encode(RESETS[kind]))
+
+    def details(self) -> dict[str, object]:
+        version = self._version
+        found: dict[str, object] = {"port": self._port.path if self._port else ""}
+        if version is not None:
+            found |= {"module": version.module, "firmware": version.firmware, "protocol": version.protocol}
+        found |= self._state.details()
+        if self._options.corrections:
+            dropped = self._port.dropped if self._port else 0
+            found["corrections"] = {**self._state.corrections(), "dropped": dropped}
+        return found | {"refused": self._refused, "bringups": self._bringups, "garbage_octets": self._garbage}
+
+    def _bring_up(self, port: GnssPort) -> None:
+        self._stream = GnssStream()
+        self._pulses = Pulses(1 / self._options.rate_hz)
+        self._last_second: int | None = None
+        self._bringups += 1
+        self._bringup = Bringup(self._loop, self._talk, port, self._options, self._ready, self._above.failed)
+        self._bringup.start()
+
+    def _ready(self, version: MonVer) -> None:
+        assert self._bringup is not None
+        assert self._port is not None
+        if self._bringup.refused and self._bringup.refused != self._refused:
+            log.warning(
+                "%s: firmware %s does not know %s",
+                self._above.host.name,
+                version.firmware,
+                ", ".join(self._bringup.refused),
+            )
+        self._refused, self._bringup, self._version = self._bringup.refused, None, version
+        self._above.configured(f"{version.module or 'u-blox receiver'} {version.firmware} at {self._port.name}")
+
+    def _received(self, octets: bytes) -> None:
+        now = self._loop.clock()
+        for event in [*self._stream.expire(now), *self._stream.receive(octets, now)]:
+            if self._port is None:  # what was told stopped the interface
+                return
+            match event:
+                case ubx.Frame():
+                    self._take(event, now)
+                case Sentence():
+                    self._sentences += 1
+                case Garbage():
+                    self._garbage += event.octets
+                    self._above.host.drop(event.reason, event.sample)
+
+    def _take(self, frame: ubx.Frame, now: float) -> None:
+        try:
+            message = decode(frame)
+        except ProtocolError:
+            self._above.host.drop(Reason.TRUNCATED, frame.payload)
+            return
+        if message is None:
+            return
+        self._talk.hear(message)
+        self._state.take(message)
+        if self._bringup is not None or self._port is None:
+            return
+        if isinstance(message, NavPvt):
+            self._epoch_at = now
+            self._above.epoch(fix_of(message, now))
+        elif isinstance(message, TimTp):
+            self._mark(message, now)
+
+    def _mark(self, message: TimTp, now: float) -> None:
+        """Tell of a pulse, once: at ten epochs a second it is announced ten times."""
+        pulse = self._pulses.pulse(message, self._state.leap, now)
+        if pulse.gps == self._last_second and pulse.gps is not None:
+            return
+        self._last_second = pulse.gps
+        pvt = self._state.pvt
+        is_resolved = pvt is not None and pvt.is_fully_resolved and pvt.is_confirmed
+        is_fresh = pvt is not None and pvt.fix_type >= 2 and now - self._epoch_at <= FRESH_S
+        is_whole = message.tow_ms % 1000 == 0 and message.tow_fraction == 0
+        self._above.time_mark(
+            TimeMark(
+                now,
+                pulse.unix if is_resolved else None,
+                pvt.time_accuracy_ns if pvt is not None else UNKNOWN_NS,
+                message.quantisation_ps if message.is_quantisation_valid else None,
+                message.is_locked and is_whole and is_fresh and is_resolved and pulse.unix is not None,
+                self._state.leap.seconds if self._state.leap else None,
+            )
+        )

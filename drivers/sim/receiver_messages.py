@@ -1,0 +1,230 @@
+"""What a simulated receiver says at one moment, as UBX messages and as NMEA sentences."""
+
+import calendar
+import time
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from board.time import Carrier, FixKind
+from drivers.sim.track import Motion
+from drivers.wire import nmea
+from drivers.wire.gnss_time import GPS_EPOCH, WEEK, Leap
+from drivers.wire.ubx_health import MonRf, RfBlock, SecSig
+from drivers.wire.ubx_messages import NavEoe, NavPvt, NavStatus
+from drivers.wire.ubx_time import NavTimeGps, NavTimeLs, NavTimeUtc, TimTp
+
+
+@dataclass(frozen=True)
+class Sky:
+    """What surrounds the antenna; one is put in place of another while the receiver runs.
+
+    jamming, spoofing  as SEC-SIG has them: 1 none, 2 and 3 ever worse.
+    antenna            as MON-RF has it: 2 ok, 3 short circuit, 4 open.
+    offset             1e-7 degree that the position is wrong to the north.
+    """
+
+    satellites: int = 28
+    jamming: int = 1
+    spoofing: int = 1
+    antenna: int = 2
+    offset: int = 0
+
+
+class Civil(NamedTuple):
+    """A second of UTC; second is 60 in a leap second."""
+
+    year: int
+    month: int
+    day: int
+    hour: int
+    minute: int
+    second: int
+
+
+class Moment(NamedTuple):
+    """All that a receiver knows at an epoch.
+
+    gps_ms       GPS time since its epoch.
+    leap         true leap seconds.
+    is_resolved  whether the receiver has them from satellites; else it takes default_leap.
+    age          of corrections, as a row of CORRECTION_AGE_S.
+    """
+
+    gps_ms: int
+    leap: Leap
+    is_resolved: bool
+    default_leap: int
+    kind: FixKind
+    carrier: Carrier
+    age: int
+    motion: Motion
+    sky: Sky
+    since_boot_ms: int
+    first_fix_ms: int
+
+    @property
+    def itow_ms(self) -> int:
+        return self.gps_ms % (WEEK * 1000)
+
+    @property
+    def counted(self) -> Leap:
+        """Leap seconds as the receiver counts them."""
+        return self.leap if self.is_resolved else Leap(self.default_leap)
+
+
+def civil(gps: int, leap: Leap) -> Civil:
+    """UTC of a second of GPS time."""
+    is_leap_second = leap.change > 0 and gps == leap.event
+    fields = time.gmtime(leap.unix(gps))[:6]
+    return Civil(*fields)._replace(second=60) if is_leap_second else Civil(*fields)
+
+
+def nav_pvt(moment: Moment) -> NavPvt:
+    seconds, milli = divmod(moment.gps_ms, 1000)
+    when = civil(seconds, moment.counted)
+    has_fix = moment.kind in (FixKind.FLAT, FixKind.FULL)
+    motion = moment.motion
+    accuracy = {Carrier.NONE: 1200, Carrier.FLOAT: 180, Carrier.FIXED: 14}[moment.carrier] if has_fix else 4_294_967_295
+    return NavPvt(
+        moment.itow_ms,
+        *when,
+        valid=0x07 if moment.is_resolved else 0x03,
+        time_accuracy_ns=22 if moment.is_resolved else 1_000_000_000,
+        # The receiver's clock is a little early: the second of the epoch is still ahead.
+        nano=milli * 1_000_000 - 412,
+        fix_type=moment.kind,
+        flags=has_fix | (moment.carrier is not Carrier.NONE) << 1 | moment.carrier << 6,
+        flags2=0xE0 if moment.is_resolved else 0x20,
+        satellites=moment.sky.satellites if has_fix else 0,
+        longitude=motion.longitude,
+        latitude=motion.latitude + moment.sky.offset,
+        height_mm=motion.altitude_mm,
+        above_sea_mm=motion.altitude_mm - 46_600,
+        horizontal_mm=accuracy,
+        vertical_mm=min(accuracy * 2, 4_294_967_295),
+        north_mm_s=0,
+        east_mm_s=0,
+        down_mm_s=0,
+        speed_mm_s=motion.speed_mm_s,
+        heading=motion.heading,
+        speed_accuracy_mm_s=70,
+        heading_accuracy=90_000,
+        pdop=118 if has_fix else 9999,
+        flags3=(not has_fix) | moment.age << 1,
+        vehicle_heading=0,
+        declination=0,
+        declination_accuracy=0,
+    )
+
+
+def nav_status(moment: Moment) -> NavStatus:
+    has_fix = moment.kind in (FixKind.FLAT, FixKind.FULL)
+    flags2 = moment.sky.spoofing << 3 | moment.carrier << 6
+    return NavStatus(moment.itow_ms, moment.kind, 0x0C | has_fix, 0, flags2, moment.first_fix_ms, moment.since_boot_ms)
+
+
+def nav_timeutc(moment: Moment) -> NavTimeUtc:
+    pvt = nav_pvt(moment)
+    when = civil(moment.gps_ms // 1000, moment.counted)
+    return NavTimeUtc(moment.itow_ms, pvt.time_accuracy_ns, pvt.nano, *when, valid=0x37 if moment.is_resolved else 0x03)
+
+
+def nav_timegps(moment: Moment) -> NavTimeGps:
+    now = moment.counted
+    return NavTimeGps(
+        moment.itow_ms,
+        -412,
+        moment.gps_ms // 1000 // WEEK,
+        moment.gps_ms // 1000 + GPS_EPOCH - now.unix(moment.gps_ms // 1000),
+        7 if moment.is_resolved else 3,
+        22,
+    )
+
+
+def nav_timels(moment: Moment) -> NavTimeLs:
+    gps, leap = moment.gps_ms // 1000, moment.leap
+    if not moment.is_resolved:
+        return NavTimeLs(moment.itow_ms, 0, 0, moment.default_leap, 0, 0, 0, 0, 0, 0)
+    if leap.event is None:
+        return NavTimeLs(moment.itow_ms, 0, 2, leap.seconds, 0, 0, 0, 0, 0, 1)
+    has_passed = gps > leap.event
+    last_day = (leap.event - leap.seconds) // 86_400 - 1
+    return NavTimeLs(
+        moment.itow_ms,
+        0,
+        2,
+        leap.seconds + leap.change * has_passed,
+        2,
+        leap.change,
+        leap.event - gps,
+        last_day // 7,
+        last_day % 7 + 1,
+        3,
+    )
+
+
+def tim_tp(moment: Moment, is_utc: bool, repeats: bool) -> TimTp:
+    """The next pulse. repeats: whether the leap second has the number of the second before it, not of that behind."""
+    gps, leap = moment.gps_ms // 1000 + 1, moment.counted
+    is_leap_second = leap.change > 0 and gps == leap.event
+    count = gps
+    if is_utc:
+        count = leap.unix(gps) - GPS_EPOCH + (is_leap_second and not repeats)
+    is_locked = moment.kind is not FixKind.NONE
+    flags = (0x03 if is_utc else 0x02) | (0 if is_locked else 0x20)
+    # The error of the pulse by the grid of a 125 MHz clock walks through 8 ns.
+    quantisation_ps = gps * 1733 % 8000 - 4000
+    return TimTp(count % WEEK * 1000, 0, quantisation_ps, count // WEEK, flags, 0x30 if is_utc else 0xF0)
+
+
+def nav_eoe(moment: Moment) -> NavEoe:
+    return NavEoe(moment.itow_ms)
+
+
+def mon_rf(moment: Moment) -> MonRf:
+    sky = moment.sky
+    indicator = {1: 4, 2: 90, 3: 230}.get(sky.jamming, 0)
+    first = RfBlock(0, sky.jamming, sky.antenna, 1, 0, 88, 5200, indicator, 9, 170, -3, 168)
+    return MonRf(0, (first, first._replace(block=1)))
+
+
+def sec_sig(moment: Moment) -> SecSig:
+    return SecSig(1, True, moment.sky.jamming, True, moment.sky.spoofing)
+
+
+def sentences(moment: Moment) -> dict[str, bytes]:
+    """NMEA of a moment, by formatter."""
+    seconds, milli = divmod(moment.gps_ms, 1000)
+    when = civil(seconds, moment.counted)
+    clock = f"{when.hour:02}{when.minute:02}{when.second:02}.{milli // 10:02}"
+    motion = moment.motion
+    has_fix = moment.kind in (FixKind.FLAT, FixKind.FULL)
+    latitude = _minutes(motion.latitude + moment.sky.offset, "NS", 2) if has_fix else ","
+    longitude = _minutes(motion.longitude, "EW", 3) if has_fix else ","
+    quality = {Carrier.NONE: 1, Carrier.FLOAT: 5, Carrier.FIXED: 4}[moment.carrier] if has_fix else 0
+    height = f"{(motion.altitude_mm - 46_600) / 1000:.3f},M,46.600,M" if has_fix else ",M,,M"
+    speed = f"{motion.speed_mm_s * 3.6 / 1852:.3f}" if has_fix else ""
+    course = f"{motion.heading / 1e5:.2f}" if has_fix else ""
+    kmh = f"{motion.speed_mm_s * 3.6 / 1000:.3f}" if has_fix else ""
+    satellites = moment.sky.satellites if has_fix else 0
+    bodies = {
+        "GGA": f"{clock},{latitude},{longitude},{quality},{satellites:02},0.62,{height},,",
+        "RMC": f"{clock},{'AV'[not has_fix]},{latitude},{longitude},{speed},{course},"
+        f"{when.day:02}{when.month:02}{when.year % 100:02},,,{'AN'[not has_fix]}",
+        "GSA": f"A,{3 if has_fix else 1},05,12,,,,,,,,,,,1.18,0.62,1.00",
+        "VTG": f"{course},T,,M,{speed},N,{kmh},K,A",
+        "ZDA": f"{clock},{when.day:02},{when.month:02},{when.year},00,00",
+    }
+    return {formatter: nmea.encode(f"GN{formatter},{body}") for formatter, body in bodies.items()}
+
+
+def _minutes(angle: int, sides: str, digits: int) -> str:
+    """Degrees and minutes, exact to 1e-7 degree, and the side."""
+    degrees, rest = divmod(abs(angle), 10**7)
+    minutes, fraction = divmod(rest * 60, 10**7)
+    return f"{degrees:0{digits}}{minutes:02}.{fraction:07},{sides[angle < 0]}"
+
+
+def gps_of(year: int, month: int, day: int, hour: int = 0, minute: int = 0, second: int = 0, leap: int = 18) -> int:
+    """GPS time of a moment of UTC."""
+    return calendar.timegm((year, month, day, hour, minute, second)) - GPS_EPOCH + leap
