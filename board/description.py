@@ -1,13 +1,17 @@
 """The board file: what is soldered, and nothing of what is wanted. Every table of it may be left out."""
 
+import re
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 from board.describe import Range
 from board.errors import ConfigurationError
+from board.topology import parse
 
 Address = Annotated[int, Range(0x08, 0x77)]
 Seconds = Annotated[float, Range(0.0, 600.0)]
+
+USB_ID = re.compile("[0-9a-f]{4}:[0-9a-f]{4}")
 
 
 @dataclass(frozen=True)
@@ -126,6 +130,14 @@ class SlotDescription:
     settle_s: Seconds = 0.1
     wait_s: Seconds = 30.0
     off_s: Seconds = 5.0
+
+    def __post_init__(self) -> None:
+        if self.usb:
+            parse(self.usb)
+        for one in self.ids:
+            if not USB_ID.fullmatch(one):
+                hint = "vendor:product as lsusb shows them, four small hexadecimal digits each: 1546:01a9"
+                raise ConfigurationError(f"{one!r} is no id of a USB device", hint)
 
 
 @dataclass(frozen=True)

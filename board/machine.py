@@ -7,7 +7,7 @@ from typing import NamedTuple
 class Machine(NamedTuple):
     """Roots of the files that the kernel offers.
 
-    uevents  path of a Unix datagram socket that sends what the kernel would; empty: the kernel's own, by netlink.
+    uevents  path of a Unix socket (SOCK_SEQPACKET) that sends what the kernel would; empty: the kernel, by netlink.
     """
 
     sys: Path = Path("/sys")
