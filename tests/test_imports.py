@@ -30,7 +30,7 @@ class Rule(NamedTuple):
 # The longest folder that holds a file decides.
 TABLE = {
     "board": Rule(("gpiod", "smbus2", "serial")),
-    "drivers": Rule(("board", "serial"), frozenset({"board.slot", "board.health", "board.identity"})),
+    "drivers": Rule(("board", "serial"), frozenset({"board.slot", "board.supply", "board.health", "board.identity"})),
     "drivers/wire": Rule(("board.errors", "board.time", *WORDS), DO_IO),
     "drivers/sim": Rule(("board", "drivers.wire", *WORDS)),
     "pps": Rule(("board",)),
