@@ -16,10 +16,12 @@ the station stops, so that a restart of the station is none of its modules.
 import logging
 from collections.abc import Callable
 from enum import StrEnum
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from board.errors import StationError, StuckError
 from board.loop import Loop, Timer
+from board.slot import Slot as Sequencer
+from board.slot import State as Sequence
 from firmware.journal import Journal
 from firmware.supervisor import Supervised
 
@@ -54,8 +56,8 @@ class Event(StrEnum):
     CYCLE = "power cycle"
     PLUGGED = "device seen"
     UNPLUGGED = "device gone"
-    ABSENT = "no device"  # in time, or its power could not be switched
-    UNPOWERED = "without power for long enough"
+    ABSENT = "no device"  # in time, or it went too often, or its power could not be switched
+    SUPPLIED = "power is on"
     STARTED = "driver started"
     FAILED = "driver failed"
     STUCK = "driver failed too often, or for good"
@@ -63,49 +65,39 @@ class Event(StrEnum):
     STEADY = "ran steadily"
 
 
+# What a state of the sequencer means here.
+MEANINGS = {
+    Sequence.POWERED: Event.SUPPLIED,
+    Sequence.RELEASED: Event.UNPLUGGED,
+    Sequence.PRESENT: Event.PLUGGED,
+    Sequence.FAULT: Event.ABSENT,
+}
 OPERATED = {"on": Event.ON, "off": Event.OFF, "cycle": Event.CYCLE}
 
 # Of a driver that starts again the interface's own supervisor has said why.
 LEVELS = {State.STARTING: logging.DEBUG, State.CYCLING: logging.WARNING, State.FAULT: logging.ERROR}
 
 
-class Power(Protocol):
-    """What is asked of board.slot.Slot."""
-
-    @property
-    def state(self) -> str: ...
-
-    def power(self) -> None:
-        """Switch it on and look for its device."""
-
-    def cut(self) -> None:
-        """Switch it off for at least off_s."""
-
-
 class Slot:
     """Supervises what sits in one slot.
 
-    name       in the board file; title  what is meant to sit in it.
-    power      the only thing that switches it.
-    interface  that it carries; None where none does.
+    sequencer  switches it, and sees its device; nobody else tells it to.
+    interface  that the slot carries; None where none does.
     noted      told of every decision, for the time line.
     """
 
     def __init__(
         self,
         loop: Loop,
-        name: str,
-        title: str,
-        power: Power,
+        sequencer: Sequencer,
         interface: Supervised | None,
         noted: Callable[[str, str], None] = lambda who, what: None,
     ) -> None:
-        self.name = name
+        self.name = sequencer.name
         self.state = State.UNUSED if interface is None else State.STOPPED
         self.cycles = 0
         self._loop = loop
-        self._title = title
-        self._power = power
+        self._sequencer = sequencer
         self._interface = interface
         self._noted = noted
         self._journal = Journal(log, loop.clock)
@@ -134,29 +126,37 @@ class Slot:
         self.forgive()
         self.tell(OPERATED[word], "by an operator")
 
+    def changed(self) -> None:
+        """The sequencer has entered another state."""
+        passage = self._sequencer.timeline[-1]
+        if self._sequencer.state in MEANINGS:
+            self.tell(MEANINGS[self._sequencer.state], passage.why)
+
     def tell(self, event: Event, why: str = "") -> None:
         """What has happened; an event that the state has no rule for changes nothing."""
-        if event in (Event.ABSENT, Event.STUCK):
-            self._cause = self._cause or why or event.value
-            if self._cycled >= CYCLES:
-                event = Event.EXHAUSTED
+        why = " ".join((why or event.value).split())
+        if (self.state, event) in RULES and event in (Event.ABSENT, Event.STUCK):
+            self._cause = self._cause or why
+            event = event if self._cycled < CYCLES else Event.EXHAUSTED
+            self._cycled += 1
         rule = RULES.get((self.state, event))
-        if rule is None:
-            return
-        self._enter(rule.state, why or event.value)
-        for act in rule.acts:
-            act(self)
+        if rule is not None:
+            self._enter(rule.state, why)
+            for act in rule.acts:
+                act(self)
 
     def status(self) -> dict[str, object]:
+        """As JSON; what the sequencer says of its switches and its device is in it."""
+        told = self._sequencer.status()
         return {
-            "title": self._title,
+            **{key: told[key] for key in ("title", "usb", "device", "note", "switched_by", "losses")},
+            "sequence": told["state"],
+            "interface": self._interface.interface.name if self._interface else None,
             "state": self.state.value,
             "since_s": round(self._loop.clock() - self._since, 3),
             "why": self._why,
             "cause": self._cause,
             "cycles": self.cycles,
-            "power": str(self._power.state),
-            "interface": self._interface.interface.name if self._interface else None,
         }
 
     def _enter(self, state: State, why: str) -> None:
@@ -179,14 +179,15 @@ class Slot:
     # What the rules do, in their order.
 
     def supply(self) -> None:
-        self._power.power()
+        self._sequencer.power()
 
     def cut(self) -> None:
-        if self.state is State.CYCLING:
-            self.cycles += 1
-            self._cycled += 1
-            self._failures = 0
-        self._power.cut()
+        self._sequencer.cut()
+
+    def cycle(self) -> None:
+        self.cycles += 1
+        self._failures = 0
+        self._sequencer.cycle()
 
     def launch(self) -> None:
         if self._interface is None:
@@ -221,7 +222,7 @@ class Rule(NamedTuple):
 
 _POWER = Rule(State.POWERING, (Slot.supply,))
 _OFF = Rule(State.OFF, (Slot.hold, Slot.cut))
-_CYCLE = Rule(State.CYCLING, (Slot.hold, Slot.cut))
+_CYCLE = Rule(State.CYCLING, (Slot.hold, Slot.cycle))
 _FAULT = Rule(State.FAULT, (Slot.hold,))
 _LAUNCH = Rule(State.STARTING, (Slot.launch,))
 _AWAIT = Rule(State.POWERING, (Slot.hold,))
@@ -251,12 +252,12 @@ RULES: dict[tuple[State, Event], Rule] = {
     (State.RUNNING, Event.EXHAUSTED): _FAULT,
     (State.RUNNING, Event.OFF): _OFF,
     (State.RUNNING, Event.CYCLE): _CYCLE,
-    (State.CYCLING, Event.UNPOWERED): _POWER,
+    (State.CYCLING, Event.SUPPLIED): Rule(State.POWERING),
     (State.CYCLING, Event.ABSENT): _CYCLE,
     (State.CYCLING, Event.EXHAUSTED): _FAULT,
     (State.CYCLING, Event.OFF): _OFF,
     (State.FAULT, Event.PLUGGED): Rule(State.STARTING, (Slot.forgive, Slot.launch)),
-    (State.FAULT, Event.ON): _POWER,
+    (State.FAULT, Event.ON): _CYCLE,
     (State.FAULT, Event.OFF): _OFF,
     (State.FAULT, Event.CYCLE): _CYCLE,
 }
