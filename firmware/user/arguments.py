@@ -41,6 +41,12 @@ def address(options: argparse.Namespace) -> Address:
     return Address(host, first, options.to_users or first + 1, options.pull or first + 2, options.report or first + 3)
 
 
+def add_control(parser: argparse.ArgumentParser) -> None:
+    """The options by which commands to a station of this machine name it."""
+    parser.add_argument("--control", metavar="PATH", default="", help="control socket of a station of this machine")
+    add_station(parser)
+
+
 def add_configuration(parser: argparse.ArgumentParser) -> None:
     """The options that say how a station is configured: as config.load() takes them."""
     parser.add_argument("--config", metavar="FILE", help="captain.toml: what is wanted (default: nothing but defaults)")

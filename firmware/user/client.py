@@ -132,10 +132,13 @@ def next_report(subscriber: Socket, topic: str, timeout: float = ANSWER_S) -> di
 # -- status and control
 
 
-def ask(path: Path, do: str, timeout: float = ANSWER_S) -> dict[str, object]:
-    """Ask a station over its control socket: status, reload or stop. Raises StationError."""
+def ask(path: Path, do: str, timeout: float = ANSWER_S, **more: object) -> dict[str, object]:
+    """Ask a station over its control socket: status, reload, stop, slot, ...; more is the rest of the question.
+
+    Raises StationError.
+    """
     try:
-        line = _ask(path, json.dumps({"do": do}).encode() + b"\n", time.monotonic() + timeout)
+        line = _ask(path, json.dumps({"do": do, **more}).encode() + b"\n", time.monotonic() + timeout)
         answer = json.loads(line)
     except OSError as error:
         why = error.strerror or str(error)
@@ -170,6 +173,19 @@ def _peer_user(end: socket.socket) -> int:
     """Numerical id of the user who listens at the other end: SO_PEERCRED of unix(7)."""
     credentials = end.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, PEER.size)
     return int(PEER.unpack(credentials)[1])
+
+
+def ask_local(place: Address, control: str, do: str, timeout: float = ANSWER_S, **more: object) -> dict[str, object]:
+    """ask() the station of this machine, at its control socket or where it listens by its first port.
+
+    Its answer is waited for as long as that of a question that may be answered later. Raises StationError.
+    """
+    if place.host not in LOCAL:
+        raise StationError(f"{place.host} is another machine", "log in there: only a local station takes commands")
+    paths = [control] if control else [path for path in default_paths(place.from_users) if os.path.exists(path)]
+    if not paths:
+        raise StationError(f"no station of this machine has port {place.from_users}", START_ONE)
+    return ask(Path(paths[0]), do, timeout + 1.0, within_s=timeout, **more)
 
 
 def status(place: Address, control: str = "", timeout: float = ANSWER_S) -> dict[str, object]:

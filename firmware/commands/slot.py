@@ -1,0 +1,107 @@
+"""captain slot: what sits in the slots of the board, and their power."""
+
+import argparse
+import json
+import time
+from collections.abc import Mapping
+
+from board.errors import StationError
+from firmware.commands.status import span
+from firmware.user import client
+from firmware.user.arguments import add_control, address
+from firmware.user.table import Screen, Table
+from firmware.user.untrusted import named, number, text
+
+DESCRIPTION = """\
+Lists the slots of the board under a running station of this machine, or
+switches one of them. Only the station touches power; this command asks it.
+
+`off` stays until `on`, also when something is plugged in. `on` and `cycle`
+end a fault. A slot is given by its name or by its number, from 1 on.
+"""
+EPILOG = """\
+examples:
+  captain slot list
+  captain slot cycle cellular --wait       until its driver runs again
+  captain slot off 4
+  captain slot list --json | jq '.cellular.state'
+
+states:
+  unused    no interface has it; its power is left as it was found
+  off       switched off by an operator
+  powering  its power is on, its device is waited for
+  starting  its device is there, its driver is being started
+  running   its driver runs
+  cycling   without power for a moment
+  fault     given up: the cause stays until a device is plugged in, or until
+            `captain slot on` or `cycle`
+
+exit codes:
+  0    done
+  1    no station answers, there is no such slot, or with --wait it did not run
+  2    wrong usage
+"""
+PATIENCE_S = 120.0  # of --wait: a cellular module needs 30 s after its power, and may need a power cycle more
+LOOK_S = 0.25
+ENDS = {"running": 0, "off": 0, "unused": 0, "fault": 1}
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("ask", choices=("list", "on", "off", "cycle"), help="what to do")
+    parser.add_argument("slot", nargs="?", default="", help="which one; not with list")
+    parser.add_argument("--wait", action="store_true", help="return when it runs, is off, or has a fault")
+    parser.add_argument("--json", action="store_true", help="one JSON object, by the names of the slots")
+    add_control(parser)
+
+
+def main(arguments: argparse.Namespace) -> int:
+    if (arguments.ask == "list") is bool(arguments.slot):
+        raise StationError(f"slot {arguments.ask}: name {'no slot' if arguments.slot else 'a slot, or its number'}")
+    slots = _ask(arguments, ask=arguments.ask, **({"slot": arguments.slot} if arguments.slot else {}))
+    code = 0
+    if arguments.wait and arguments.slot:
+        slots, code = _wait(arguments, next(iter(slots)))
+    if arguments.json:
+        print(json.dumps(slots))
+    else:
+        Screen().show([table({"slots": slots})])
+    return code
+
+
+def table(board: Mapping[str, object]) -> Table:
+    """The slots of a board's status."""
+    rows, notes = [], []
+    for name, one in named(board, "slots"):
+        rows.append(
+            (
+                f"{number(one, 'number'):.0f}",
+                name,
+                text(one, "state"),
+                span(number(one, "since_s")),
+                text(one, "interface"),
+                f"{number(one, 'cycles'):.0f}",
+                text(one, "device") or text(one, "title"),
+            )
+        )
+        if text(one, "state") not in ("running", "unused"):
+            notes.append(f"{name}: {text(one, 'why')}")
+        if text(one, "note"):
+            notes.append(f"{name}: {text(one, 'note')}")
+    heads = (">slot", "name", "state", ">for", "interface", ">cycles", "device")
+    return Table("slots" if rows else "no slots", heads, rows, notes)
+
+
+def _ask(arguments: argparse.Namespace, **more: object) -> dict[str, object]:
+    slots = client.ask_local(address(arguments), arguments.control, "slot", **more).get("slots")
+    return slots if isinstance(slots, dict) else {}
+
+
+def _wait(arguments: argparse.Namespace, name: str) -> tuple[dict[str, object], int]:
+    """Look at a slot until it has come to rest. Raises StationError when it does not."""
+    end = time.monotonic() + PATIENCE_S
+    while time.monotonic() < end:
+        for found, one in named({"slots": _ask(arguments, ask="list")}, "slots"):
+            if found == name and text(one, "state") in ENDS:
+                return {name: one}, ENDS[text(one, "state")]
+        time.sleep(LOOK_S)
+    raise StationError(f"slot {name} has not come to rest within {PATIENCE_S:g} s", "see `captain status`")
