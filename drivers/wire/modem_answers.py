@@ -1,0 +1,240 @@
+"""What else a modem answers: one parser a line. Each raises ProtocolError for a line that its syntax does not allow.
+
+Sources: 3GPP TS 27.007 (the clause stands at each), SIMCom AT command manual of the SIM82xx V1.02.
+"""
+
+import re
+from collections.abc import Iterable
+from enum import Enum, IntEnum
+from ipaddress import IPv4Address, IPv6Address, ip_address
+from typing import NamedTuple
+
+from board.errors import ProtocolError
+from drivers.wire.at_fields import fields, number, number_or_none
+
+Address = IPv4Address | IPv6Address
+
+
+class RegistrationState(IntEnum):
+    """<stat> of 27.007 clauses 7.2, 10.1.20, 10.1.22 and 10.1.47."""
+
+    NONE = 0
+    HOME = 1
+    SEARCHING = 2
+    DENIED = 3
+    UNKNOWN = 4
+    ROAMING = 5
+    HOME_SMS = 6
+    ROAMING_SMS = 7
+    EMERGENCY = 8
+    HOME_NO_FALLBACK = 9
+    ROAMING_NO_FALLBACK = 10
+
+
+class Registration(NamedTuple):
+    """Of one domain: CREG, CGREG, CEREG or C5GREG.
+
+    access  <AcT>: 7 E-UTRAN, 10 and 11 with a 5G core, 12 NG-RAN, 13 E-UTRA with NR.
+    """
+
+    domain: str
+    state: RegistrationState
+    area: int | None = None
+    cell: int | None = None
+    access: int | None = None
+
+    @property
+    def is_registered(self) -> bool:
+        """Whether packets can be carried."""
+        return self.state in (RegistrationState.HOME, RegistrationState.ROAMING)
+
+
+_REGISTRATION = re.compile(r"\+(C(?:G|E|5G)?REG): ?(.*)")
+_ASKED = re.compile(r"\d,\s*\d{1,2}\s*(?:,|$)")
+
+
+def registration(line: str) -> Registration:
+    """`+CEREG: 2,1,"5A1E","0B28A00C",7`, asked for, or the same without its first number, unasked.
+
+    The codes of area and cell are hexadecimal, in quotes or not.
+    """
+    match = _REGISTRATION.match(line)
+    if match is None:
+        raise ProtocolError(f"{line[:60]!r} says nothing of a registration")
+    columns = fields(line, f"+{match[1]}")
+    if _ASKED.match(match[2]):
+        columns = columns[1:]
+    state = number(columns[0], line)
+    if state not in set(RegistrationState):
+        raise ProtocolError(f"{line[:60]!r}: {state} is no state of a registration")
+    columns += [""] * 3
+    # Of CGREG and of states without a network the columns behind mean something else, or are empty.
+    area, cell = (number(text, line, 16) if text else None for text in columns[1:3])
+    access = number_or_none(columns[3], line) if len(columns) > 3 and columns[3].isdecimal() else None
+    return Registration(match[1], RegistrationState(state), area, cell, access)
+
+
+class Operator(NamedTuple):
+    """Of AT+COPS? (clause 7.3). name is empty while there is none."""
+
+    is_automatic: bool
+    name: str = ""
+    access: int | None = None
+
+
+def operator(line: str) -> Operator:
+    columns = fields(line, "+COPS") + [""] * 3
+    is_automatic = number(columns[0], line) in (0, 4)
+    return Operator(is_automatic, columns[2], number_or_none(columns[3], line))
+
+
+def signal_dbm(line: str) -> int | None:
+    """RSSI of AT+CSQ (clause 8.5), dBm; None where it is not known: in NR stand-alone that is so always.
+
+    100 to 199 are SIMCom's, of TD-SCDMA: 116 less, in dBm.
+    """
+    columns = fields(line, "+CSQ")
+    rssi = number(columns[0], line)
+    if 0 <= rssi <= 31:
+        return -113 + 2 * rssi
+    if 100 <= rssi <= 191:
+        return -116 + rssi - 100
+    if rssi in (99, 199):
+        return None
+    raise ProtocolError(f"{line[:60]!r}: {rssi} is no RSSI")
+
+
+class ExtendedSignal(NamedTuple):
+    """Of AT+CESQ (clause 8.69): LTE, and NR where the firmware says more than it did in Release 8."""
+
+    rsrp_dbm: float | None
+    rsrq_db: float | None
+    nr_rsrp_dbm: float | None = None
+    nr_rsrq_db: float | None = None
+    nr_sinr_db: float | None = None
+
+
+def extended_signal(line: str) -> ExtendedSignal:
+    columns = [number_or_none(text, line) for text in fields(line, "+CESQ")]
+    if len(columns) < 6:
+        raise ProtocolError(f"{line[:60]!r}: {len(columns)} columns, not 6")
+    rsrq, rsrp = (_within(value, most) for value, most in zip(columns[4:6], (34, 97), strict=True))
+    nr = [_within(value, most) for value, most in zip(columns[6:9], (126, 126, 127), strict=False)] + [None] * 3
+    return ExtendedSignal(
+        rsrp_dbm=None if rsrp is None else rsrp - 141.0,
+        rsrq_db=None if rsrq is None else rsrq / 2 - 20,
+        nr_rsrq_db=None if nr[0] is None else nr[0] / 2 - 43.5,
+        nr_rsrp_dbm=None if nr[1] is None else nr[1] - 157.0,
+        nr_sinr_db=None if nr[2] is None else nr[2] / 2 - 23.5,
+    )
+
+
+def _within(value: int | None, most: int) -> int | None:
+    """A coded value; 255 and what is beyond its range is not known."""
+    return value if value is not None and 0 <= value <= most else None
+
+
+# +CNSMOD, of SIMCom; what 5G gives is not public.
+SYSTEM_MODES = ("none", "gsm", "gprs", "edge", "wcdma", "hsdpa", "hsupa", "hspa", "lte")
+
+
+def system_mode(line: str) -> str:
+    """`+CNSMOD: <n>,<stat>` or, unasked, `+CNSMOD: <stat>`; a number that is in no table is given as it is."""
+    stat = number(fields(line, "+CNSMOD")[-1], line)
+    return SYSTEM_MODES[stat] if 0 <= stat < len(SYSTEM_MODES) else f"mode {stat}"
+
+
+def temperature_c(line: str) -> int:
+    """`+CPMUTEMP: 38`."""
+    celsius = number(fields(line, "+CPMUTEMP")[0], line)
+    if not -60 <= celsius <= 150:
+        raise ProtocolError(f"{line[:60]!r}: {celsius} is no temperature of a module that works")
+    return celsius
+
+
+def addresses(lines: Iterable[str]) -> list[Address]:
+    """`+CGPADDR: 1,"10.1.2.3","..."` (clause 10.1.14); what is unspecified is no address."""
+    found: list[Address] = []
+    for line in lines:
+        for text in filter(None, fields(line, "+CGPADDR")[1:]):
+            one = _address(text, line)
+            if not one.is_unspecified:
+                found.append(one)
+    return found
+
+
+def _address(text: str, line: str) -> Address:
+    """Of version 6 also as 16 decimal octets, with which +CGPIAF=0 begins."""
+    octets = text.split(".")
+    try:
+        if len(octets) == 16:
+            return IPv6Address(bytes(int(octet) for octet in octets))
+        return ip_address(text)
+    except ValueError as error:
+        raise ProtocolError(f"{line[:80]!r}: {text[:45]!r} is no address") from error
+
+
+class Sim(Enum):
+    """What AT+CPIN? says (clause 8.3), or the error in its place (clause 9.2)."""
+
+    READY = "ready"
+    PIN = "PIN required"
+    PUK = "PUK required"
+    ABSENT = "no SIM"
+    BUSY = "busy"
+    FAILED = "failed"
+    LOCKED = "locked to a device or network"
+
+
+_SIM_STATES = {"READY": Sim.READY, "SIM PIN": Sim.PIN, "SIM PUK": Sim.PUK}
+_SIM_ERRORS = {
+    10: Sim.ABSENT, 11: Sim.PIN, 12: Sim.PUK, 13: Sim.FAILED, 14: Sim.BUSY, 15: Sim.FAILED,
+}  # fmt: skip
+_SIM_TEXTS = {
+    "sim not inserted": Sim.ABSENT, "sim pin required": Sim.PIN, "sim puk required": Sim.PUK,
+    "sim failure": Sim.FAILED, "sim busy": Sim.BUSY, "sim wrong": Sim.FAILED,
+}  # fmt: skip
+
+
+def sim(line: str) -> Sim:
+    """`+CPIN: <code>`."""
+    code = line.partition(":")[2].strip()
+    if not line.startswith("+CPIN:") or not code:
+        raise ProtocolError(f"{line[:60]!r} is no state of a SIM")
+    return _SIM_STATES.get(code, Sim.LOCKED)
+
+
+def sim_error(code: int | None, detail: str) -> Sim:
+    """The state behind a +CME ERROR; one that is not of the SIM passes as BUSY: it is asked again."""
+    return _SIM_ERRORS.get(code, Sim.BUSY) if code is not None else _SIM_TEXTS.get(detail.lower(), Sim.BUSY)
+
+
+class Attempts(NamedTuple):
+    """That are left: of AT+SPIC."""
+
+    pin: int
+    puk: int
+
+
+def attempts(line: str) -> Attempts:
+    """`+SPIC: <PIN>,<PUK>,<PIN2>,<PUK2>`."""
+    columns = fields(line, "+SPIC")
+    if len(columns) < 2:
+        raise ProtocolError(f"{line[:60]!r}: {len(columns)} columns, not 2 at least")
+    return Attempts(number(columns[0], line), number(columns[1], line))
+
+
+def flag(line: str, prefix: str) -> int:
+    """The last number of `+CGATT: 1`, `+CFUN: 1`, `+CNMP: 2`, `+CGACT: 1,1`."""
+    return number(fields(line, prefix)[-1], line)
+
+
+_USB_ID = re.compile(r"(?:\+CUSBCFG: ?)?USBID: ?0X([0-9A-F]{4}),0X([0-9A-F]{4})$", re.IGNORECASE)
+
+
+def usb_id(lines: Iterable[str]) -> tuple[int, int]:
+    """Vendor and product of AT+CUSBCFG?, whose lines have no prefix: `USBID: 0X1E0E,0X9001`."""
+    for line in lines:
+        if match := _USB_ID.match(line):
+            return int(match[1], 16), int(match[2], 16)
+    raise ProtocolError("AT+CUSBCFG? was answered without a USBID")

@@ -1,0 +1,40 @@
+"""What must not stand in a journal does not; what is needed there does."""
+
+import pytest
+
+from drivers.wire.redact import redact
+
+
+@pytest.mark.parametrize(
+    ("line", "shown"),
+    [
+        ("867584030123456", "<15 digits>"),
+        ("+CICCID: 89490200001234567890", "+CICCID: <20 digits>"),
+        ("+CICCID: 8949020000123456789F", "+CICCID: <20 digits>"),
+        ("IMEI: 867584030123456", "IMEI: <personal>"),
+        ("SN: MP0620A1B2C3", "SN: <personal>"),
+        ('AT+CPIN="1234"', "AT+CPIN=<secret>"),
+        ('AT+CGAUTH=1,1,"user","word"', "AT+CGAUTH=<secret>"),
+        ("ATD+4915112345678;", "ATD<number>;"),
+        ('+CLIP: "07712345678",129', "+CLIP:<personal>"),
+        ("MISSED_CALL: 11:01AM 07712345678", "MISSED_CALL:<personal>"),
+        ('+CGEV: "+49151234"', '+CGEV: "<number>"'),
+    ],
+)
+def test_who_somebody_is_is_not_shown(line, shown):
+    assert redact(line) == shown
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "+CPSI: NR5G_SA,Online,242-12,0x765D,68719476735,0,NR5G_BAND78,640704,-770,-110,290",
+        '+COPS: 0,0,"Telekom.de",7',
+        '+CGPADDR: 1,"10.64.1.2","2001:db8::1"',
+        "+CGMR: LE13B04SIM8202M44A-M2",
+        "AT+CPIN?",
+        "+CPIN: READY",
+    ],
+)
+def test_what_an_operator_needs_is_shown(line):
+    assert redact(line) == line
