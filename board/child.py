@@ -68,11 +68,11 @@ class Child:
                 end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
             try:
                 self._process = _run([*program, "--worker", name, str(far.fileno())], far.fileno())
+                self._exit = self._watch()
             except OSError:
                 self._channel.close()
                 raise
         self._channel.setblocking(False)
-        self._exit = _Exit(self._process.pid, self)
         self._deadline = loop.after(START_S, lambda: self._kill(f"did not run within {START_S:.0f} s"))
         loop.add(self)
         loop.add(self._exit)
@@ -174,6 +174,14 @@ class Child:
         if self._was_full and len(self.queue) <= QUEUE // 2:
             self._was_full = False
             self._parent.writable()
+
+    def _watch(self) -> "_Exit":
+        try:
+            return _Exit(self._process.pid, self)
+        except OSError:  # no descriptor is left: nobody would see its end
+            self._process.kill()
+            self._process.wait()
+            raise
 
     def _kill(self, reason: str) -> None:
         self._reason = reason
