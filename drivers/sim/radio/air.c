@@ -1,0 +1,220 @@
+/* The air: UDP datagrams, each a whole Ethernet frame as Vanetza's tools send them. One thread listens. */
+#define _POSIX_C_SOURCE 200809L
+#include <poll.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/eventfd.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include "radio.h"
+
+enum { MS = 1000000 };
+enum { BATCH = 64 };       /* frames taken in one turn */
+enum { MAX_DELAYED = 512 }; /* frames on their way: 100 ms of 5000 a second */
+enum { REORDER_MS = 20 };  /* what is reordered comes so much later: at 1000 a second 20 overtake it */
+enum { MAX_TEXT = 1024 };  /* characters of a command */
+enum { MAX_HOPPED = 64 };  /* packets remembered that others may pass on */
+
+static struct delayed {
+    int64_t due_ns;
+    size_t length; /* 0: the place is free */
+    uint8_t frame[MAX_FRAME];
+} delayed[MAX_DELAYED];
+
+static struct hopped {
+    uint8_t mac[6];
+    uint16_t sequence;
+    bool is_used;
+} hopped[MAX_HOPPED];
+static size_t hopped_next;
+
+static int air = -1, control = -1, stop = -1;
+static pthread_t thread;
+static uint64_t state; /* of the random numbers */
+
+/* xorshift64* (Vigna, 2016): 0 up to 1, 1 excluded. */
+static double chance(void)
+{
+    state ^= state >> 12;
+    state ^= state << 25;
+    state ^= state >> 27;
+    return (double)((state * 0x2545F4914F6CDD1DULL) >> 11) * 0x1.0p-53;
+}
+
+static bool seen_before(const struct packet *packet)
+{
+    for (size_t at = 0; at < MAX_HOPPED; at++)
+        if (hopped[at].is_used && hopped[at].sequence == packet->sequence &&
+            memcmp(hopped[at].mac, packet->maker_mac, 6) == 0)
+            return true;
+    struct hopped *place = &hopped[hopped_next++ % MAX_HOPPED];
+    *place = (struct hopped){.sequence = packet->sequence, .is_used = true};
+    memcpy(place->mac, packet->maker_mac, 6);
+    return false;
+}
+
+static void deliver(const uint8_t *frame, size_t length)
+{
+    struct packet packet;
+    if (radio.settings.is_down)
+        radio.counters.away++;
+    else if (!geonet_decode(&packet, frame, length))
+        radio.counters.foreign++;
+    else if (memcmp(packet.source_mac, radio.settings.mac, 6) == 0 ||
+             memcmp(packet.maker_mac, radio.settings.mac, 6) == 0)
+        radio.counters.own++;
+    else if (packet.is_multi_hop && seen_before(&packet))
+        radio.counters.duplicate++;
+    else
+        casters_receive(&packet);
+}
+
+static void delay(const uint8_t *frame, size_t length, double delay_ms)
+{
+    for (size_t at = 0; at < MAX_DELAYED; at++)
+        if (!delayed[at].length) {
+            delayed[at].due_ns = now_ns() + (int64_t)(delay_ms * MS);
+            delayed[at].length = length;
+            memcpy(delayed[at].frame, frame, length);
+            return;
+        }
+    radio.counters.overflow++;
+}
+
+/* length  0: longer than any frame of ours, or empty. */
+static void arrive(const uint8_t *frame, size_t length)
+{
+    const struct settings *settings = &radio.settings;
+    radio.counters.heard++;
+    if (!length) {
+        radio.counters.foreign++;
+        return;
+    }
+    if (settings->loss > 0 && chance() < settings->loss) {
+        radio.counters.lost++;
+        return;
+    }
+    double delay_ms = settings->delay_ms;
+    if (settings->jitter_ms)
+        delay_ms += settings->jitter_ms * chance();
+    if (settings->reorder > 0 && chance() < settings->reorder)
+        delay_ms += REORDER_MS;
+    if (delay_ms > 0)
+        delay(frame, length, delay_ms);
+    else
+        deliver(frame, length);
+}
+
+static struct delayed *next_delayed(void)
+{
+    struct delayed *next = NULL;
+    for (size_t at = 0; at < MAX_DELAYED; at++)
+        if (delayed[at].length && (!next || delayed[at].due_ns < next->due_ns))
+            next = &delayed[at];
+    return next;
+}
+
+/* Delivers what is due; ms until the next is, or -1. */
+static int deliver_due(void)
+{
+    for (struct delayed *next; (next = next_delayed());) {
+        int64_t left = next->due_ns - now_ns();
+        if (left > 0)
+            return (int)(left / MS) + 1;
+        deliver(next->frame, next->length);
+        next->length = 0;
+    }
+    return -1;
+}
+
+static void hear(void)
+{
+    uint8_t frame[MAX_FRAME + 1];
+    for (int count = 0; count < BATCH; count++) {
+        ssize_t length = recv(air, frame, sizeof frame, MSG_DONTWAIT);
+        if (length < 0)
+            return;
+        arrive(frame, length > MAX_FRAME ? 0 : (size_t)length);
+    }
+}
+
+static void obey(void)
+{
+    char text[MAX_TEXT], answer[MAX_TEXT];
+    struct sockaddr_in from;
+    socklen_t size = sizeof from;
+    ssize_t length = recvfrom(control, text, sizeof text - 1, MSG_DONTWAIT, (struct sockaddr *)&from, &size);
+    if (length < 0)
+        return;
+    text[length] = '\0';
+    control_answer(text, answer, sizeof answer);
+    sendto(control, answer, strlen(answer), 0, (struct sockaddr *)&from, size);
+}
+
+static int sooner(int one, int other)
+{
+    return one < 0 ? other : other < 0 || one < other ? one : other;
+}
+
+static void *listen_on(void *unused)
+{
+    struct pollfd watched[] = {{stop, POLLIN, 0}, {air, POLLIN, 0}, {control, POLLIN, 0}};
+    (void)unused;
+    while (!(watched[0].revents & POLLIN)) {
+        pthread_mutex_lock(&radio.lock);
+        if (watched[1].revents & POLLIN)
+            hear();
+        if (watched[2].revents & POLLIN)
+            obey();
+        int wait_ms = sooner(control_presence(), deliver_due());
+        pthread_mutex_unlock(&radio.lock);
+        if (poll(watched, 3, wait_ms) < 0)
+            watched[0].revents = watched[1].revents = watched[2].revents = 0; /* a signal came */
+    }
+    return NULL;
+}
+
+static int open_socket(const struct sockaddr_in *at)
+{
+    int descriptor = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+    if (descriptor >= 0 && bind(descriptor, (const struct sockaddr *)at, sizeof *at) < 0) {
+        perror("simulated radio: bind");
+        close(descriptor);
+        return -1;
+    }
+    return descriptor;
+}
+
+bool air_open(void)
+{
+    const struct settings *settings = &radio.settings;
+    state = settings->seed * 0x9E3779B97F4A7C15ULL | 1; /* never 0, and far apart for neighbouring seeds */
+    stop = eventfd(0, EFD_CLOEXEC);
+    air = open_socket(&settings->listen);
+    if (settings->control.sin_family)
+        control = open_socket(&settings->control);
+    bool is_open = stop >= 0 && air >= 0 && (control >= 0 || !settings->control.sin_family);
+    return is_open && pthread_create(&thread, NULL, listen_on, NULL) == 0;
+}
+
+void air_send(const uint8_t *frame, size_t length)
+{
+    for (size_t at = 0; at < radio.settings.peer_count; at++) {
+        const struct sockaddr_in *peer = &radio.settings.peers[at];
+        /* Nobody there, or its queue is full: that is the air's way. */
+        (void)!sendto(air, frame, length, MSG_DONTWAIT, (const struct sockaddr *)peer, sizeof *peer);
+    }
+}
+
+void air_close(void)
+{
+    uint64_t one = 1;
+    if (write(stop, &one, sizeof one) == sizeof one)
+        pthread_join(thread, NULL);
+    close(air);
+    close(stop);
+    if (control >= 0)
+        close(control);
+    air = control = stop = -1;
+}
