@@ -30,6 +30,7 @@ class Reason(StrEnum):
     STOPPED = "stopped"
     # from an interface
     KERNEL_QUEUE = "kernel-queue"
+    RECEIVE_QUEUE = "receive-queue"
     DUPLICATE = "duplicate"
     OWN_ECHO = "own-echo"
     TRUNCATED = "truncated"
@@ -73,6 +74,7 @@ MEANING: dict[Reason, str] = {
     Reason.NO_SUBSCRIBER: "interface processes are there, but none is subscribed to this type",
     Reason.STOPPED: "the station stopped before it was sent",
     Reason.KERNEL_QUEUE: "the kernel's receive queue was full: more arrives than the station can take",
+    Reason.RECEIVE_QUEUE: "the queue of the radio's process was full: more arrives than the station can take",
     Reason.DUPLICATE: "another interface delivered this PDU first",
     Reason.OWN_ECHO: "the station's own frame came back",
     Reason.TRUNCATED: "it ends before its headers do",

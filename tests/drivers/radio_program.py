@@ -1,0 +1,9 @@
+"""A program with the radio's worker, started by tests of it as the station starts itself."""
+
+import sys
+
+from board.worker import child
+from drivers.v2xcast import WORKER
+
+if __name__ == "__main__":
+    sys.exit(child(sys.argv, WORKER))
