@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+import drivers
 from board.errors import ConfigurationError
 from firmware import board_file, config
 from firmware.config import Config
@@ -57,7 +58,7 @@ def test_an_empty_file_is_a_station_with_defaults(folder: Path) -> None:
 def test_no_file_at_all_is_the_board_with_defaults() -> None:
     read = config.load(None)
     assert read.board.name == "sim"
-    assert [interface.name for interface in read.interfaces] == ["g5"]
+    assert [interface.name for interface in read.interfaces] == list(read.board.interfaces)
     assert read.board.neighbours is not None
 
 
@@ -111,10 +112,11 @@ interfaces = ["g5"]
 
 def test_the_file_lies_over_the_board(folder: Path) -> None:
     text = '[interfaces.uplink]\ndriver = "udp"\nlisten = "127.0.0.1:0"\n'
-    assert [entry.name for entry in loaded(folder, text, board="sim").interfaces] == ["g5", "uplink"]
-    text = text.replace("uplink", "g5")
-    (g5,) = loaded(folder, text, board="sim").interfaces
-    assert g5.options.listen == "127.0.0.1:0"
+    there = list(board_file.load("sim").interfaces)
+    assert [entry.name for entry in loaded(folder, text, board="sim").interfaces] == [*there, "uplink"]
+    text = text.replace("uplink", there[0])
+    first, *_ = loaded(folder, text, board="sim").interfaces
+    assert first.options.listen == "127.0.0.1:0"
 
 
 def test_an_override_goes_before_the_file_and_the_board(folder: Path) -> None:
@@ -457,7 +459,7 @@ class _UsbDriver:
 def test_a_driver_looks_where_its_slot_is_unless_it_is_told_to_look_elsewhere(
     folder: Path, slots: str, monkeypatch: pytest.MonkeyPatch, given: str, usb: str
 ) -> None:
-    monkeypatch.setitem(config.DRIVERS, "usb", _UsbDriver)
+    monkeypatch.setitem(drivers.LOADERS, "usb", lambda: _UsbDriver)
     text = f"[interfaces.modem]\ndriver = 'usb'\nslot = 'cellular'\n{given}\n"
     (modem,) = loaded(folder, text, board=slots).interfaces
     assert modem.options.usb == usb
