@@ -20,6 +20,7 @@ from drivers.wire.ubx_health import MonVer
 from drivers.wire.ubx_messages import Ack, CfgRst, Message, Nak, RxmRtcm, decode, encode
 from drivers.wire.ubx_values import ValGet, ValSet
 
+HOT_S = 1.5  # from a reset that forgets nothing to a fix
 LATENCY_S = 0.03  # from an epoch until it is said
 # Since corrections came first, without a pause of RTK_OLD_S between.
 RTK_FLOAT_S, RTK_FIXED_S, RTK_OLD_S = 2.0, 8.0, 30.0
@@ -200,7 +201,7 @@ class Receiver:
     def _moment(self, gps_ms: int) -> Moment:
         now = self._loop.clock()
         searched = now - self._searching
-        has_fix = self.sky.satellites > 3 and searched >= (self.habits.fix_s if self._is_cold else 1.0)
+        has_fix = self.sky.satellites > 3 and searched >= (self.habits.fix_s if self._is_cold else HOT_S)
         is_resolved = searched >= self.habits.leap_s or not self._is_cold
         carrier, age = self._rtk(now) if has_fix else (Carrier.NONE, 0)
         return Moment(
