@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import ClassVar, Literal, Protocol
 
 from board.address import address
+from board.errors import InterfaceError
 from board.netlink import device
 from drivers.contract import Driver
 from drivers.ethernet import Ethernet, EthernetOptions
@@ -22,6 +23,7 @@ from drivers.wire import btp, frame, morse
 from drivers.wire.geonet import GeoNetworking, Received
 from drivers.wire.serial_frame import Frame
 from tests.drivers.host import SHARED, request
+from tests.drivers.radio import SimulatedRadio, free_addresses, library
 from tests.virtual import VirtualLoop
 
 GROUP = "239.118.122.97:8947"
@@ -270,6 +272,56 @@ class MorseBench:
         return found
 
 
+class Som301eBench:
+    """The simulated library on a simulated radio, under a name that can be taken away."""
+
+    HANDLERS = 16  # two for each of the usual casters
+    patience_s = 20.0  # a process has to start
+
+    def __init__(self, loop: VirtualLoop, folder: Path) -> None:
+        loop.patience_s = 0.5  # for the process to answer
+        self._path = folder / "libeu_v2xcast.so"
+        self._library = library()
+        self._station = OtherStation()
+        *radio, self._address = free_addresses(3)
+        self._radio = SimulatedRadio(peers=(self._address,), addresses=radio)
+        self._socket: socket.socket | None = None
+        self.driver: Driver = self._radio.driver(library=str(self._path))
+
+    def plug(self) -> None:
+        self._path.symlink_to(self._library)
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.bind(self._address)
+
+    def unplug(self) -> None:
+        self._path.unlink()
+        self._radio.control.say("crash=1")
+        self.close()
+
+    def close(self) -> None:
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+
+    def say(self, pdu: bytes) -> None:
+        assert self._socket is not None
+        try:
+            while self._radio.control.ask()["created"] < self.HANDLERS:  # the link is up from the first on
+                pass
+        except InterfaceError:
+            return  # its process is gone
+        self._socket.sendto(self._station.encode(pdu), self._radio.listen)
+
+    def heard(self) -> list[bytes]:
+        assert self._socket is not None
+        found = []
+        try:
+            while True:
+                found.append(self._station.decode(self._socket.recv(4096, socket.MSG_DONTWAIT)))
+        except BlockingIOError:
+            return found
+
+
 BENCHES: dict[str, Callable[[VirtualLoop, Path], Bench]] = {
     "udp-pdu": PduBench,
     "udp-btp": BtpBench,
@@ -278,4 +330,5 @@ BENCHES: dict[str, Callable[[VirtualLoop, Path], Bench]] = {
     "ethernet": EthernetBench,
     "uart": UartBench,
     "morse": MorseBench,
+    "som301e": Som301eBench,
 }
