@@ -155,11 +155,11 @@ class TcpCorrections:
         try:
             self._socket = socket.socket(socket.AF_INET, socket.SOCK_STREAM | socket.SOCK_NONBLOCK)
         except OSError as error:
-            self._lose(error.strerror or str(error))
+            self._lose(_why(error.errno))
             return
         number = self._socket.connect_ex(self._server)
         if number not in (0, errno.EINPROGRESS):
-            self._lose(os.strerror(number))
+            self._lose(_why(number))
             return
         self._loop.add(self, WRITE)
         self._wait(CONNECT_S, lambda: self._lose(f"no answer within {CONNECT_S:.0f} s"))
@@ -168,7 +168,7 @@ class TcpCorrections:
         assert self._socket is not None
         number = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
         if number:
-            self._lose(os.strerror(number))
+            self._lose(_why(number))
             return
         self._state = "connected"
         self._loop.want(self, READ)
@@ -181,7 +181,7 @@ class TcpCorrections:
         except BlockingIOError:
             return
         except OSError as error:
-            self._lose(error.strerror or str(error))
+            self._lose(_why(error.errno))
             return
         if not octets:
             self._lose("the server closed the connection")
@@ -199,7 +199,7 @@ class TcpCorrections:
 
     def _lose(self, why: str) -> None:
         """Hang up and try again later; the same reason is logged once."""
-        why = f"not connected: {why.lower()}"
+        why = f"not connected: {why}"
         if self._frames.count > self._begun:
             self._delay = FIRST_S
         self._hang_up()
@@ -221,3 +221,7 @@ class TcpCorrections:
         if self._timer is not None:
             self._timer.cancel()
         self._timer = self._loop.after(seconds, call)
+
+
+def _why(number: int | None) -> str:
+    return os.strerror(number or 0).lower()
