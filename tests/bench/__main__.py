@@ -6,6 +6,7 @@ PAIRS (5) rounds of each; SCALE (1.0) of how long each round measures; both from
 import argparse
 import json
 import os
+import signal
 import sys
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,7 @@ def main() -> int:
     parser.add_argument("--captain", default=os.environ.get("CAPTAIN", ""), help="the command that is measured")
     parser.add_argument("--overload-s", type=float, default=float(os.environ.get("DURATION", "10")))
     arguments = parser.parse_args()
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # ends what is measured, too
     try:
         programs.build()
     except programs.MissingToolError as error:
