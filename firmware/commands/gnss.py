@@ -5,10 +5,9 @@ import json
 from collections.abc import Mapping
 
 from board.errors import StationError
-from firmware.commands.status import span
 from firmware.user import client
 from firmware.user.arguments import add_control, address
-from firmware.user.table import Screen, Table
+from firmware.user.table import Screen, Table, span
 from firmware.user.untrusted import named, number, text, texts, within
 
 DESCRIPTION = """\
