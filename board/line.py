@@ -1,50 +1,180 @@
-"""A GPIO line as an output: active or inactive, whatever voltage that is."""
+"""GPIO lines of the Pi as outputs: active or inactive, whatever voltage that is."""
 
 import contextlib
-from collections.abc import Callable, Sequence
+import errno
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Protocol
 
+from board.description import LineDescription
 from board.errors import InterfaceError
 from board.loop import Loop, Timer
 
+DEV = Path("/dev")
 
-class OutputLine:
-    """One line, ours alone until it is closed; it begins and ends inactive."""
+HINTS = {
+    errno.EBUSY: "`gpioinfo` lists lines and their users",
+    errno.EACCES: "add the user to the group gpio: `sudo adduser USER gpio`",
+    errno.EPERM: "add the user to the group gpio: `sudo adduser USER gpio`",
+    errno.EINVAL: "`gpioinfo` shows what the chip has: offset, and whether it can do open drain",
+}
 
-    def __init__(self, chip: str, offset: int, is_active_low: bool = False) -> None:
-        """chip: `gpiochip0` or its path. Raises InterfaceError when it is absent, taken or not permitted."""
-        import gpiod  # 49 ms that a station without lines saves
-        from gpiod.line import Direction, Value
 
-        self._values = (Value.INACTIVE, Value.ACTIVE)
-        self._offset = offset
-        settings = gpiod.LineSettings(direction=Direction.OUTPUT, output_value=Value.INACTIVE, active_low=is_active_low)
-        path = chip if chip.startswith("/") else f"/dev/{chip}"
-        try:
-            self._request = gpiod.request_lines(path, consumer="captain", config={offset: settings})
-        except (OSError, ValueError) as error:
-            raise InterfaceError(f"{path}, line {offset}: {error}", "`gpioinfo` lists lines and their users") from error
-        self._is_open = True
+class Line(Protocol):
+    """An output: what a slot switches and a blinker blinks."""
+
+    @property
+    def is_active(self) -> bool:
+        """What the line is found to be, which need not be what it was set to. Raises InterfaceError."""
 
     def set(self, is_active: bool) -> None:
-        """Set the line. Raises InterfaceError when the chip is gone."""
-        try:
-            self._request.set_value(self._offset, self._values[is_active])
-        except OSError as error:
-            raise InterfaceError(f"line {self._offset}: {error.strerror}") from error
+        """Raises InterfaceError when the chip is gone, or the line does not follow."""
 
     def close(self) -> None:
-        """Make it inactive and give it back; idempotent."""
-        if self._is_open:
-            self._is_open = False
-            with contextlib.suppress(InterfaceError):  # a chip that is gone has no line to set
-                self.set(False)
-            self._request.release()
+        """Give it back; idempotent."""
+
+
+class OutputLine:
+    """One line of a GPIO chip, ours alone until it is closed.
+
+    A `keep` line is left as it is found, an input even, until it is set for the first time. Closed, a line stays as
+    it is as far as its driver lets it: a BCM2711 without `persist_gpio_outputs` makes it an input again.
+    """
+
+    def __init__(self, description: LineDescription, dev: Path = DEV) -> None:
+        """Raises InterfaceError when the line is absent, taken or not permitted."""
+        self._gpiod = _gpiod()
+        self._values = (self._gpiod.line.Value.INACTIVE, self._gpiod.line.Value.ACTIVE)
+        self._description = description
+        self._is_driven = description.initial != "keep"
+        self.where = description.line or f"{_named(description, dev)}, line {description.offset}"
+        settings = self._output(description.initial == "active") if self._is_driven else self._as_found()
+        with self._told(), _opened(self._gpiod, description, dev) as (chip, offset):
+            self._offset = offset
+            try:
+                self._request = chip.request_lines({offset: settings}, consumer="captain")
+            except OSError as error:
+                if error.errno == errno.EBUSY:
+                    user = chip.get_line_info(offset).consumer or "somebody unnamed"
+                    raise InterfaceError(f"{self.where}: in use by {user}", HINTS[errno.EBUSY]) from error
+                raise
+
+    @property
+    def is_active(self) -> bool:
+        with self._told():
+            return bool(self._request.get_value(self._offset) == self._values[True])
+
+    def set(self, is_active: bool) -> None:
+        with self._told():
+            if self._is_driven:
+                self._request.set_value(self._offset, self._values[is_active])
+            else:
+                self._request.reconfigure_lines({self._offset: self._output(is_active)})
+                self._is_driven = True
+        if self._is_held(is_active) and self.is_active != is_active:
+            words = ("inactive", "active")
+            raise InterfaceError(
+                f"{self.where}: set {words[is_active]} and reads {words[not is_active]}",
+                "something else drives it, or it is shorted: measure it, and compare the board file with the circuit",
+            )
+
+    def close(self) -> None:
+        """Give it back; idempotent."""
+        self._request.release()
+
+    def _as_found(self) -> Any:
+        line = self._gpiod.line
+        return self._gpiod.LineSettings(direction=line.Direction.AS_IS, active_low=self._description.active_low)
+
+    def _output(self, is_active: bool) -> Any:
+        line = self._gpiod.line
+        return self._gpiod.LineSettings(
+            direction=line.Direction.OUTPUT,
+            drive=line.Drive.OPEN_DRAIN if self._description.open_drain else line.Drive.PUSH_PULL,
+            active_low=self._description.active_low,
+            output_value=self._values[is_active],
+        )
+
+    def _is_held(self, is_active: bool) -> bool:
+        """Whether we drive the level: of open drain the low one alone, the other is for anybody to pull down."""
+        return not self._description.open_drain or is_active == self._description.active_low
+
+    @contextlib.contextmanager
+    def _told(self) -> Iterator[None]:
+        """Errors of gpiod as ours."""
+        try:
+            yield
+        except (OSError, ValueError) as error:
+            text, hint = str(error), HINTS[errno.EINVAL]
+            if isinstance(error, OSError):
+                text = os.strerror(error.errno) if error.errno else text
+                hint = HINTS.get(error.errno or 0, "`gpiodetect` lists chips, `gpioinfo` their lines")
+            raise InterfaceError(f"{self.where}: {text}", hint) from error
+
+
+class Lines:
+    """The lines of a board file that are the Pi's own; each is opened once and held.
+
+    faults  of the lines that could not be had; another use of such a line tries again.
+    """
+
+    def __init__(
+        self,
+        descriptions: Mapping[str, LineDescription],
+        dev: Path = DEV,
+        open_line: Callable[[LineDescription, Path], Line] = OutputLine,
+    ) -> None:
+        self.faults: dict[str, InterfaceError] = {}
+        self._described = {name: line for name, line in descriptions.items() if not line.expander}
+        self._dev = dev
+        self._open_line = open_line
+        self._lines: dict[str, Line] = {}
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._described
+
+    def open(self) -> None:
+        """Open all of them, and make each what its description calls initial; faults tells what could not be."""
+        for name in self._described:
+            with contextlib.suppress(InterfaceError):  # it is in faults
+                self._line(name)
+
+    def set(self, name: str, is_active: bool) -> None:
+        """Set a line. Raises InterfaceError when it cannot be had or does not follow."""
+        line = self._line(name)
+        try:
+            line.set(is_active)
+        except InterfaceError as error:
+            self.faults[name] = error
+            raise
+        self.faults.pop(name, None)
+
+    def is_active(self, name: str) -> bool:
+        """What a line is found to be. Raises InterfaceError when it cannot be had."""
+        return self._line(name).is_active
+
+    def close(self) -> None:
+        """Give all of them back as they are; idempotent."""
+        for line in self._lines.values():
+            line.close()
+        self._lines.clear()
+
+    def _line(self, name: str) -> Line:
+        if name not in self._lines:
+            try:
+                self._lines[name] = self._open_line(self._described[name], self._dev)
+            except InterfaceError as error:
+                self.faults[name] = InterfaceError(f"line {name}: {error.message}", error.hint)
+                raise self.faults[name] from error
+            self.faults.pop(name, None)
+        return self._lines[name]
 
 
 class Blinker:
     """Makes a line active and inactive in turn, by timers."""
 
-    def __init__(self, loop: Loop, line: OutputLine) -> None:
+    def __init__(self, loop: Loop, line: Line) -> None:
         self._loop = loop
         self._line = line
         self._timer: Timer | None = None
@@ -58,9 +188,12 @@ class Blinker:
         self._timer = self._loop.after(0.0, lambda: self._step(durations_s, 0, done))
 
     def stop(self) -> None:
-        """Leave the line as it is and call nobody; idempotent."""
+        """Make the line inactive and call nobody; idempotent."""
         if self._timer is not None:
             self._timer.cancel()
+            self._timer = None
+            with contextlib.suppress(InterfaceError):  # a chip that is gone has no line to set
+                self._line.set(False)
 
     def _step(self, durations_s: Sequence[float], place: int, done: Callable[[InterfaceError | None], None]) -> None:
         is_over = place == len(durations_s)
@@ -73,3 +206,50 @@ class Blinker:
             done(None)
         else:
             self._timer = self._loop.after(durations_s[place], lambda: self._step(durations_s, place + 1, done))
+
+
+def _gpiod() -> Any:
+    """libgpiod v2: 49 ms that a station without lines saves."""
+    try:
+        import gpiod
+        import gpiod.line
+    except ImportError as error:
+        hint = "`pip install gpiod`; the python3-libgpiod of Debian 12 is version 1 under the same name"
+        raise InterfaceError(f"libgpiod version 2 is needed for GPIO lines: {error}", hint) from error
+    return gpiod
+
+
+def _named(description: LineDescription, dev: Path) -> str:
+    """A chip that is given by name or path has a path; any other word is a label."""
+    chip = description.chip
+    return str(dev / chip) if chip.startswith(("/", "gpiochip")) else chip
+
+
+@contextlib.contextmanager
+def _opened(gpiod: Any, description: LineDescription, dev: Path) -> Iterator[tuple[Any, int]]:
+    """The chip that has the line, and the line's offset in it; closed when the request is made."""
+    named = _named(description, dev)
+    if named.startswith("/"):
+        with gpiod.Chip(named) as chip:
+            yield chip, description.offset
+        return
+    # Numbers of chips change from boot to boot; a link to a chip (Raspberry Pi OS has gpiochip4 -> gpiochip0) is none.
+    for path in sorted(path for path in dev.glob("gpiochip*") if not path.is_symlink()):
+        with gpiod.Chip(str(path)) as chip:
+            offset = _offset_in(chip, description)
+            if offset is not None:
+                yield chip, offset
+                return
+    line = description.line
+    what = f"no line of any GPIO chip is named {line}" if line else f"no GPIO chip is labelled {named}"
+    raise InterfaceError(what, "`gpioinfo` lists chips with their labels, and the names of lines")
+
+
+def _offset_in(chip: Any, description: LineDescription) -> int | None:
+    """Offset of the described line, where this chip has it."""
+    if description.chip:
+        return description.offset if chip.get_info().label == description.chip else None
+    try:
+        return int(chip.line_offset_from_id(description.line))
+    except (OSError, ValueError):
+        return None

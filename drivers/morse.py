@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Annotated, BinaryIO, ClassVar
 
 from board.describe import Range
+from board.description import LineDescription
 from board.errors import ConfigurationError, InterfaceError, RequestError
 from board.line import Blinker, OutputLine
 from board.loop import Timer
@@ -29,7 +30,8 @@ class MorseOptions:
 
     speak    directory that WAV files are written to.
     listen   directory that WAV files are heard from, and removed; another station's speak.
-    line     GPIO line of a chip, active while it sounds.
+    chip     GPIO chip by label (pinctrl-bcm2711), name or path.
+    line     of that chip, active while it sounds.
     unit_ms  length of a dot.
     """
 
@@ -54,6 +56,7 @@ class Morse:
         sends = Can.TRANSMIT if options.speak or options.line is not None else Can(0)
         self.capabilities = Capabilities(hears | sends, "morse", morse.MAX_PDU)
         self._options = options
+        self._dev = shared.machine.dev
         self._opened = ExitStack()
         self._files: set[BinaryIO] = set()  # that are being spoken or heard
         self._look_timer: Timer | None = None
@@ -67,7 +70,9 @@ class Morse:
             if not (os.path.isdir(path) and os.access(path, os.R_OK | os.W_OK | os.X_OK)):
                 raise InterfaceError(f"{path}: no directory that can be read and written", f"mkdir -p {path}")
         if self._options.line is not None:
-            line = OutputLine(self._options.chip, self._options.line)
+            line = OutputLine(
+                LineDescription(chip=self._options.chip, offset=self._options.line, initial="inactive"), self._dev
+            )
             self._opened.callback(line.close)
             self._blinker = Blinker(host.loop, line)
             self._opened.callback(self._blinker.stop)

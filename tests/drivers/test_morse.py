@@ -1,19 +1,19 @@
 """PDUs that two stations whistle to each other through directories, or blink at a line."""
 
-import sys
 import wave
 from itertools import pairwise
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
 
 import pytest
 
 from board.describe import read
 from board.errors import ConfigurationError, InterfaceError, RequestError
+from board.machine import Machine
 from drivers.contract import Can, Sent
 from drivers.morse import KEEP, Morse, MorseOptions
 from drivers.reason import Reason
 from drivers.wire import morse
+from tests.board.gpio import Gpio
 from tests.drivers.host import CAM, DENM, SHARED, Host, request
 from tests.virtual import VirtualLoop
 
@@ -26,12 +26,13 @@ def loop():
 
 
 @pytest.fixture
-def start(host):
+def start(host, tmp_path):
     started = []
+    shared = SHARED._replace(machine=Machine(dev=tmp_path))
 
     def start(host=host, **options):
         paths = {key: str(value) if isinstance(value, Path) else value for key, value in options.items()}
-        driver = Morse(MorseOptions(**paths), SHARED)
+        driver = Morse(MorseOptions(**paths), shared)
         driver.start(host)
         started.append(driver)
         return driver
@@ -156,79 +157,50 @@ def test_a_pdu_that_takes_minutes_is_refused(start, tmp_path):
         driver.send(request(CAM.ljust(129, b"\0")))
 
 
-class Gpio:
-    """gpiod as far as a line needs it: this machine has no GPIO. It writes down when the line changed."""
-
-    def __init__(self, loop):
-        self.changes = []
-        self.is_released = False
-        self.failure = None
-        gpiod, line = ModuleType("gpiod"), ModuleType("gpiod.line")
-        line.Direction = SimpleNamespace(OUTPUT="output")
-        line.Value = SimpleNamespace(INACTIVE=False, ACTIVE=True)
-        gpiod.LineSettings = lambda **settings: settings
-        gpiod.request_lines = self.request_lines
-        self.modules = {"gpiod": gpiod, "gpiod.line": line}
-        self.loop = loop
-
-    def request_lines(self, path, consumer, config):
-        if path != "/dev/gpiochip0":
-            raise FileNotFoundError(2, "No such file or directory")
-        return self
-
-    def set_value(self, offset, value):
-        if self.failure is not None:
-            raise self.failure
-        self.changes.append((self.loop.clock(), value))
-
-    def release(self):
-        self.is_released = True
-
-
 @pytest.fixture
-def gpio(loop, monkeypatch):
-    gpio = Gpio(loop)
-    for name, module in gpio.modules.items():
-        monkeypatch.setitem(sys.modules, name, module)
-    return gpio
+def chip(loop, monkeypatch, tmp_path):
+    chip = Gpio(monkeypatch, tmp_path).add("gpiochip0", "pinctrl-bcm2711")
+    chip.clock = loop.clock
+    return chip
 
 
-def test_a_line_blinks_the_message_and_the_request_is_confirmed_at_its_end(loop, host, start, gpio):
+def test_a_line_blinks_the_message_and_the_request_is_confirmed_at_its_end(loop, host, start, chip):
     driver = start(line=17)
     wanted = request(CAM)
     assert driver.send(wanted) is Sent.LATER
     assert driver.send(request(DENM)) is Sent.BUSY
     loop.run_until(lambda: host.times_writable)
     assert host.confirms == [(wanted, None)]
-    times = [when for when, _ in gpio.changes]
-    assert [value for _, value in gpio.changes] == [True, False] * (len(times) // 2)
+    changes = chip.times[1:]  # the first makes it an output, inactive
+    times = [when for when, _ in changes]
+    assert [value for _, value in changes] == [True, False] * (len(times) // 2)
     durations = [later - sooner for sooner, later in pairwise(times)]
     assert morse.decode(durations) == CAM
 
 
-def test_stopping_in_the_middle_of_a_message_leaves_the_line_inactive_and_free(loop, host, start, gpio):
+def test_stopping_in_the_middle_of_a_message_leaves_the_line_inactive_and_free(loop, host, start, chip):
     driver = start(line=17)
     driver.send(request(CAM))
     loop.run_for(0.3)
     driver.stop()
     driver.stop()
     loop.run_for(60)
-    assert gpio.changes[-1][1] is False
-    assert gpio.is_released
+    assert chip.times[-1][1] is False
+    assert chip.users == {}
     assert host.confirms == []
 
 
-def test_a_line_that_is_not_there_is_said(start, gpio):
-    with pytest.raises(InterfaceError, match="/dev/gpiochip1, line 17"):
+def test_a_line_that_is_not_there_is_said(start, chip, tmp_path):
+    with pytest.raises(InterfaceError, match=f"{tmp_path}/gpiochip1, line 17: No such file"):
         start(line=17, chip="gpiochip1")
 
 
-def test_a_line_that_disappears_fails_the_interface(loop, host, start, gpio):
+def test_a_line_that_disappears_fails_the_interface(loop, host, start, chip):
     driver = start(line=17)
     driver.send(request(CAM))
-    gpio.failure = OSError(19, "No such device")
+    chip.failure = OSError(19, "No such device")
     loop.run_until(lambda: host.failures)
-    gpio.failure = None
+    chip.failure = None
 
 
 @pytest.mark.parametrize("table", [
