@@ -1,0 +1,185 @@
+"""Rails, temperatures and fan, read every few seconds by the worker: the last values, and whether they are as they
+should be."""
+
+import logging
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, NamedTuple, Protocol
+
+from board.description import Hardware
+from board.errors import InterfaceError
+from board.loop import Loop, Timer
+
+PERIOD_S = 5.0
+# What does not answer is asked less and less often: a stuck bus may cost a worker each time.
+LONGEST_S = 60.0
+# Of a limit, that a value must come back within: one that wavers about the limit is said once.
+MARGIN = 0.005
+
+log = logging.getLogger("captain.board")
+
+
+class Asks(Protocol):
+    """As much of Remote as this needs."""
+
+    def ask(self, do: str, arguments: Mapping[str, object], done: Callable[[Any], None]) -> None: ...
+
+
+class Limit(NamedTuple):
+    """What a quantity must not be below or above."""
+
+    quantity: str  # v, a, c
+    is_most: bool
+    bound: float
+
+    def is_crossed(self, value: float, was_crossed: bool) -> bool:
+        margin = abs(self.bound) * MARGIN if was_crossed else 0.0
+        return value > self.bound - margin if self.is_most else value < self.bound + margin
+
+    def __str__(self) -> str:
+        return f"{'above' if self.is_most else 'below'} {self.bound:g} {UNITS[self.quantity]}"
+
+
+UNITS = {"v": "V", "a": "A", "w": "W", "c": "degrees Celsius", "rpm": "rpm", "percent": "%"}
+
+
+class Health:
+    """What the board measures of itself."""
+
+    def __init__(self, loop: Loop, remote: Asks, hardware: Hardware, period_s: float = PERIOD_S) -> None:
+        self._readings = [_Reading(loop, remote, period_s, *row) for row in _rows(hardware)]
+        self._is_started = False
+
+    def start(self) -> None:
+        """Read everything now, then each period."""
+        if not self._is_started:
+            self._is_started = True
+            for reading in self._readings:
+                reading.poll()
+
+    def stop(self) -> None:
+        """Idempotent; the last values stay, and grow old."""
+        self._is_started = False
+        for reading in self._readings:
+            reading.stop()
+
+    @property
+    def complaints(self) -> list[str]:
+        """What is not as it should be: limits that are crossed, readings that fail."""
+        return [complaint for reading in self._readings for complaint in reading.complaints()]
+
+    def status(self) -> dict[str, object]:
+        """By table and name of the board file: the last values with their age, what they cross, why they fail.
+
+        {"rails": {"main": {"v": 12.01, "a": 0.5, "w": 6.0, "age_s": 2.1, "crossed": [], "fault": null}}, ...}
+        """
+        tables: dict[str, Any] = {}
+        for reading in self._readings:
+            if reading.name:
+                tables.setdefault(reading.table, {})[reading.name] = reading.status()
+            else:
+                tables[reading.table] = reading.status()
+        return tables
+
+
+class _Reading:
+    """One row of the board file that is read again and again."""
+
+    def __init__(
+        self, loop: Loop, remote: Asks, period_s: float, table: str, do: str, name: str, limits: tuple[Limit, ...]
+    ) -> None:
+        self.table = table
+        self.name = name
+        self._loop = loop
+        self._remote = remote
+        self._period_s = period_s
+        self._do = do
+        self._limits = limits
+        self._delay_s = period_s
+        self._timer: Timer | None = None
+        self._run = 0  # answers to what was asked before a stop belong to an earlier one
+        self._values: dict[str, float] = {}
+        self._when: float | None = None
+        self._crossed: set[Limit] = set()
+        self._fault: InterfaceError | None = None
+
+    def poll(self) -> None:
+        run = self._run
+        self._remote.ask(self._do, {"name": self.name} if self.name else {}, lambda value: self._answered(run, value))
+
+    def stop(self) -> None:
+        self._run += 1
+        if self._timer is not None:
+            self._timer.cancel()
+
+    def complaints(self) -> list[str]:
+        crossed = [f"{self._called}: {self._shown(limit.quantity)} is {limit}" for limit in self._in_order()]
+        return [*crossed, *([f"{self._called}: {self._fault.message}"] if self._fault else [])]
+
+    def status(self) -> dict[str, object]:
+        return {
+            **self._values,
+            "age_s": None if self._when is None else round(self._loop.clock() - self._when, 1),
+            "crossed": [f"{limit.quantity} {limit}" for limit in self._in_order()],
+            "fault": self._fault and self._fault.message,
+            "hint": self._fault and self._fault.hint,
+        }
+
+    def _answered(self, run: int, outcome: Any) -> None:
+        if run != self._run:
+            return
+        if isinstance(outcome, InterfaceError):
+            self._failed(outcome)
+        else:
+            self._read(outcome if isinstance(outcome, dict) else {"c": outcome})
+        self._timer = self._loop.after(self._delay_s, self.poll)
+
+    def _failed(self, error: InterfaceError) -> None:
+        self._delay_s = min(LONGEST_S, 2 * self._delay_s)
+        if self._fault is None:  # what it says later may differ by a process id each time: status has the last
+            log.warning("%s: %s", self._called, error)
+        self._fault = error
+
+    def _read(self, values: dict[str, float]) -> None:
+        self._delay_s = self._period_s
+        self._values, self._when = values, self._loop.clock()
+        if self._fault is not None:
+            self._fault = None
+            log.info("%s: answers again", self._called)
+        for limit in self._limits:
+            self._judge(limit, values[limit.quantity])
+
+    def _judge(self, limit: Limit, value: float) -> None:
+        was_crossed = limit in self._crossed
+        if limit.is_crossed(value, was_crossed) == was_crossed:
+            return
+        shown = self._shown(limit.quantity)
+        if was_crossed:
+            self._crossed.remove(limit)
+            log.info("%s: %s, no longer %s", self._called, shown, limit)
+        else:
+            self._crossed.add(limit)
+            log.warning("%s: %s is %s", self._called, shown, limit)
+
+    @property
+    def _called(self) -> str:
+        return f"{self._do} {self.name}".strip()
+
+    def _shown(self, quantity: str) -> str:
+        return f"{self._values[quantity]:.4g} {UNITS[quantity]}"
+
+    def _in_order(self) -> list[Limit]:
+        return [limit for limit in self._limits if limit in self._crossed]
+
+
+def _rows(hardware: Hardware) -> Iterator[tuple[str, str, str, tuple[Limit, ...]]]:
+    """Table, call, name and limits of everything that is measured."""
+    for name, rail in hardware.rails.items():
+        yield "rails", "rail", name, _limits(("v", False, rail.min_v), ("v", True, rail.max_v), ("a", True, rail.max_a))
+    for name, temperature in hardware.temperatures.items():
+        yield "temperatures", "temperature", name, _limits(("c", True, temperature.max_c))
+    if hardware.fan is not None:
+        yield "fan", "fan", "", ()
+
+
+def _limits(*given: tuple[str, bool, float | None]) -> tuple[Limit, ...]:
+    return tuple(Limit(quantity, is_most, bound) for quantity, is_most, bound in given if bound is not None)
