@@ -11,10 +11,12 @@ from typing import ClassVar, Literal, Protocol
 from board.address import address
 from board.errors import InterfaceError
 from board.netlink import device
-from drivers.contract import Driver
+from drivers.contract import Can, Driver
 from drivers.ethernet import Ethernet, EthernetOptions
+from drivers.gnss_options import GnssOptions
 from drivers.message import Ego, Position
 from drivers.morse import Morse, MorseOptions
+from drivers.sim.receiver import Receiver
 from drivers.sim.serial_line import SerialLine
 from drivers.uart import Uart, UartOptions
 from drivers.udp import Udp, UdpOptions
@@ -22,7 +24,8 @@ from drivers.udp_socket import open_group, open_sender
 from drivers.wire import btp, frame, morse
 from drivers.wire.geonet import GeoNetworking, Received
 from drivers.wire.serial_frame import Frame
-from tests.drivers.host import SHARED, request
+from drivers.zed_f9p import ZedF9p
+from tests.drivers.host import SHARED, Host, request
 from tests.drivers.radio import SimulatedRadio, free_addresses, library
 from tests.virtual import VirtualLoop
 
@@ -322,7 +325,62 @@ class Som301eBench:
             return found
 
 
-BENCHES: dict[str, Callable[[VirtualLoop, Path], Bench]] = {
+class ModuleBench(ABC):
+    """An interface that carries no messages, and the module at its other end.
+
+    can  what it is able to do in place of that.
+    """
+
+    driver: Driver
+    patience_s = 0.02
+    can: ClassVar[Can]
+
+    @abstractmethod
+    def plug(self) -> None:
+        """Put the module in, and wait until it has booted."""
+
+    @abstractmethod
+    def unplug(self) -> None:
+        """Pull it out while the interface uses it; plug() may follow."""
+
+    @abstractmethod
+    def has_served(self, host: Host) -> bool:
+        """Whether the host was given what the module is there for."""
+
+    def close(self) -> None:
+        """Take the module away."""
+        self.unplug()
+
+
+class ReceiverBench(ModuleBench):
+    """A simulated ZED-F9P behind a name that stays the same."""
+
+    can = Can.POSITION | Can.TIMEMARK
+
+    def __init__(self, loop: VirtualLoop, folder: Path) -> None:
+        self._loop = loop
+        self._path = folder / "tty"
+        self._receiver = Receiver(loop)
+        options = GnssOptions(port=str(self._path), receiver_port="usb", rate_hz=1)
+        self.driver: Driver = ZedF9p(options, SHARED)
+
+    def plug(self) -> None:
+        self._receiver.power(True)
+        self._loop.run_until(lambda: bool(self._receiver.path))
+        self._path.symlink_to(self._receiver.path)
+
+    def unplug(self) -> None:
+        self._path.unlink(missing_ok=True)
+        self._receiver.unplug()
+
+    def has_served(self, host: Host) -> bool:
+        return any(fix.latitude is not None for fix in host.fixes) and bool(host.time_marks)
+
+
+MODULES: dict[str, Callable[[VirtualLoop, Path], ModuleBench]] = {
+    "zed_f9p": ReceiverBench,
+}
+BENCHES: dict[str, Callable[[VirtualLoop, Path], Bench | ModuleBench]] = {
     "udp-pdu": PduBench,
     "udp-btp": BtpBench,
     "udp-ethernet": UdpBench,
@@ -331,4 +389,5 @@ BENCHES: dict[str, Callable[[VirtualLoop, Path], Bench]] = {
     "uart": UartBench,
     "morse": MorseBench,
     "som301e": Som301eBench,
+    **MODULES,
 }
