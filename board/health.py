@@ -24,14 +24,27 @@ class Asks(Protocol):
     def ask(self, do: str, arguments: Mapping[str, object], done: Callable[[Any], None]) -> None: ...
 
 
-class Limit(NamedTuple):
-    """What a quantity must not be below or above."""
+# A fan that stands still at this or more is stuck or unplugged; below it many do not start. Turning ones count more.
+DRIVEN_PERCENT = 30.0
+STILL_RPM = 60.0
 
-    quantity: str  # v, a, c
+
+class Limit(NamedTuple):
+    """What a quantity must not be below or above.
+
+    quantity  v, a, c, rpm; what has no value of it crosses nothing.
+    percent   that a fan is driven with at least; below it crosses nothing.
+    """
+
+    quantity: str
     is_most: bool
     bound: float
+    percent: float = 0.0
 
-    def is_crossed(self, value: float, was_crossed: bool) -> bool:
+    def is_crossed(self, values: Mapping[str, float], was_crossed: bool) -> bool:
+        value = values.get(self.quantity)
+        if value is None or values.get("percent", 0.0) < self.percent:
+            return False
         margin = abs(self.bound) * MARGIN if was_crossed else 0.0
         return value > self.bound - margin if self.is_most else value < self.bound + margin
 
@@ -146,11 +159,11 @@ class _Reading:
             self._fault = None
             log.info("%s: answers again", self._called)
         for limit in self._limits:
-            self._judge(limit, values[limit.quantity])
+            self._judge(limit)
 
-    def _judge(self, limit: Limit, value: float) -> None:
+    def _judge(self, limit: Limit) -> None:
         was_crossed = limit in self._crossed
-        if limit.is_crossed(value, was_crossed) == was_crossed:
+        if limit.is_crossed(self._values, was_crossed) == was_crossed:
             return
         shown = self._shown(limit.quantity)
         if was_crossed:
@@ -165,7 +178,8 @@ class _Reading:
         return f"{self._do} {self.name}".strip()
 
     def _shown(self, quantity: str) -> str:
-        return f"{self._values[quantity]:.4g} {UNITS[quantity]}"
+        value = self._values.get(quantity)
+        return f"no {quantity}" if value is None else f"{value:.5g} {UNITS[quantity]}"
 
     def _in_order(self) -> list[Limit]:
         return [limit for limit in self._limits if limit in self._crossed]
@@ -178,7 +192,7 @@ def _rows(hardware: Hardware) -> Iterator[tuple[str, str, str, tuple[Limit, ...]
     for name, temperature in hardware.temperatures.items():
         yield "temperatures", "temperature", name, _limits(("c", True, temperature.max_c))
     if hardware.fan is not None:
-        yield "fan", "fan", "", ()
+        yield "fan", "fan", "", (Limit("rpm", False, STILL_RPM, DRIVEN_PERCENT),)
 
 
 def _limits(*given: tuple[str, bool, float | None]) -> tuple[Limit, ...]:

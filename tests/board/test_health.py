@@ -104,6 +104,22 @@ def test_a_limit_that_is_crossed_is_said_once_and_so_is_its_end(loop, board, hea
     assert "no longer" in said(caplog)[1][1]
 
 
+@pytest.mark.parametrize(("answer", "complaints"), [
+    ({"rpm": 0, "percent": 50.2}, ["fan: 0 rpm is below 60 rpm"]),
+    ({"rpm": 2000, "percent": 50.2}, []),
+    ({"rpm": 0, "percent": 0.0}, []),
+    ({"rpm": 0}, []),
+    ({"percent": 100.0}, []),
+])  # fmt: skip
+def test_a_fan_that_is_driven_and_stands_still_is_complained_of(loop, board, health, answer, complaints):
+    board.answers["fan"] = answer
+    loop.run_for(PERIOD_S)
+    assert health.complaints == complaints
+    board.answers["fan"] = {"percent": 0.0}
+    loop.run_for(PERIOD_S)
+    assert health.complaints == []
+
+
 def test_a_value_that_wavers_about_its_limit_is_said_once(loop, board, health, caplog):
     for step in range(20):
         board.answers["temperature board"] = 70.0 + (0.2 if step % 2 == 0 else -0.2)
