@@ -1,0 +1,327 @@
+"""Bring-up of a modem: a step after the other, each with the time that it may take.
+
+port ─> identity ─> sim ─> configuration ─> registration ─> attach ─> bearer ─> up
+  ^         │ other USB composition          ^                                   │
+  └─────────┘                                └──────────── network or bearer lost┘
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Protocol, TypeVar
+
+from board.errors import InterfaceError, ProtocolError
+from drivers.modem_bearer import COMPOSITIONS, Bearer
+from drivers.modem_known import Known
+from drivers.modem_options import IP_TYPES, NETWORK_MODES, ModemOptions
+from drivers.modem_pin import PinGuard, read_pin
+from drivers.modem_script import (
+    Begin,
+    BlockedError,
+    LostError,
+    NoAnswerError,
+    Pause,
+    Script,
+    StepError,
+    ask,
+    lines,
+    refusal,
+)
+from drivers.wire.at_fields import fields
+from drivers.wire.at_forms import TIMEOUT
+from drivers.wire.cell import Access, cell_report
+from drivers.wire.modem_answers import (
+    Sim,
+    attempts,
+    flag,
+    operator,
+    registration,
+    signal_dbm,
+    sim,
+    sim_error,
+    system_mode,
+    temperature_c,
+    usb_id,
+)
+
+T = TypeVar("T")
+
+# Step -> seconds. A module takes 18 to 30 s from power to its first answer, and as long to leave USB in a reset.
+LIMITS_S = {
+    "port": 90.0,
+    "identity": 60.0,
+    "sim": 60.0,
+    "configuration": 90.0,
+    "registration": 180.0,
+    "attach": 200.0,
+    "bearer": 120.0,
+}
+STEPS = tuple(LIMITS_S)
+
+LEAVE_S = 30.0  # that it may take to leave USB after it was told to
+ADDRESS_TRIES = 10  # one a second, for the address of a bearer that says it is up
+
+TRIES = 3  # of a question whose answer was garbled or late
+
+DOMAINS = ("C5GREG", "CEREG", "CGREG")
+
+
+class Ground(Protocol):
+    """Whose steps these are.
+
+    is_open  whether the AT port is.
+    """
+
+    @property
+    def is_open(self) -> bool: ...
+    def open(self) -> None:
+        """Open the AT port. Raises InterfaceError."""
+
+    def close(self) -> None: ...
+    def expect_return(self) -> None:
+        """The port is about to go, and to come back."""
+
+    def say(self, why: str) -> None:
+        """Why the link is not up."""
+
+
+class Steps:
+    """The scripts of all steps; bearer is that of the options."""
+
+    def __init__(self, ground: Ground, options: ModemOptions, known: Known, bearer: Bearer) -> None:
+        self._ground = ground
+        self._options = options
+        self._known = known
+        self._bearer = bearer
+        self._unknown: set[str] = set()  # commands that this firmware does not have
+        self._switches = 0  # of the USB composition, in a row
+        self._guard = PinGuard(Path(options.state_dir) / f"{options.usb or Path(options.port).name}-pin.json")
+        self._scripts: dict[str, Callable[[], Script[None]]] = {
+            "port": self._port,
+            "identity": self._identity,
+            "sim": self._sim,
+            "configuration": self._configuration,
+            "registration": self._registration,
+            "attach": self._attach,
+            "bearer": self._connect,
+        }
+
+    def bring_up(self, first: str) -> Script[None]:
+        """All steps from one on."""
+        for step in STEPS[STEPS.index(first) :]:
+            yield from self._step(step)
+
+    def reenumerate(self, text: str) -> Script[None]:
+        """A command after which the modem leaves USB and comes back; returns when its port is gone."""
+        self._ground.expect_return()
+        answer = yield from ask(text)
+        if self._ground.is_open and not answer.final.is_ok:
+            raise refusal(text, answer.final)
+        yield Begin("restart", None)
+        if self._ground.is_open:
+            yield Pause(LEAVE_S, wakes=True)
+        self._ground.close()
+        self._known.forget_network()
+
+    # -- steps
+
+    def _step(self, step: str) -> Script[None]:
+        yield Begin(step, LIMITS_S[step])
+        yield from self._scripts[step]()
+
+    def _port(self) -> Script[None]:
+        self._unknown.clear()
+        while not self._ground.is_open:
+            try:
+                self._ground.open()
+            except InterfaceError:
+                yield Pause(1.0)
+        # Booting, it answers nothing, or the first lines of its boot loader.
+        while not (yield from self._is_awake()):
+            yield Pause(1.0)
+        yield from lines("AT+CMEE=1")
+
+    def _is_awake(self) -> Script[bool]:
+        try:
+            answer = yield from ask("ATE0V1")
+        except NoAnswerError:
+            return False
+        return answer.final.is_ok
+
+    def _identity(self) -> Script[None]:
+        known = self._known
+        known.model = _plain((yield from lines("AT+CGMM")), "+CGMM")
+        known.firmware = _plain((yield from lines("AT+CGMR")), "+CGMR")
+        wanted = COMPOSITIONS.get(self._options.bearer)
+        answer = yield from ask("AT+CUSBCFG?")
+        try:
+            vendor, product = usb_id(answer.lines)
+        except ProtocolError:
+            return  # firmware without it: the bearer will say if its device is missing
+        known.composition = f"{vendor:04x}:{product:04x}"
+        if wanted is None or (vendor, product) == wanted:
+            self._switches = 0
+            return
+        self._switches += 1
+        if self._switches > 2:
+            raise BlockedError(
+                f"the modem stays {known.composition}, and bearer {self._options.bearer} needs "
+                f"{wanted[0]:04x}:{wanted[1]:04x}",
+                "choose the bearer of the composition that it has",
+            )
+        self._ground.say(f"identity: switches from {known.composition} to {wanted[0]:04x}:{wanted[1]:04x}")
+        # It has been seen to fall back after a hard reset, so this is looked at in every bring-up.
+        yield from self.reenumerate(f"AT+CUSBCFG=usbid,{wanted[0]:04x},{wanted[1]:04x}")
+        yield from self._step("port")
+        yield from self._step("identity")
+
+    def _sim(self) -> Script[None]:
+        while (state := (yield from self._ask_sim())) is not Sim.READY:
+            self._ground.say(f"sim: {state.value}")
+            if state is Sim.PIN:
+                yield from self._enter_pin()
+            elif state is Sim.PUK:
+                raise BlockedError("sim: it asks for its PUK", "enter PUK and a new PIN in a telephone")
+            elif state is Sim.ABSENT:
+                raise BlockedError("sim: there is none", "is it in its holder, the right way round?")
+            elif state is Sim.LOCKED:
+                raise BlockedError("sim: locked to another device or network", "use the card that belongs to it")
+            else:
+                yield Pause(2.0, wakes=True)
+
+    def _ask_sim(self) -> Script[Sim]:
+        answer = yield from ask("AT+CPIN?")
+        try:
+            found = sim(_one(answer.lines)) if answer.final.is_ok else sim_error(answer.final.code, answer.final.detail)
+        except ProtocolError:
+            found = Sim.BUSY  # asked again
+        self._known.sim = found
+        return found
+
+    def _enter_pin(self) -> Script[None]:
+        if not self._options.pin_file:
+            raise BlockedError("sim: it asks for a PIN", "name a file with it as pin_file")
+        pin = read_pin(self._options.pin_file)
+        left = yield from self.read("AT+SPIC", lambda found: attempts(_one(found)))
+        self._known.pin_attempts = left.pin
+        card = yield from ask("AT+CICCID")  # a locked card may not say it: all of them are one then
+        self._guard.begin(pin, " ".join(card.lines), left.pin)
+        answer = yield from ask(f'AT+CPIN="{pin}"')
+        if answer.final.is_ok:
+            self._guard.accepted()
+            return
+        if answer.final is TIMEOUT:  # nobody knows: the attempts that are left will tell
+            raise StepError("sim: no answer to the PIN")
+        self._guard.refused()
+        raise BlockedError("sim: it refused the PIN", "correct pin_file; the same PIN is not tried again")
+
+    def _configuration(self) -> Script[None]:
+        if (yield from self.read("AT+CFUN?", lambda found: flag(_one(found), "+CFUN"))) != 1:
+            yield from lines("AT+CFUN=1")
+        mode = NETWORK_MODES.get(self._options.network_mode)
+        if mode is not None and (yield from self.read("AT+CNMP?", lambda found: flag(_one(found), "+CNMP"))) != mode:
+            yield from lines(f"AT+CNMP={mode}")
+        yield from self._context()
+        for text in ("AT+CREG=0", *(f"AT+{domain}=2" for domain in DOMAINS), "AT+CNSMOD=1", "AT+CGEREP=2,1"):
+            yield from ask(text)  # firmware that lacks one of them is asked in turn
+
+    def _context(self) -> Script[None]:
+        """The packet context, before the network is attached to: LTE sets it up with that."""
+        if not self._options.apn:
+            return
+        wanted = [IP_TYPES[self._options.ip_type], self._options.apn]
+        for line in (yield from lines("AT+CGDCONT?")):
+            columns = fields(line, "+CGDCONT")
+            if columns[0] == "1" and [columns[1].upper(), *columns[2:3]] == wanted:
+                return
+        yield from lines('AT+CGDCONT=1,"{}","{}"'.format(*wanted))
+        yield from ask("AT+CGATT=0")
+
+    def _registration(self) -> Script[None]:
+        while not (yield from self.ask_registration()):
+            self._ground.say(f"registration: {self._known.registration_text}")
+            yield from self.look_at_cell()
+            yield Pause(5.0, wakes=True)
+            yield from self._sim()  # the card may have been taken out
+
+    def _attach(self) -> Script[None]:
+        if (yield from self.read("AT+CGATT?", lambda found: flag(_one(found), "+CGATT"))) != 1:
+            yield from lines("AT+CGATT=1")
+
+    def _connect(self) -> Script[None]:
+        while True:
+            yield from self._bearer.up()
+            for _ in range(ADDRESS_TRIES):
+                try:
+                    self._known.addresses = yield from self._bearer.look()
+                except LostError:  # not yet there
+                    yield Pause(1.0)
+                else:
+                    return
+
+    # -- questions
+
+    def read(self, text: str, parse: Callable[[tuple[str, ...]], T]) -> Script[T]:
+        """A question whose answer may be garbled or late once. Raises StepError."""
+        last = StepError(f"{text}: no answer")
+        for _ in range(TRIES):
+            answer = yield from ask(text)
+            if answer.final is TIMEOUT:
+                continue
+            if not answer.final.is_ok:
+                raise refusal(text, answer.final)
+            try:
+                return parse(answer.lines)
+            except ProtocolError as error:
+                self._known.misread += 1
+                last = StepError(f"{text}: {error.message}")
+        raise last
+
+    def optional(self, text: str, parse: Callable[[tuple[str, ...]], T]) -> Script[T | None]:
+        """The same, None where this firmware has no such command, or gives it no answer now."""
+        if text in self._unknown:
+            return None
+        answer = yield from ask(text)
+        if answer.final.name in ("ERROR", "COMMAND NOT SUPPORT"):
+            self._unknown.add(text)
+        if not answer.final.is_ok:
+            return None
+        try:
+            return parse(answer.lines)
+        except ProtocolError:
+            self._known.misread += 1
+            return None
+
+    def ask_registration(self) -> Script[bool]:
+        """Ask every domain; whether one is registered."""
+        for domain in DOMAINS:
+            found = yield from self.optional(f"AT+{domain}?", lambda found: registration(_one(found)))
+            if found is not None:
+                self._known.registrations[domain] = found
+        return self._known.is_registered
+
+    def look_at_cell(self) -> Script[None]:
+        """Cell and signal."""
+        known = self._known
+        known.cell = yield from self.optional("AT+CPSI?", cell_report)
+        if known.cell is None or known.cell.access is not Access.SA:
+            known.rssi_dbm = yield from self.optional("AT+CSQ", lambda found: signal_dbm(_one(found)))
+
+    def look_at_module(self) -> Script[None]:
+        """Temperature and operator, which change slowly."""
+        known = self._known
+        known.temperature_c = yield from self.optional("AT+CPMUTEMP", lambda found: temperature_c(_one(found)))
+        found = yield from self.optional("AT+COPS?", lambda found: operator(_one(found)))
+        known.operator = found.name if found else ""
+        known.system_mode = (yield from self.optional("AT+CNSMOD?", lambda found: system_mode(_one(found)))) or ""
+
+
+def _one(found: tuple[str, ...]) -> str:
+    """The one line of an answer. Raises ProtocolError where there is none."""
+    if not found:
+        raise ProtocolError("OK without an answer")
+    return found[-1]
+
+
+def _plain(found: tuple[str, ...], prefix: str) -> str:
+    """A word such as a model, with its prefix or without."""
+    return found[-1].removeprefix(f"{prefix}:").strip()[:40] if found else ""

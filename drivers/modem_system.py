@@ -1,0 +1,116 @@
+"""What a modem needs of the machine: programs, its network device, and what that has counted."""
+
+import fcntl
+import socket
+import struct
+from collections.abc import Callable
+from contextlib import suppress
+from ipaddress import IPv4Address, IPv6Address
+from pathlib import Path
+from typing import NamedTuple
+
+from board import usb
+from board.errors import InterfaceError, StationError
+from board.loop import Loop
+from board.machine import Machine
+from drivers.modem_script import Ended, Program, Run, StepError
+from drivers.modem_tool import Tool
+
+SIOCGIFADDR = 0x8915  # linux/sockios.h
+
+
+class Counters(NamedTuple):
+    """Packets of a network device since it exists."""
+
+    received: int
+    sent: int
+
+
+class System:
+    """The machine that the station runs on; tests have another."""
+
+    def __init__(self, machine: Machine) -> None:
+        self._machine = machine
+        self._kept: list[Tool] = []
+
+    def run(
+        self, loop: Loop, run: Run, done: Callable[[Ended | StationError], None], ended: Callable[[], None]
+    ) -> Program:
+        """Start a program. Raises InterfaceError where that cannot be.
+
+        ended  is told when one that was kept has ended by itself.
+        """
+
+        def said(status: int | None, output: str) -> None:
+            if status is None:
+                self._kept.append(tool)
+            elif run.keep:
+                done(StepError(f"{run.argv[0]} ended with status {status} before it had an address"))
+                return
+            done(Ended(status, output))
+
+        def gone() -> None:
+            if tool in self._kept:
+                self._kept.remove(tool)
+                ended()
+
+        tool = Tool(loop, run.argv, run.limit_s, said, keep=run.keep, ended=gone)
+        return tool
+
+    def stop_kept(self) -> None:
+        """End every program that was kept; idempotent."""
+        kept, self._kept = self._kept, []
+        for tool in kept:
+            tool.leave()
+
+    def at_port(self, place: str, number: int) -> str:
+        """Path of the tty at a USB place. Raises InterfaceError while there is none."""
+        return usb.tty(self._machine, place, number)
+
+    def product(self, place: str) -> str:
+        """Vendor and product of the device at a place, `1e0e:9001`; empty while there is none."""
+        device = usb.find(self._machine, place)
+        return device.id if device else ""
+
+    def network_device(self, place: str) -> str:
+        """Raises InterfaceError while there is none."""
+        return usb.network_device(self._machine, place)
+
+    def control_device(self, place: str) -> str:
+        """Raises InterfaceError while there is none."""
+        return usb.control_device(self._machine, place)
+
+    def set_raw_ip(self, device: str) -> None:
+        """Packets without Ethernet headers, which is all that an SDX55 speaks; the device must be down."""
+        path = self._machine.sys / "class/net" / device / "qmi/raw_ip"
+        try:
+            path.write_text("Y\n")
+        except OSError as error:
+            raise InterfaceError(f"{path}: {error.strerror}", "is the device one of qmi_wwan?") from error
+
+    def addresses(self, device: str) -> tuple[str, ...]:
+        """Addresses of a network device, without those of the link alone."""
+        return (*_addresses4(device), *_addresses6(self._machine.proc / "net/if_inet6", device))
+
+    def counters(self, device: str) -> Counters | None:
+        folder = self._machine.sys / "class/net" / device / "statistics"
+        try:
+            return Counters(*(int((folder / f"{way}_packets").read_text()) for way in ("rx", "tx")))
+        except (OSError, ValueError):
+            return None
+
+
+def _addresses4(device: str) -> tuple[str, ...]:
+    """The first one: a modem's device has no second."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asker, suppress(OSError):
+        answer = fcntl.ioctl(asker, SIOCGIFADDR, struct.pack("256s", device.encode()[:15]))
+        return (str(IPv4Address(answer[20:24])),)
+    return ()
+
+
+def _addresses6(table: Path, device: str) -> tuple[str, ...]:
+    with suppress(OSError, ValueError):
+        rows = (line.split() for line in table.read_text().splitlines())
+        every = (IPv6Address(bytes.fromhex(row[0])) for row in rows if len(row) == 6 and row[5] == device)
+        return tuple(str(one) for one in every if not one.is_link_local)
+    return ()

@@ -1,0 +1,204 @@
+"""SIMCom SIM8202G-M2, a 5G modem, as a bearer: it brings itself up, stays up, and says what is wrong.
+
+It carries no PDUs itself: its link is up while there is a network to carry them. Nothing here touches power. What is
+left to power is host.fail(StuckError).
+
+| step | done when | at most |
+|---|---|---|
+| port | the tty is there and AT is answered | 90 s |
+| identity | model and firmware are known, the USB composition is that of the bearer | 60 s |
+| sim | the card is ready, its PIN given | 60 s |
+| configuration | radio on, network mode and access point set | 90 s |
+| registration | one of 5G, LTE, 3G is registered, at home or roaming | 180 s |
+| attach | packets are allowed | 200 s |
+| bearer | the network device has an address | 120 s |
+
+A step that is not done in time is recovered from as modem_recovery.py says. A card that is absent or locked blocks:
+the reason stays until somebody changes something, which is looked at every 30 s.
+"""
+
+import logging
+from collections.abc import Callable, Mapping
+from typing import ClassVar
+
+from board.errors import InterfaceError, ProtocolError, StationError
+from drivers.contract import BUSY, Answer, Can, Capabilities, Host, Sent, Shared
+from drivers.message import Request
+from drivers.modem_bearer import AT_INTERFACE, AT_INTERFACES, BEARERS
+from drivers.modem_known import Known
+from drivers.modem_life import Life, ResetAskedError
+from drivers.modem_operator import Operations
+from drivers.modem_options import ModemOptions
+from drivers.modem_port import Above, AtPort
+from drivers.modem_recovery import Ladder
+from drivers.modem_script import Ended, Program, Run, Runner, StepError
+from drivers.modem_steps import Steps
+from drivers.modem_system import System
+from drivers.modem_watch import COLDEST_C, HOTTEST_C, Watch
+from drivers.wire import at
+from drivers.wire.at_forms import Command
+from drivers.wire.modem_answers import registration, system_mode
+from drivers.wire.redact import redact
+
+COMPLAIN_S = 600.0  # between two lines of the journal about garbage
+
+log = logging.getLogger("captain.modem")
+
+
+class Sim8202g:
+    """The driver. system is the machine's programs and devices."""
+
+    Options: ClassVar[type] = ModemOptions
+    capabilities: ClassVar[Capabilities] = Capabilities(Can.BEARER, "5g", 0)
+
+    def __init__(self, options: ModemOptions, shared: Shared, system: System | None = None) -> None:
+        self._options = options
+        self._system = system or System(shared.machine)
+        self._known = Known()
+        # Kept: a modem that resets itself leaves USB, and the supervisor may start this driver again for it.
+        self._ladder = Ladder()
+        self._port: AtPort | None = None
+        self._runner: Runner | None = None
+        self._life: Life | None = None
+        self._returns = False
+        self._complained: float | None = None
+        self._is_hot = False
+
+    # -- drivers.contract.Driver
+
+    def start(self, host: Host) -> None:
+        options, known = self._options, self._known
+        self._host = host
+        self.open()
+        bearer = self._bearer = BEARERS[options.bearer](options, self._system)
+        steps = Steps(self, options, known, bearer)
+        watch = Watch(steps, known, bearer, self._system, host.loop.clock, options.poll_s)
+        self._life = Life(host.name, host.loop, self, known, steps, bearer, watch, self._ladder)
+        self._runner = Runner(host.loop, self, self._life.run(), self._failed)
+        self._runner.start()
+
+    def send(self, request: Request) -> Sent:
+        """A bearer takes no messages: by its capabilities none is ever given to it."""
+        return BUSY
+
+    def refresh(self) -> None:
+        """Nothing is counted elsewhere."""
+
+    def stop(self) -> None:
+        runner, self._runner = self._runner, None
+        if runner is not None:
+            runner.stop()
+        if self._life is not None:
+            self._life.stop()
+        self._system.stop_kept()
+        self.close()
+        self._known.step = "stopped"
+
+    # -- drivers.contract.Operated
+
+    def operate(self, do: str, arguments: Mapping[str, object], answer: Answer) -> None:
+        """`status`, `at` and `reset`, as modem_operator.py has them."""
+        Operations(self._port, self._known, self._reset).operate(do, arguments, answer)
+
+    def _reset(self) -> None:
+        if self._runner is not None:
+            self._runner.interrupt(ResetAskedError("an operator wants it"))
+
+    # -- drivers.modem_steps.Ground, drivers.modem_life.Above
+
+    @property
+    def is_open(self) -> bool:
+        return self._port is not None
+
+    def open(self) -> None:
+        options = self._options
+        path = options.port
+        if options.usb:
+            number = AT_INTERFACES.get(self._system.product(options.usb), AT_INTERFACE)
+            path = self._system.at_port(options.usb, number)
+        above = Above(self._unsolicited, self._garbage, self._broken)
+        self._port = AtPort(self._host.loop, path, above)
+        self._returns = False
+
+    def close(self) -> None:
+        if self._port is not None:
+            self._port.close()
+            self._port = None
+
+    def expect_return(self) -> None:
+        self._returns = True
+
+    def say(self, why: str) -> None:
+        self._host.tell(self._known.details())
+        self._host.link(False, why)
+
+    def looked(self) -> None:
+        known = self._known
+        known.device = self._bearer.device
+        self._host.tell(known.details())
+        where = f"{known.device} has " if known.device else ""
+        self._host.link(True, f"{where}{', '.join(known.addresses)}")
+        self._look_at_temperature(known.temperature_c)
+
+    def _look_at_temperature(self, celsius: int | None) -> None:
+        """Say once that it is too hot or too cold, and once that it is not any more."""
+        is_hot = celsius is not None and not COLDEST_C <= celsius <= HOTTEST_C
+        if is_hot is not self._is_hot:
+            self._is_hot = is_hot
+            level = logging.WARNING if is_hot else logging.INFO
+            log.log(level, "%s: %s C; it is made for %d to %d C", self._host.name, celsius, COLDEST_C, HOTTEST_C)
+
+    # -- drivers.modem_script.World
+
+    def ask(self, command: Command, done: Callable[[at.Answer], None]) -> None:
+        if self._port is None:
+            raise StepError("the AT port is closed")
+        self._port.ask(command, done)
+
+    def run(self, run: Run, done: Callable[[Ended | StationError], None]) -> Program:
+        log.debug("%s: %s", self._host.name, redact(" ".join(run.argv)))
+        return self._system.run(self._host.loop, run, done, self._wake)
+
+    def begun(self, step: str) -> None:
+        self._known.step = step
+        if step not in ("up", "blocked", "recovery"):  # who begins one of these says more
+            self.say(step)
+
+    def _failed(self, error: StationError) -> None:
+        self._host.fail(error)
+
+    def _wake(self) -> None:
+        if self._runner is not None:
+            self._runner.wake()
+
+    # -- what the port tells
+
+    def _unsolicited(self, line: str) -> None:
+        log.debug("%s: %s", self._host.name, redact(line))
+        name = line.partition(":")[0]
+        try:
+            if name in ("+C5GREG", "+CEREG", "+CGREG"):
+                found = registration(line)
+                self._known.registrations[found.domain] = found
+                self._wake()
+            elif name == "+CNSMOD":
+                self._known.system_mode = system_mode(line)
+            elif name in ("+CPIN", "+SIMCARD", "+CGEV"):
+                self._wake()
+        except ProtocolError:
+            self._known.misread += 1
+
+    def _garbage(self, garbage: at.Garbage) -> None:
+        self._known.garbage += garbage.octets
+        now = self._host.loop.clock()
+        if self._complained is None or now >= self._complained + COMPLAIN_S:
+            self._complained = now
+            sample = redact(garbage.sample.decode("ascii", "backslashreplace"))
+            log.warning("%s: %d octets mean nothing at an AT port: %r", self._host.name, garbage.octets, sample)
+
+    def _broken(self, error: InterfaceError) -> None:
+        self._port = None
+        if self._returns:
+            self._wake()
+        else:
+            self._host.fail(error)

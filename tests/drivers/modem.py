@@ -1,0 +1,171 @@
+"""A station's modem interface over a simulated modem, with a supervisor as simple as can be."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from board.errors import InterfaceError, StationError
+from drivers.modem_options import ModemOptions
+from drivers.modem_port import AtPort
+from drivers.modem_script import Ended, Program, Run
+from drivers.modem_system import Counters, System
+from drivers.sim.machine import SimulatedMachine
+from drivers.sim.modem import SimulatedModem
+from drivers.sim8202g import Sim8202g
+from tests.drivers.host import SHARED, Host
+from tests.virtual import VirtualLoop
+
+PLACE = "1-1.2"
+RETRY_S = 5.0
+
+# Real time for what is on its way through a pty: a thread of the kernel carries it, and other programs run as well.
+PTY_S = 1.0
+
+
+class LineLoop(VirtualLoop):
+    """A virtual loop whose clock stands still for as long as octets are on their way through the modem's pty."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.bench: Bench | None = None
+        self._port: AtPort | None = None
+        self._down = self._up = 0  # octets that the modem has carried beyond this port, when it was opened
+
+    def _wait(self):
+        before, carried = self.now, self._carried()
+        self.patience_s = PTY_S if carried else 0.0
+        ready = super()._wait()
+        if not ready and self.now > before and carried:
+            self._port = None  # they were lost: count anew
+        return ready
+
+    def _carried(self) -> bool:
+        """Whether octets are on their way from the modem, or to it."""
+        bench = self.bench
+        port = bench.driver._port if bench else None
+        if bench is None or port is None or not bench.modem.is_plugged:
+            return False
+        modem = bench.modem
+        if port is not self._port:
+            self._port = port
+            self._down, self._up = modem.octets_said - port.octets_in, modem.octets_heard
+        # What was said before the port was opened has been kept for it, or thrown away.
+        self._down = min(self._down, modem.octets_said - port.octets_in)
+        return modem.octets_said - port.octets_in > self._down or port.octets_out > modem.octets_heard - self._up
+
+
+class NoProgram:
+    """One that has ended."""
+
+    def stop(self) -> None: ...
+
+
+class FakeSystem(System):
+    """The tools of a machine, answered from a table: beginnings of command lines, and what is printed.
+
+    ran       the command lines that were run.
+    has       addresses of any device.
+    fails     beginnings of command lines that end with status 1.
+    counts    packets received and sent.
+    """
+
+    def __init__(self, machine) -> None:
+        super().__init__(machine)
+        self.ran: list[str] = []
+        self.printed: dict[str, str] = {}
+        self.has: tuple[str, ...] = ("192.168.225.34",)
+        self.fails: set[str] = set()
+        self.counts: Counters | None = None
+        self.raw: list[str] = []
+        self.kept_ended: Callable[[], None] = lambda: None
+
+    def run(self, loop, run: Run, done, ended) -> Program:
+        line = " ".join(run.argv)
+        self.ran.append(line)
+        printed = next((text for begin, text in self.printed.items() if begin in line), "")
+        status = 1 if any(begin in line for begin in self.fails) else 0
+        if run.keep:
+            self.kept_ended = ended
+        loop.after(0.1, lambda: done(Ended(None if run.keep else status, printed)))
+        return NoProgram()
+
+    def set_raw_ip(self, device: str) -> None:
+        self.raw.append(device)
+
+    def addresses(self, device: str) -> tuple[str, ...]:
+        return self.has
+
+    def counters(self, device: str) -> Counters | None:
+        return self.counts
+
+
+class Station(Host):
+    """A host that starts its driver again after a failure, and cuts power for nobody."""
+
+    def __init__(self, loop, driver: Sim8202g) -> None:
+        super().__init__(loop)
+        self.driver = driver
+        self.refused: list[StationError] = []
+        self.is_running = False
+
+    def begin(self) -> None:
+        try:
+            self.driver.start(self)
+        except InterfaceError as error:
+            self.refused.append(error)
+            self.loop.after(RETRY_S, self.begin)
+        else:
+            self.is_running = True
+
+    def fail(self, error: StationError) -> None:
+        super().fail(error)
+        self.driver.stop()
+        self.is_running = False
+        self.loop.after(RETRY_S, self.begin)
+
+    @property
+    def why(self) -> str:
+        return self.links[-1][1]
+
+    @property
+    def steps(self) -> list[str]:
+        """What was said while the link was down, each once in a row."""
+        return [why for is_up, why in self.links if not is_up]
+
+
+class Bench:
+    """Modem, machine and interface; the modem has power, and has booted.
+
+    options  of the interface beside usb and bearer, which is `none` unless said.
+    """
+
+    def __init__(self, loop, folder: Path, **options) -> None:
+        self.loop = loop
+        loop.bench = self
+        self.board = SimulatedMachine(folder)
+        self.modem = SimulatedModem(
+            loop, lambda device: self.board.plug(PLACE, device), lambda: self.board.unplug(PLACE)
+        )
+        self.system = FakeSystem(self.board.machine)
+        table = {"usb": PLACE, "bearer": "none", "state_dir": str(folder), **options}
+        shared = SHARED._replace(machine=self.board.machine)
+        self.driver = Sim8202g(ModemOptions(**table), shared, self.system)
+        self.station = Station(loop, self.driver)
+
+    def power(self) -> None:
+        """Supply the modem, and wait until it is at USB."""
+        self.board.sit(PLACE, self.modem.supplied)
+        self.loop.run_until(lambda: self.modem.is_plugged)
+
+    def start(self) -> None:
+        self.power()
+        self.station.begin()
+
+    def up(self, within: float = 120.0) -> None:
+        """Start, and wait for the link."""
+        self.start()
+        self.loop.run_until(lambda: self.station.is_up, within)
+
+    def close(self) -> None:
+        self.driver.stop()
+        self.modem.close()
+        self.board.close()

@@ -1,0 +1,542 @@
+"""The 5G modem's driver against a simulated SIM8202G, in virtual time."""
+
+import logging
+
+import pytest
+
+from board.describe import read
+from board.errors import ConfigurationError, InterfaceError, RequestError, StuckError
+from drivers.contract import Can
+from drivers.modem_options import ModemOptions
+from drivers.modem_steps import LIMITS_S
+from drivers.modem_system import Counters
+from drivers.sim.modem_commands import ICCID, IMEI, IMSI
+from drivers.sim.modem_network import ADDRESS, Access
+from tests.drivers.modem import Bench, LineLoop
+
+
+@pytest.fixture
+def loop():
+    loop = LineLoop()
+    yield loop
+    loop.close()
+
+
+@pytest.fixture
+def make(loop, tmp_path):
+    made = []
+
+    def make(**options):
+        made.append(Bench(loop, tmp_path, **options))
+        return made[-1]
+
+    yield make
+    for bench in made:
+        bench.close()
+
+
+@pytest.fixture
+def bench(make):
+    return make()
+
+
+# -- bring-up
+
+
+def test_it_is_a_bearer_and_nothing_else(bench):
+    assert bench.driver.capabilities.can == Can.BEARER
+    assert bench.driver.capabilities.technology == "5g"
+
+
+def test_it_comes_up_by_steps_that_can_be_seen(bench):
+    bench.up()
+    steps = [why.partition(":")[0] for why in bench.station.steps]
+    assert list(dict.fromkeys(steps)) == list(LIMITS_S)
+    assert bench.station.why == ADDRESS
+    assert not bench.station.failures
+
+
+def test_its_details_say_what_the_module_is_and_where_it_is_served(bench, loop):
+    bench.modem.network.offered = Access.NSA
+    bench.up()
+    loop.run_for(60)
+    details = bench.station.details[-1]
+    assert details["step"] == "up"
+    assert details["model"] == "SIMCOM_SIM8202G-M2"
+    assert details["firmware"] == "LE13B04SIM8202M44A-M2"
+    assert details["usb"] == "1e0e:9001"
+    assert details["operator"] == "Telekom.de"
+    assert details["registration"] == "home"
+    assert details["temperature_c"] == 38
+    assert details["rssi_dbm"] == -73
+    assert details["addresses"] == [ADDRESS]
+    assert details["cell"]["access"] == "5g-nsa"
+    assert details["cell"]["leg"]["strength"] == {"rsrp_dbm": -96.0, "rsrq_db": -12.0, "snr_db": 9.5}
+
+
+@pytest.mark.parametrize(("offered", "access"), [(Access.LTE, "lte"), (Access.NSA, "5g-nsa"), (Access.SA, "5g-sa")])
+def test_it_follows_its_registration_up_to_what_the_air_offers(bench, loop, offered, access):
+    bench.modem.network.offered = offered
+    bench.up()
+    loop.run_for(30)
+    assert bench.station.details[-1]["cell"]["access"] == access
+    assert bench.station.is_up
+
+
+def test_a_card_that_is_busy_after_power_on_is_waited_for(bench):
+    bench.up()
+    assert "sim: busy" in bench.station.steps
+    assert bench.modem.asked.count("AT+CPIN?") > 1
+
+
+def test_an_access_point_is_set_once_and_before_the_network_is_attached_to(make):
+    bench = make(apn="internet.v2x", ip_type="ipv4v6")
+    bench.up()
+    assert bench.modem.context == ("IPV4V6", "internet.v2x")
+    asked = bench.modem.asked
+    assert asked.index('AT+CGDCONT=1,"IPV4V6","internet.v2x"') < asked.index("AT+CGATT?")
+    bench.station.fail(InterfaceError("again"))
+    bench.loop.run_until(lambda: bench.station.is_up)
+    assert sum(text.startswith("AT+CGDCONT=") for text in asked) == 1
+
+
+def test_the_network_mode_is_set_where_it_is_another(make):
+    bench = make(network_mode="lte-nr5g")
+    bench.up()
+    assert bench.modem.mode == 109
+    assert "AT+CNMP=109" in bench.modem.asked
+
+
+def test_start_without_a_module_is_refused_and_may_be_repeated(bench, host):
+    for _ in range(3):
+        with pytest.raises(InterfaceError):
+            bench.driver.start(host)
+    assert host.links == []
+
+
+def test_another_usb_composition_is_switched_to_and_its_return_is_waited_for(make):
+    bench = make(bearer="rndis")
+    bench.system.printed = {"udhcpc": "udhcpc: lease of 192.168.225.34 obtained"}
+    bench.up(within=180)
+    assert bench.modem.product == "9011"
+    assert bench.modem.boots == 2
+    assert not bench.station.failures
+    assert bench.station.why == "usb0 has 192.168.225.34"
+
+
+def test_a_composition_that_the_module_does_not_keep_blocks_with_a_remedy(make, loop):
+    bench = make(bearer="mbim")
+    bench.modem.lies = lambda text: "\r\nUSBID: 0X1E0E,0X9001\r\n\r\nOK\r\n" if text == "AT+CUSBCFG?" else None
+    bench.start()
+    loop.run_until(lambda: "stays 1e0e:9001" in bench.station.why, within=300)
+    boots = bench.modem.boots
+    loop.run_for(600)
+    assert bench.modem.boots == boots
+    assert not bench.station.failures
+
+
+# -- the card
+
+
+def pin_file(folder, pin="1234", mode=0o600):
+    path = folder / "pin"
+    path.write_text(f"{pin}\n")
+    path.chmod(mode)
+    return str(path)
+
+
+def locked(make, tmp_path, pin="1234", **options):
+    bench = make(pin_file=pin_file(tmp_path, pin), **options)
+    bench.modem.card.state = "SIM PIN"
+    return bench
+
+
+def test_a_pin_is_given_once(make, tmp_path):
+    bench = locked(make, tmp_path)
+    bench.up()
+    assert bench.modem.card.tries == ["1234"]
+    assert bench.modem.card.attempts == 3
+
+
+def test_a_pin_that_was_refused_is_never_tried_again_whatever_happens(make, tmp_path, loop):
+    bench = locked(make, tmp_path, pin="0000")
+    bench.start()
+    loop.run_until(lambda: "refused" in bench.station.why)
+    loop.run_for(3600)
+    bench.station.fail(InterfaceError("something else"))
+    loop.run_for(600)
+    bench.modem.crash()
+    loop.run_for(600)
+    assert bench.modem.card.tries == ["0000"]
+    assert "not tried again" in bench.station.why
+
+
+def test_a_pin_is_tried_again_when_the_file_holds_another(make, tmp_path, loop):
+    bench = locked(make, tmp_path, pin="0000")
+    bench.start()
+    loop.run_until(lambda: "refused" in bench.station.why)
+    pin_file(tmp_path, "1234")
+    loop.run_until(lambda: bench.station.is_up)
+    assert bench.modem.card.tries == ["0000", "1234"]
+
+
+def test_the_last_attempts_of_a_card_are_not_ours(make, tmp_path, loop):
+    bench = locked(make, tmp_path)
+    bench.modem.card.attempts = 1
+    bench.start()
+    loop.run_until(lambda: "leaves 1 attempts" in bench.station.why)
+    loop.run_for(3600)
+    assert bench.modem.card.tries == []
+
+
+def test_a_try_whose_end_nobody_knows_counts_as_refused_if_it_cost_an_attempt(make, tmp_path, loop):
+    bench = locked(make, tmp_path, pin="0000")
+    bench.start()
+    loop.run_until(lambda: bench.modem.card.tries)
+    bench.modem.crash()  # before it has said anything
+    loop.run_until(lambda: bench.station.failures)
+    loop.run_for(300)
+    assert bench.modem.card.tries == ["0000"]
+    assert "refused this PIN before" in bench.station.why
+
+
+def test_a_pin_that_nothing_can_be_written_down_about_is_not_tried(make, tmp_path, loop):
+    bench = locked(make, tmp_path, state_dir=str(tmp_path / "nowhere"))
+    bench.start()
+    loop.run_until(lambda: "cannot be written" in bench.station.why)
+    assert bench.modem.card.tries == []
+
+
+@pytest.mark.parametrize(
+    ("pin", "mode", "why"), [("1234", 0o644, "lets others read"), ("12", 0o600, "no PIN"), ("12x4", 0o600, "no PIN")]
+)
+def test_a_pin_file_that_is_not_safe_is_not_used(make, tmp_path, loop, pin, mode, why):
+    bench = make(pin_file=pin_file(tmp_path, pin, mode))
+    bench.modem.card.state = "SIM PIN"
+    bench.start()
+    loop.run_until(lambda: why in bench.station.why)
+    assert bench.modem.card.tries == []
+
+
+@pytest.mark.parametrize(
+    ("state", "why"), [("SIM PIN", "asks for a PIN"), ("SIM PUK", "PUK"), ("PH-NET PIN", "locked to another")]
+)
+def test_a_card_that_is_locked_blocks_and_is_said_once(bench, loop, state, why, caplog):
+    bench.modem.card.state = state
+    bench.start()
+    loop.run_until(lambda: why in bench.station.why)
+    said = len(set(bench.station.links))
+    loop.run_for(3600)
+    assert len(set(bench.station.links)) == said
+    assert not bench.station.failures
+    assert bench.modem.boots == 1
+
+
+def test_a_card_that_is_put_in_is_noticed_at_once(bench, loop):
+    bench.modem.card.is_there = False
+    bench.start()
+    loop.run_until(lambda: "there is none" in bench.station.why)
+    loop.run_for(35)
+    bench.modem.card.is_there = True
+    bench.modem.network.search()
+    bench.modem.unsolicited("+CPIN: READY")
+    loop.run_until(lambda: bench.station.is_up, within=20)
+
+
+def test_a_card_that_is_taken_out_takes_the_link_down(bench, loop):
+    bench.up()
+    loop.run_for(90)
+    bench.modem.card.is_there = False
+    bench.modem.network.leave()
+    bench.modem.unsolicited("+SIMCARD: NOT AVAILABLE")
+    loop.run_until(lambda: not bench.station.is_up, within=20)
+    loop.run_until(lambda: "there is none" in bench.station.why)
+
+
+# -- supervision and recovery
+
+
+def test_lost_coverage_takes_the_link_down_and_its_return_brings_it_up_without_a_reset(bench, loop):
+    bench.up()
+    loop.run_for(90)
+    bench.modem.network.offer(Access.NONE)
+    loop.run_until(lambda: not bench.station.is_up, within=30)
+    assert "network lost" in bench.station.links[-1][1] or "network lost" in " ".join(bench.station.steps)
+    loop.run_for(60)
+    bench.modem.network.offer(Access.NSA)
+    loop.run_until(lambda: bench.station.is_up, within=30)
+    assert bench.modem.boots == 1
+    assert "AT+COPS=0" not in bench.modem.asked
+
+
+def test_a_night_without_coverage_is_no_fault_and_the_morning_is_noticed(bench, loop):
+    bench.up()
+    loop.run_for(90)
+    bench.modem.network.offer(Access.NONE)
+    loop.run_for(2 * 3600)
+    assert not bench.station.failures
+    assert 2 <= bench.modem.boots <= 8
+    bench.modem.network.offer(Access.LTE)
+    loop.run_until(lambda: bench.station.is_up, within=240)
+
+
+def test_a_modem_that_the_network_refuses_says_so(bench, loop):
+    bench.modem.network.denies = True
+    bench.start()
+    loop.run_until(lambda: bench.station.why == "registration: denied")
+
+
+def test_a_bearer_that_does_not_come_is_recovered_from_by_stronger_and_stronger_means(bench, loop):
+    bench.modem.lies = lambda text: "\r\n+CME ERROR: 148\r\n" if text == "AT+CGACT=1,1" else None
+    bench.start()
+    loop.run_until(lambda: bench.station.failures, within=900)
+    asked = bench.modem.asked
+    assert asked.index("AT+COPS=0") < asked.index("AT+CFUN=4") < asked.index("AT+CRESET")
+    assert isinstance(bench.station.failures[0], StuckError)
+    assert "power" in bench.station.failures[0].hint
+    assert [why for why in bench.station.steps if "next:" in why] == [
+        f"AT+CGACT=1,1: +CME ERROR: 148; next: {rung}"
+        for rung in ("registers again", "radio off and on", "reset of the modem")
+    ]
+
+
+def test_a_bearer_that_is_gone_is_brought_up_again(make, loop):
+    bench = make(bearer="none")
+    bench.up()
+    loop.run_for(90)
+    bench.modem.network.is_context_up = False
+    bench.modem.unsolicited("+CGEV: NW PDN DEACT 1")
+    loop.run_until(lambda: not bench.station.is_up, within=5)
+    loop.run_until(lambda: bench.station.is_up, within=10)
+    assert "AT+COPS=0" not in bench.modem.asked
+
+
+def test_a_modem_that_falls_silent_ends_with_a_wish_for_a_power_cycle(bench, loop):
+    bench.up()
+    loop.run_for(60)
+    bench.modem.answers = False
+    loop.run_until(lambda: bench.station.failures, within=400)
+    assert isinstance(bench.station.failures[0], StuckError)
+    bench.modem.answers = True
+    bench.modem.supplied(False)
+    bench.modem.supplied(True)
+    loop.run_until(lambda: bench.station.is_up, within=200)
+
+
+def test_packets_that_only_go_out_are_a_stall(make, loop):
+    bench = make(bearer="at")
+    bench.system.printed = {"udhcpc": "lease of 10.64.1.2 obtained"}
+    bench.system.counts = Counters(100, 100)
+    bench.up()
+    loop.run_for(300)
+    assert bench.station.is_up
+    for second in range(200):
+        bench.system.counts = Counters(100, 100 + second)
+        loop.run_for(1)
+    assert any("none has come" in why for why in bench.station.steps)
+    assert "AT+COPS=0" in bench.modem.asked
+
+
+def test_a_module_that_crashes_is_a_failure_and_comes_back_by_itself(bench, loop):
+    bench.up()
+    bench.modem.crash()
+    loop.run_until(lambda: bench.station.failures)
+    assert len(bench.station.failures) == 1
+    loop.run_until(lambda: bench.station.refused)  # while it boots
+    loop.run_until(lambda: bench.station.is_up, within=120)
+    assert len(bench.station.failures) == 1
+    assert len({str(error) for error in bench.station.refused}) == 1
+
+
+def test_the_heat_is_said_once(bench, loop, caplog):
+    bench.up()
+    bench.modem.celsius = 75
+    with caplog.at_level(logging.WARNING):
+        loop.run_for(600)
+    assert [record.message for record in caplog.records] == ["bench: 75 C; it is made for -30 to 70 C"]
+
+
+# -- what a line may carry
+
+
+def test_a_storm_of_unsolicited_codes_makes_no_storm_of_questions(bench, loop):
+    bench.up()
+    before = len(bench.modem.asked)
+    for _ in range(100):
+        bench.modem.say(b"\r\n+CEREG: 1\r\n" * 100)
+        loop.run_for(0.1)
+    assert len(bench.modem.asked) - before < 100
+    assert bench.station.is_up
+
+
+def test_answers_that_come_late_confuse_nothing(bench, loop):
+    bench.up()
+    late = []
+
+    def lie(text):
+        if text == "AT+CSQ" and len(late) < 3:
+            late.append(loop.after(7.0, lambda: bench.modem.say(b"\r\n+CSQ: 1,99\r\n\r\nOK\r\n")))
+            return ""
+        return None
+
+    bench.modem.lies = lie
+    loop.run_for(120)
+    assert len(late) == 3
+    assert bench.station.is_up
+    assert bench.station.details[-1]["rssi_dbm"] == -73
+
+
+def test_an_hour_of_garbage_costs_few_lines_and_little_work_and_is_recovered_from(bench, loop, caplog):
+    bench.up()
+    turns = 0
+    turn = loop.turn
+
+    def count():
+        nonlocal turns
+        turns += 1
+        turn()
+
+    loop.turn = count
+    bench.modem.answers = False
+    bench.modem.babble(b"\xfe\x01\r\ngarbage 867584030123456\r\n" * 4, 5.0)
+    with caplog.at_level(logging.INFO):
+        loop.run_for(3600)
+    assert len(caplog.records) < 20
+    assert IMEI not in caplog.text
+    assert "867584030123456" not in caplog.text
+    assert turns < 20_000
+    assert len(bench.station.failures) < 60
+    bench.modem.answers = True
+    bench.modem.supplied(True)
+    loop.run_until(lambda: bench.station.is_up, within=240)
+    assert bench.station.details[-1]["garbage_octets"] > 10_000
+
+
+def test_identifiers_are_in_no_line_of_the_journal_and_in_no_details(make, loop, tmp_path, caplog):
+    bench = locked(make, tmp_path)
+    with caplog.at_level(logging.DEBUG):
+        bench.up()
+        bench.modem.unsolicited(f'+CLIP: "07712345678",129,{IMSI}')
+        bench.modem.unsolicited(f"+ICCID: {ICCID}")
+        for text in ("AT+CGSN", "AT+CIMI", "AT+CICCID", "ATI"):
+            bench.driver.operate("at", {"command": text}, lambda answer: None)
+        loop.run_for(60)
+    shown = caplog.text + repr(bench.station.details) + repr(bench.station.links)
+    for secret in (IMEI, IMSI, ICCID, "07712345678", '1234"', "'1234'"):
+        assert secret not in shown
+
+
+# -- the operator
+
+
+def asked(bench, do, **arguments):
+    answers = []
+    bench.driver.operate(do, arguments, answers.append)
+    bench.loop.run_until(lambda: answers)
+    bench.loop.run_for(1)
+    assert len(answers) == 1
+    return answers[0]
+
+
+def test_an_operator_is_given_the_answer_as_it_came(bench):
+    bench.up()
+    assert asked(bench, "at", command="AT+CSQ") == {"command": "AT+CSQ", "result": "OK", "lines": ["+CSQ: 20,99"]}
+    assert asked(bench, "at", command="AT+NONSENSE?") == {"command": "AT+NONSENSE?", "result": "ERROR", "lines": []}
+    assert asked(bench, "at", command="AT+CGSN")["lines"] == [IMEI]
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["AT+CFUN=0", "AT+CPOF", "AT+CRESET", 'AT+CPIN="1"', "ATD123;", "AT+CSQ;+CFUN=0", "AT&F", "AT+COPS=?", "ATZ",
+     "AT+CUSBCFG=usbid,1e0e,9011", "AT+CLCK=\"SC\",0,\"1\"", "AT+CGATT=0?"],
+)  # fmt: skip
+def test_what_may_change_the_modem_is_refused_unless_forced(bench, text):
+    bench.up()
+    assert isinstance(asked(bench, "at", command=text), RequestError)
+    assert text not in bench.modem.asked
+
+
+def test_forced_it_is_sent(bench):
+    bench.up()
+    assert asked(bench, "at", command="AT+CNMP=38", force=True)["result"] == "OK"
+    assert bench.modem.mode == 38
+
+
+@pytest.mark.parametrize(
+    ("do", "arguments"),
+    [("fly", {}), ("at", {}), ("at", {"command": 7}), ("at", {"command": "hello"}), ("at", {"command": "AT\x1a"}),
+     ("at", {"command": "AT", "force": "yes"})],
+)  # fmt: skip
+def test_what_is_no_question_is_refused(bench, do, arguments):
+    bench.up()
+    assert isinstance(asked(bench, do, **arguments), RequestError)
+
+
+def test_the_status_is_what_status_shows(bench):
+    bench.up()
+    assert asked(bench, "status")["step"] == "up"
+
+
+def test_a_reset_by_the_operator_is_no_failure(bench, loop):
+    bench.up()
+    assert asked(bench, "reset") == {"reset": "begun"}
+    loop.run_until(lambda: not bench.station.is_up)
+    loop.run_until(lambda: bench.modem.boots == 2)
+    loop.run_until(lambda: bench.station.is_up, within=120)
+    assert not bench.station.failures
+
+
+def test_during_a_reset_there_is_nobody_to_ask(bench, loop):
+    bench.up()
+    asked(bench, "reset")
+    loop.run_until(lambda: not bench.modem.is_plugged)
+    loop.run_for(1)
+    for do in ("at", "reset"):
+        assert isinstance(asked(bench, do, command="AT"), RequestError)
+
+
+def test_a_modem_that_does_not_return_from_a_reset_is_stuck(bench, loop):
+    bench.up()
+    bench.modem.boot_s = 1e6
+    asked(bench, "reset")
+    loop.run_until(lambda: bench.station.failures, within=200)
+    assert isinstance(bench.station.failures[0], StuckError)
+
+
+# -- stopping
+
+
+def test_it_may_be_stopped_in_every_step_and_leaves_nothing(make, loop):
+    bench = make()
+    bench.power()
+    for seconds in (0.0, 0.5, 1.0, 2.0, 4.0, 6.0, 8.0, 12.0, 30.0):
+        bench.driver.start(bench.station)
+        loop.run_for(seconds)
+        bench.driver.stop()
+        bench.driver.stop()
+        said = len(bench.station.links)
+        loop.run_for(30)
+        assert len(bench.station.links) == said
+    bench.close()
+    loop.run_for(1000)
+    assert loop.delay() is None
+
+
+# -- options
+
+
+@pytest.mark.parametrize(
+    ("table", "why"),
+    [
+        ({}, "one of usb and port"),
+        ({"usb": "1-1.2", "port": "/dev/ttyUSB2"}, "one of usb and port"),
+        ({"usb": "slot 2"}, "not the place"),
+        ({"port": "/dev/ttyUSB2"}, "needs a control port"),
+        ({"port": "/dev/ttyUSB2", "bearer": "rndis"}, "needs device"),
+        ({"usb": "1-1.2", "apn": 'a"b'}, "no access point name"),
+        ({"usb": "1-1.2", "network_mode": "6g"}, "not a choice"),
+    ],
+)
+def test_options_that_cannot_be_meant_are_refused(table, why):
+    with pytest.raises(ConfigurationError, match=why):
+        read(ModemOptions, table, "captain.toml")
