@@ -27,8 +27,8 @@ def _die_with_boot_loader() -> None:
 
 def _main() -> int:
     if sys.argv[1:2] == ["--worker"]:
-        from board.echo import WORKERS
         from board.worker import child
+        from firmware.workers import WORKERS
 
         return child(sys.argv, WORKERS)
     from firmware import cli

@@ -20,6 +20,9 @@ VERBS = {
     "encode": "fields to octets: the inverse of decode --json",
     "convert": "messages from one form into another: hex, base64, binary, JSON, pcap",
     "explain": "a message bit by bit, or why it does not decode",
+    "slot": "what sits in the board's slots, and their power: list, on, off, cycle",
+    "board": "the board: identity, slots, rails, temperatures, and the time line of the start",
+    "selftest": "each thing that the board declares: is it there, does it work, what does it measure",
     "doctor": "check configuration, ports, interfaces, permissions and clock, and say what to do",
     "demo": "two simulated stations that exchange messages, watched live",
     "lab": "the ten-message test between two stations: sent, received, equal, lost",
@@ -64,6 +67,18 @@ def load(verb: str) -> ModuleType:
             from firmware.commands import explain
 
             return explain
+        case "slot":
+            from firmware.commands import slot
+
+            return slot
+        case "board":
+            from firmware.commands import board
+
+            return board
+        case "selftest":
+            from firmware.commands import selftest
+
+            return selftest
         case "doctor":
             from firmware.commands import doctor
 

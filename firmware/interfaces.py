@@ -1,11 +1,11 @@
 """The interfaces of a station, made from its configuration: driver, host and supervisor of each."""
 
 from collections.abc import Iterator
+from typing import TypeAlias
 
 import zmq
 
 from board.loop import Loop
-from board.machine import Machine
 from drivers import DRIVERS
 from drivers.contract import Driver, Shared
 from firmware.config import Config
@@ -14,10 +14,13 @@ from firmware.interface import Interface
 from firmware.ipc import Ipc, IpcOptions
 from firmware.place import Place
 from firmware.router import Router
+from firmware.simulation import Simulation
 from firmware.supervisor import Supervised
 from firmware.tables import QueueOptions
 from firmware.timeline import Timeline
 from firmware.topics import Topics
+
+Context: TypeAlias = zmq.Context[zmq.Socket[bytes]]
 
 
 class Interfaces:
@@ -31,11 +34,11 @@ class Interfaces:
         self._place = place
         self._timeline = timeline
 
-    def make(self, config: Config, machine: Machine, context: zmq.Context[zmq.Socket[bytes]]) -> dict[str, Supervised]:
+    def make(self, config: Config, simulation: Simulation, context: Context) -> dict[str, Supervised]:
         """Those of the configuration and, where it wants interface processes, theirs."""
         accepts_any_port = config.tables.reception.unknown_btp_port == "deliver"
         made = {}
-        for name, driver, options in self._drivers(config, machine, context):
+        for name, driver, options in self._drivers(config, simulation, context):
             made[name] = self._supervised(name, driver, options)
             if accepts_any_port:
                 made[name].interface.accept_any_port()
@@ -50,7 +53,7 @@ class Interfaces:
         return Supervised(self._loop, interface)
 
     def _drivers(
-        self, config: Config, machine: Machine, context: zmq.Context[zmq.Socket[bytes]]
+        self, config: Config, simulation: Simulation, context: Context
     ) -> Iterator[tuple[str, Driver, QueueOptions]]:
         station, reception, endpoint = config.tables.station, config.tables.reception, config.tables.endpoint
         shared = Shared(
@@ -62,10 +65,10 @@ class Interfaces:
             station.type,
             station.is_mobile,
             bool(station.mac),
-            machine,
+            simulation.machine,
         )
         for entry in config.interfaces:
-            yield entry.name, DRIVERS[entry.queue.driver](entry.options, shared), entry.queue
+            yield entry.name, DRIVERS[entry.queue.driver](simulation.played(entry.options), shared), entry.queue
         if endpoint.ipc_in or endpoint.ipc_out:
             ipc = Ipc(context, IpcOptions(endpoint.ipc_in, endpoint.ipc_out), self._topics, self._drops)
             yield "ipc", ipc, QueueOptions("ipc")

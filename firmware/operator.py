@@ -4,7 +4,9 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from board.errors import RequestError
+from board.loop import Loop
 from drivers.contract import Answer, Operated
+from firmware.place import Place
 from firmware.question import Command, Later, Question, text
 from firmware.supervisor import Supervised
 from firmware.timeline import Timeline
@@ -14,15 +16,22 @@ if TYPE_CHECKING:
 
 
 class Operator:
-    """The questions `operate`, `slot` and `board`.
+    """The questions `operate`, `slot`, `board` and `selftest`.
 
     interfaces  by name.
     carrier     gives what has brought up the board; None where there is nothing to.
     """
 
     def __init__(
-        self, interfaces: Mapping[str, Supervised], carrier: Callable[[], "Carrier | None"], timeline: Timeline
+        self,
+        loop: Loop,
+        interfaces: Mapping[str, Supervised],
+        carrier: Callable[[], "Carrier | None"],
+        place: Place,
+        timeline: Timeline,
     ) -> None:
+        self._loop = loop
+        self._place = place
         self._interfaces = interfaces
         self._carrier = carrier
         self._timeline = timeline
@@ -33,7 +42,7 @@ class Operator:
 
     @property
     def later(self) -> dict[str, Later]:
-        return {"operate": self.operate}
+        return {"operate": self.operate, "selftest": self.selftest}
 
     def slot(self, question: Question) -> dict[str, object]:
         """{"do": "slot", "ask": "list"}, or "on", "off" or "cycle" with "slot": its name, or its number from 1 on."""
@@ -43,16 +52,23 @@ class Operator:
         ask = text(question, "ask", {"list": 0, "on": 0, "off": 0, "cycle": 0})
         slots = carrier.slots
         if ask == "list":
-            return {"slots": {name: slot.status() | carrier.found(name) for name, slot in slots.items()}}
+            found = {name: str(carrier.look(name) or "") for name in slots}  # also in a slot that nobody uses
+            return {"slots": {name: slot | {"device": found[name]} for name, slot in carrier.listed().items()}}
         name = text(question, "slot", dict.fromkeys([*slots, *map(str, range(1, len(slots) + 1))]))
         slot = slots[name] if name in slots else list(slots.values())[int(name) - 1]
         slot.operate(ask)
-        return {"slots": {slot.name: slot.status()}}
+        return {"slots": {slot.name: carrier.listed()[slot.name]}}
 
     def board(self, question: Question) -> dict[str, object]:
         """{"do": "board"}: all that is known of the board, and the time line of the start."""
         carrier = self._carrier()
         return {"board": carrier.status() if carrier else None, "timeline": self._timeline.status()}
+
+    def selftest(self, question: Question, answer: Answer) -> None:
+        """{"do": "selftest", "within_s": 30}: each capability, once all have come up."""
+        from firmware.selftest import Selftest  # with all that a board needs
+
+        Selftest(self._loop, self._carrier(), self._interfaces, self._place, answer).start()
 
     def operate(self, question: Question, answer: Answer) -> None:
         """{"do": "operate", "interface": NAME, "ask": WORD, "arguments": {}} goes to that interface's driver."""

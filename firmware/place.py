@@ -23,7 +23,8 @@ class Place:
         self._fixes: dict[str, Fix] = {}
         self._source = ""
         self._best: Fix | None = None
-        self._mark: tuple[str, TimeMark] | None = None
+        self._marks: dict[str, TimeMark] = {}
+        self._marked = ""
 
     def fix(self, source: str, fix: Fix) -> None:
         """A receiver's solution; source is the interface that it is on."""
@@ -36,7 +37,17 @@ class Place:
 
     def time_mark(self, source: str, mark: TimeMark) -> None:
         """What a receiver says of its next pulse; the last one is kept."""
-        self._mark = (source, mark)
+        self._marks[source] = mark
+        self._marked = source
+
+    def fix_of(self, source: str) -> Fix | None:
+        """The last usable fix of one receiver, while it is fresh."""
+        found = self._fixes.get(source)
+        return found if found is not None and self._is_fresh(found) else None
+
+    def mark_of(self, source: str) -> TimeMark | None:
+        """The last time mark of one receiver."""
+        return self._marks.get(source)
 
     def ego(self) -> Ego:
         """Own state.
@@ -68,11 +79,11 @@ class Place:
         return said | {"time_mark": self._time_mark()}
 
     def _time_mark(self) -> dict[str, object] | None:
-        if self._mark is None:
+        mark = self.mark_of(self._marked)
+        if mark is None:
             return None
-        source, mark = self._mark
         told = mark._asdict()
-        return {"source": source, "age_s": round(self._clock() - told.pop("monotonic"), 2), **told}
+        return {"source": self._marked, "age_s": round(self._clock() - told.pop("monotonic"), 2), **told}
 
     def _is_fresh(self, fix: Fix) -> bool:
         return self._clock() - fix.monotonic <= FRESH_S

@@ -1,9 +1,15 @@
 """What plays the world for a board file that asks for it: stations in the neighbourhood, and the board's own parts."""
 
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
 from board.loop import Loop
 from board.machine import REAL, Machine
 from drivers.sim.neighbours import Neighbours
 from firmware.board_file import Board
+
+if TYPE_CHECKING:
+    from drivers.sim.board import SimulatedBoard as Playing
 
 
 class Simulation:
@@ -16,12 +22,28 @@ class Simulation:
     def __init__(self, loop: Loop, board: Board) -> None:
         self.machine: Machine = REAL
         self.worker = "board"
+        self.board: Playing | None = None
         self._neighbours = Neighbours(loop, board.neighbours) if board.neighbours else None
+        if board.simulated:
+            from drivers.sim.board import SimulatedBoard
+
+            self.board = SimulatedBoard(loop, board, board.neighbours)
+            self.machine, self.worker = self.board.machine, "sim-board"
+
+    def played(self, options: Any) -> Any:
+        """A driver's options with the simulated library in place of a real one, where they ask for it."""
+        if getattr(options, "library", "") != "simulated":
+            return options
+        from drivers.sim.radio import library_path
+
+        return replace(options, library=str(library_path()))
 
     def start(self) -> None:
         """Raises InterfaceError when the neighbours' address is taken."""
         if self._neighbours is not None:
             self._neighbours.start()
+        if self.board is not None:
+            self.board.start()
 
     def finish(self) -> None:
         """The neighbours fall silent: what they say is not taken any more. Idempotent."""
@@ -31,3 +53,5 @@ class Simulation:
     def stop(self) -> None:
         """Idempotent."""
         self.finish()
+        if self.board is not None:
+            self.board.close()

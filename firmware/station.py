@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from board.errors import StationError
 from board.loop import Loop
 from board.time import EPOCH
+from drivers.contract import Answer
 from drivers.reason import Reason
 from firmware.board_file import Board
 from firmware.config import Config
@@ -82,7 +83,7 @@ class Station:
         )
         self._simulation = Simulation(loop, config.board)
         interfaces = Interfaces(loop, self.router, self.topics, self.drops, self.place, self.timeline)
-        self._interfaces |= interfaces.make(config, self._simulation.machine, self.endpoint.context)
+        self._interfaces |= interfaces.make(config, self._simulation, self.endpoint.context)
         self._carrier = self._made_carrier(config.board)
 
     def start(self) -> None:
@@ -147,6 +148,10 @@ class Station:
         self.router.flush()
         self.endpoint.close()
 
+    def selftest(self, answer: Answer) -> None:
+        """Look at each thing that is declared, once all has come up; answer is given the rows."""
+        self._operator.selftest({}, answer)
+
     def status(self) -> dict[str, object]:
         """The status object, its counters up to date."""
         self._refresh()
@@ -189,15 +194,15 @@ class Station:
             act()
             return {}
 
-        operator = Operator(self._interfaces, lambda: self._carrier, self.timeline)
+        self._operator = Operator(self.loop, self._interfaces, lambda: self._carrier, self.place, self.timeline)
         return Commands(
             {
                 "status": lambda _: {"status": self.status()},
                 "reload": lambda _: done(self.reload_policy),
                 "stop": lambda _: done(self.stop),
-                **operator.now,
+                **self._operator.now,
             },
-            operator.later,
+            self._operator.later,
         )
 
     def _drain(self, until: float) -> None:

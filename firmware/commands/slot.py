@@ -3,14 +3,12 @@
 import argparse
 import json
 import time
-from collections.abc import Mapping
 
 from board.errors import StationError
-from firmware.commands.status import span
-from firmware.user import client
+from firmware.user import board, client
 from firmware.user.arguments import add_control, address
-from firmware.user.table import Screen, Table
-from firmware.user.untrusted import named, number, text
+from firmware.user.table import Screen
+from firmware.user.untrusted import named, text
 
 DESCRIPTION = """\
 Lists the slots of the board under a running station of this machine, or
@@ -57,42 +55,19 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def main(arguments: argparse.Namespace) -> int:
     if (arguments.ask == "list") is bool(arguments.slot):
         raise StationError(f"slot {arguments.ask}: name {'no slot' if arguments.slot else 'a slot, or its number'}")
-    slots = _ask(arguments, ask=arguments.ask, **({"slot": arguments.slot} if arguments.slot else {}))
+    slots = _ask(arguments, arguments.ask, arguments.slot)
     code = 0
     if arguments.wait and arguments.slot:
         slots, code = _wait(arguments, next(iter(slots)))
     if arguments.json:
         print(json.dumps(slots))
     else:
-        Screen().show([table({"slots": slots})])
+        Screen().show([board.slots({"slots": slots})])
     return code
 
 
-def table(board: Mapping[str, object]) -> Table:
-    """The slots of a board's status."""
-    rows, notes = [], []
-    for name, one in named(board, "slots"):
-        rows.append(
-            (
-                f"{number(one, 'number'):.0f}",
-                name,
-                text(one, "state"),
-                span(number(one, "since_s")),
-                text(one, "interface"),
-                f"{number(one, 'cycles'):.0f}",
-                text(one, "device") or text(one, "title"),
-            )
-        )
-        if text(one, "state") not in ("running", "unused"):
-            notes.append(f"{name}: {text(one, 'why')}")
-        if text(one, "note"):
-            notes.append(f"{name}: {text(one, 'note')}")
-    heads = (">slot", "name", "state", ">for", "interface", ">cycles", "device")
-    return Table("slots" if rows else "no slots", heads, rows, notes)
-
-
-def _ask(arguments: argparse.Namespace, **more: object) -> dict[str, object]:
-    slots = client.ask_local(address(arguments), arguments.control, "slot", **more).get("slots")
+def _ask(arguments: argparse.Namespace, ask: str, slot: str = "") -> dict[str, object]:
+    slots = client.ask_local(address(arguments), arguments.control, "slot", ask=ask, slot=slot).get("slots")
     return slots if isinstance(slots, dict) else {}
 
 
@@ -100,7 +75,7 @@ def _wait(arguments: argparse.Namespace, name: str) -> tuple[dict[str, object], 
     """Look at a slot until it has come to rest. Raises StationError when it does not."""
     end = time.monotonic() + PATIENCE_S
     while time.monotonic() < end:
-        for found, one in named({"slots": _ask(arguments, ask="list")}, "slots"):
+        for found, one in named({"slots": _ask(arguments, "list")}, "slots"):
             if found == name and text(one, "state") in ENDS:
                 return {name: one}, ENDS[text(one, "state")]
         time.sleep(LOOK_S)

@@ -6,9 +6,9 @@ import time
 from collections.abc import Iterator, Mapping
 
 from board.errors import StationError
-from firmware.user import client
+from firmware.user import board, client
 from firmware.user.arguments import add_station, address
-from firmware.user.table import Screen, Table
+from firmware.user.table import Screen, Table, span
 from firmware.user.untrusted import listed, named, number, text, within
 
 LAST_TIME = 253402300799.0  # 9999-12-31: later ones of a peer have no calendar
@@ -79,6 +79,7 @@ def tables(status: Mapping[str, object], now: float) -> list[Table]:
     return [
         Table(_station(status)),
         _interfaces(status),
+        *board.section(status),
         _traffic(status),
         Table(_endpoint(status)),
         *_reports(status),
@@ -200,12 +201,3 @@ def _policy(status: Mapping[str, object]) -> Table:
 def _sum(one: Mapping[str, object], key: str) -> float:
     counts = within(one, key)
     return sum(number(counts, kind) for kind in counts)
-
-
-def span(seconds: float) -> str:
-    """A time span in at most six characters."""
-    if seconds < 100:
-        return f"{seconds:.0f} s" if seconds >= 10 else f"{seconds:.1f} s"
-    if seconds < 6000:
-        return f"{seconds / 60:.0f} min"
-    return f"{seconds / 3600:.0f} h" if seconds < 360_000 else f"{seconds / 86400:.0f} d"

@@ -69,6 +69,15 @@ def _cut(cell: str, room: int) -> str:
     return cell if len(cell) <= room else cell[: room - len(CUT)] + CUT
 
 
+def span(seconds: float) -> str:
+    """A time span in at most six characters."""
+    if seconds < 100:
+        return f"{seconds:.0f} s" if seconds >= 10 else f"{seconds:.1f} s"
+    if seconds < 6000:
+        return f"{seconds / 60:.0f} min"
+    return f"{seconds / 3600:.0f} h" if seconds < 360_000 else f"{seconds / 86400:.0f} d"
+
+
 def width_of(stream: TextIO) -> int:
     """Columns of the terminal; 80 where there is none and COLUMNS is not set."""
     return shutil.get_terminal_size((80, 24)).columns if stream.isatty() else 80

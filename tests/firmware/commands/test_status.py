@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from firmware import cli
 from firmware.commands import status
 from firmware.control_socket import default_path, default_paths
-from firmware.user import arguments, client
+from firmware.user import arguments, client, table
 from firmware.user.table import plain
 from tests.firmware.commands.fake import STATUS, FakeControl, FakeStation
 
@@ -217,4 +217,4 @@ def test_no_report_of_a_peer_is_fatal(frames):
     [(0, "0.0 s"), (9.96, "10.0 s"), (42, "42 s"), (192, "3 min"), (7200, "2 h"), (864_000, "10 d")],
 )
 def test_a_span_is_short(seconds, text):
-    assert status.span(seconds) == text
+    assert table.span(seconds) == text

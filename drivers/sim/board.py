@@ -1,0 +1,98 @@
+"""A whole simulated board: its machine, what its chips measure, and a module in each slot that says what belongs there.
+
+What switches a slot is real: a line that the station sets on a simulated expander takes the supply of the module behind
+it away, `authorized` and `disable` of its USB port as well.
+"""
+
+import shutil
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+
+from board.description import Hardware, SlotDescription
+from board.loop import Loop, Timer
+from board.topology import parse
+from drivers.sim.chips import World
+from drivers.sim.machine import SimulatedMachine
+from drivers.sim.modules import MODULES, Module, Place
+from drivers.sim.neighbours import NeighboursOptions
+
+# How often it is looked at what was switched: a module then boots for a second.
+POLL_S = 0.1
+POWER, RESET = "power", "release"
+
+
+class SimulatedBoard:
+    """Plays everything below the machine's files.
+
+    air      where the radio's neighbours are; None: there is nothing to hear.
+    modules  by slot: those whose ids one of them has.
+    world    what the chips measure, and how they fail.
+    """
+
+    def __init__(self, loop: Loop, hardware: Hardware, air: NeighboursOptions | None = None) -> None:
+        self._loop = loop
+        self._air = air
+        self._slots: Mapping[str, SlotDescription] = {name: slot for name, slot in hardware.slots.items() if slot.usb}
+        self._folder = Path(tempfile.mkdtemp(prefix="captain-sim-"))
+        hub, ports = _hub(self._slots)
+        self._simulated = SimulatedMachine(self._folder, hub, ports)
+        self.machine = self._simulated.machine
+        self.world = World(hardware, self.machine)
+        _plant(self.machine.sys, hardware)
+        self.modules: dict[str, Module] = {}
+        self._timer: Timer | None = None
+
+    def start(self) -> None:
+        """Put the modules into their slots, and obey from now on."""
+        for name, slot in self._slots.items():
+            for made in (MODULES[id_] for id_ in slot.ids[:1] if id_ in MODULES):
+                self.modules[name] = made(self._loop, Place(self._simulated, slot.usb, self._air))
+                self._simulated.sit(slot.usb, self.modules[name].supplied, _missing(slot))
+        self._poll()
+
+    def close(self) -> None:
+        """Take everything away; idempotent."""
+        if self._timer is not None:
+            self._timer.cancel()
+        for module in self.modules.values():
+            module.supplied(False)
+        self.modules.clear()
+        self._simulated.close()
+        shutil.rmtree(self._folder, ignore_errors=True)
+
+    def _poll(self) -> None:
+        self._timer = self._loop.after(POLL_S, self._poll)
+        self._simulated.poll()
+        for slot in self._slots.values():
+            if slot.power:
+                self._simulated.supply(slot.usb, POWER, self.world.is_active(slot.power))
+            if slot.reset:
+                self._simulated.supply(slot.usb, RESET, not self.world.is_active(slot.reset))
+
+
+def _missing(slot: SlotDescription) -> list[str]:
+    """What the slot's lines give to its module."""
+    return [word for word, line in ((POWER, slot.power), (RESET, slot.reset)) if line]
+
+
+def _hub(slots: Mapping[str, SlotDescription]) -> tuple[str, int]:
+    """Where the hub of the slots is, and how many ports it has."""
+    places = [parse(slot.usb) for slot in slots.values()]
+    return (places[0].hub if places else "1-1"), max((place.port for place in places), default=4)
+
+
+def _plant(sys: Path, hardware: Hardware) -> None:
+    """What the kernel's own drivers show: thermal zones, and a fan."""
+    for number, one in enumerate(one for one in hardware.temperatures.values() if one.kind == "thermal"):
+        _files(sys / f"class/thermal/thermal_zone{number}", type=one.source, temp=48_200)
+    if hardware.fan is not None:
+        channel = hardware.fan.channel
+        files = {"name": hardware.fan.hwmon, f"fan{channel}_input": 2640, f"pwm{channel}": 128}
+        _files(sys / "class/hwmon/hwmon0", **files)
+
+
+def _files(folder: Path, **files: object) -> None:
+    folder.mkdir(parents=True)
+    for name, value in files.items():
+        (folder / name).write_text(f"{value}\n")

@@ -1,0 +1,114 @@
+"""What a station can tell of each thing that is declared: whether it is there, whether it works, what was measured."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+from board.errors import InterfaceError
+from drivers.contract import Can
+from firmware.carrier import Carrier
+from firmware.place import Place
+from firmware.supervisor import Supervised
+
+UNITS = {"v": "V", "a": "A", "w": "W", "c": "C", "rpm": "rpm", "percent": "%"}
+ABSENT = "see the table of the board file, and `captain board show`"
+
+
+class Row(NamedTuple):
+    """One capability.
+
+    value   what was measured, in words.
+    remedy  what to do where it does not work.
+    """
+
+    capability: str
+    is_present: bool
+    works: bool
+    value: str
+    remedy: str = ""
+
+
+def of_board(carrier: Carrier) -> Iterator[Row]:
+    """Identity, rails, temperatures and fan as they were read last; hot-plug; the Pi's own lines; slots."""
+    hardware = carrier.hardware
+    measured: Mapping[str, Any] = carrier.health.status()
+    if hardware.identity is not None:
+        yield _identity(carrier)
+    for table, word in (("rails", "rail"), ("temperatures", "temperature")):
+        for name in getattr(hardware, table):
+            yield _measured(f"{word} {name}", measured[table][name])
+    if hardware.fan is not None:
+        yield _measured("fan", measured["fan"])
+    for name in hardware.lines:
+        if name in carrier.lines:
+            yield _line(carrier, name)
+    if carrier.slots:
+        deaf = carrier.deaf
+        yield Row(
+            "hot-plug", not deaf, not deaf, deaf or "uevents are heard", "run the station as root" if deaf else ""
+        )
+    for name, slot in carrier.listed().items():
+        yield _slot(name, slot)
+
+
+def of_expander_line(name: str, outcome: object) -> Row:
+    """The answer to `expander_get`."""
+    if isinstance(outcome, InterfaceError):
+        return Row(f"line {name}", False, False, outcome.message, outcome.hint)
+    return Row(f"line {name}", True, True, _level(bool(outcome)))
+
+
+def of_interface(name: str, one: Supervised, place: Place) -> Iterator[Row]:
+    """Its link, and what a receiver says."""
+    interface, is_up = one.interface, one.state == "up"
+    remedy = "" if is_up else "see `captain status` and `captain doctor`"
+    yield Row(f"interface {name}", one.state in ("up", "down"), is_up, f"{one.state}: {interface.why}", remedy)
+    can = interface.driver.capabilities.can
+    if Can.POSITION in can:
+        fix = place.fix_of(name)
+        value = f"{fix.kind.name.lower()}, {(fix.horizontal or 0) / 1000:.2f} m" if fix else "no fix"
+        yield Row(f"position {name}", is_up, fix is not None, value, "" if fix else "does its antenna see the sky?")
+    if Can.TIMEMARK in can:
+        mark = place.mark_of(name)
+        value = "none" if mark is None else f"{mark.accuracy_ns} ns, {'locked' if mark.is_locked else 'not locked'}"
+        yield Row(f"time mark {name}", is_up, mark is not None, value, "" if mark else "is `pulse` on?")
+
+
+def _identity(carrier: Carrier) -> Row:
+    found = carrier.identity
+    if found is None:
+        return Row("identity", False, False, carrier.unidentified or "none", "take [identity] out of the board file")
+    return Row("identity", True, True, f"{found['vendor']} {found['product']}")
+
+
+def _measured(capability: str, told: Mapping[str, Any]) -> Row:
+    """A reading of board/health.py."""
+    values = [f"{told[key]:.4g} {unit}" for key, unit in UNITS.items() if key in told]
+    if told["fault"]:
+        return Row(capability, False, False, told["fault"], told["hint"] or ABSENT)
+    if not values:
+        return Row(capability, False, False, "not measured yet", "is the board's worker running? see `captain status`")
+    crossed = told["crossed"]
+    return Row(capability, True, not crossed, ", ".join([*values, *crossed]), "check the supply" if crossed else "")
+
+
+def _line(carrier: Carrier, name: str) -> Row:
+    """One of the Pi's own."""
+    try:
+        return Row(f"line {name}", True, True, _level(carrier.lines.is_active(name)))
+    except InterfaceError as error:
+        return Row(f"line {name}", False, False, error.message, error.hint)
+
+
+def _slot(name: str, slot: Mapping[str, Any]) -> Row:
+    """It works when its driver runs; one that no interface has works as long as it is as it should be."""
+    capability, state, device = f"slot {name}", slot["state"], slot["device"]
+    if slot["interface"] is None:
+        return Row(capability, True, state != "fault", f"{state}: {device or 'empty'}")
+    is_running = state == "running"
+    value = f"{state}: {device or slot['why']}"
+    remedy = "" if is_running else f"{slot['cause'] or slot['why']}; `captain slot cycle {name}` tries again"
+    return Row(capability, bool(device), is_running, value, remedy)
+
+
+def _level(is_active: bool) -> str:
+    return "active" if is_active else "inactive"

@@ -1,0 +1,35 @@
+"""What a child process of this program can be. Each imports what it needs when it runs, and no more."""
+
+import socket
+from collections.abc import Callable, Mapping
+
+from board import echo
+
+
+def board(channel: socket.socket) -> None:
+    """Does for the station what blocks: buses, chips, USB power."""
+    from board.hands import serve
+
+    serve(channel)
+
+
+def simulated_board(channel: socket.socket) -> None:
+    """The same, with simulated chips on its buses."""
+    from drivers.sim.chips import serve_simulated
+
+    serve_simulated(channel)
+
+
+def som301e(channel: socket.socket) -> None:
+    """Has the library of the radio."""
+    from drivers.v2xcast import serve
+
+    serve(channel)
+
+
+WORKERS: Mapping[str, Callable[[socket.socket], None]] = {
+    **echo.WORKERS,
+    "board": board,
+    "sim-board": simulated_board,
+    "som301e": som301e,
+}
