@@ -8,18 +8,23 @@ from collections.abc import Callable
 
 from board.loop import MAX_EVENTS, Loop
 
+# Real seconds for what is known to be on its way: it takes microseconds, and milliseconds beside other programs.
+CARRY_S = 1.0
+
 
 class VirtualLoop(Loop):
     """A board.loop.Loop with a clock of its own, which starts at `now`.
 
     patience_s  real seconds that a descriptor is given to become ready before the clock jumps: 0 for sockets of
                 one process on loopback, which are ready at once; more where a thread or a child has the other end.
+    is_carrying  whether octets are on their way that will make a descriptor ready: it is then given CARRY_S.
     """
 
     def __init__(self, now: float = 1000.0, patience_s: float = 0.0) -> None:
         super().__init__(clock=lambda: self.now)
         self.now = now
         self.patience_s = patience_s
+        self.is_carrying: Callable[[], bool] = lambda: False
 
     def run_until(self, is_done: Callable[[], bool], within: float = 60.0) -> None:
         """Turn until something is so. Fails when it is not within so many virtual seconds."""
@@ -37,7 +42,8 @@ class VirtualLoop(Loop):
 
     def _wait(self) -> list[tuple[int, int]]:
         delay = self.delay()
-        ready = self._epoll.poll(self.patience_s if delay != 0 else 0, MAX_EVENTS)
+        patience_s = CARRY_S if self.is_carrying() else self.patience_s
+        ready = self._epoll.poll(patience_s if delay != 0 else 0, MAX_EVENTS)
         if not ready:
             self.now += delay or 0.0  # without a timer nothing will happen: time stays
         return ready

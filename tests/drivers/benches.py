@@ -15,9 +15,13 @@ from drivers.contract import Can, Driver
 from drivers.ethernet import Ethernet, EthernetOptions
 from drivers.gnss_options import GnssOptions
 from drivers.message import Ego, Position
+from drivers.modem_options import ModemOptions
 from drivers.morse import Morse, MorseOptions
+from drivers.sim.machine import SimulatedDevice
+from drivers.sim.modem import SimulatedModem
 from drivers.sim.receiver import Receiver
 from drivers.sim.serial_line import SerialLine
+from drivers.sim8202g import Sim8202g
 from drivers.uart import Uart, UartOptions
 from drivers.udp import Udp, UdpOptions
 from drivers.udp_socket import open_group, open_sender
@@ -26,6 +30,7 @@ from drivers.wire.geonet import GeoNetworking, Received
 from drivers.wire.serial_frame import Frame
 from drivers.zed_f9p import ZedF9p
 from tests.drivers.host import SHARED, Host, request
+from tests.drivers.modem import Carried
 from tests.drivers.radio import SimulatedRadio, free_addresses, library
 from tests.virtual import VirtualLoop
 
@@ -377,8 +382,38 @@ class ReceiverBench(ModuleBench):
         return any(fix.latitude is not None for fix in host.fixes) and bool(host.time_marks)
 
 
+class ModemBench(ModuleBench):
+    """A simulated SIM8202G-M2 whose AT port has a name that stays the same; a bearer is what it is there for."""
+
+    can = Can.BEARER
+    patience_s = 0.0
+
+    def __init__(self, loop: VirtualLoop, folder: Path) -> None:
+        loop.patience_s = 0.0
+        self._loop = loop
+        self._path = folder / "tty"
+        self._modem = SimulatedModem(loop, self._appeared, lambda: self._path.unlink(missing_ok=True))
+        driver = Sim8202g(ModemOptions(port=str(self._path), bearer="none"), SHARED)
+        loop.is_carrying = Carried(loop, self._modem, driver)
+        self.driver: Driver = driver
+
+    def plug(self) -> None:
+        self._modem.supplied(True)
+        self._loop.run_until(lambda: self._modem.is_plugged)
+
+    def unplug(self) -> None:
+        self._modem.supplied(False)
+
+    def has_served(self, host: Host) -> bool:
+        return host.is_up
+
+    def _appeared(self, device: SimulatedDevice) -> None:
+        self._path.symlink_to(next(one.target for one in device.interfaces if one.number == 2))
+
+
 MODULES: dict[str, Callable[[VirtualLoop, Path], ModuleBench]] = {
     "zed_f9p": ReceiverBench,
+    "sim8202g": ModemBench,
 }
 BENCHES: dict[str, Callable[[VirtualLoop, Path], Bench | ModuleBench]] = {
     "udp-pdu": PduBench,

@@ -17,40 +17,34 @@ from tests.virtual import VirtualLoop
 PLACE = "1-1.2"
 RETRY_S = 5.0
 
-# Real time for what is on its way through a pty: a thread of the kernel carries it, and other programs run as well.
-PTY_S = 1.0
 
+class Carried:
+    """Whether octets are on their way through the pty of a modem, to which a thread of the kernel takes its time."""
 
-class LineLoop(VirtualLoop):
-    """A virtual loop whose clock stands still for as long as octets are on their way through the modem's pty."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.bench: Bench | None = None
+    def __init__(self, loop: VirtualLoop, modem: SimulatedModem, driver: Sim8202g) -> None:
+        self._loop = loop
+        self._modem = modem
+        self._driver = driver
         self._port: AtPort | None = None
         self._down = self._up = 0  # octets that the modem has carried beyond this port, when it was opened
+        self._seen: tuple[int, ...] = ()
+        self._seen_at = 0.0
 
-    def _wait(self):
-        before, carried = self.now, self._carried()
-        self.patience_s = PTY_S if carried else 0.0
-        ready = super()._wait()
-        if not ready and self.now > before and carried:
-            self._port = None  # they were lost: count anew
-        return ready
-
-    def _carried(self) -> bool:
-        """Whether octets are on their way from the modem, or to it."""
-        bench = self.bench
-        port = bench.driver._port if bench else None
-        if bench is None or port is None or not bench.modem.is_plugged:
+    def __call__(self) -> bool:
+        port, modem = self._driver._port, self._modem
+        if port is None or not modem.is_plugged:
             return False
-        modem = bench.modem
-        if port is not self._port:
+        seen = (modem.octets_said, port.octets_in, port.octets_out, modem.octets_heard)
+        is_lost = seen == self._seen and self._loop.now > self._seen_at  # nothing has come for all that time
+        if port is not self._port or is_lost:
             self._port = port
-            self._down, self._up = modem.octets_said - port.octets_in, modem.octets_heard
+            self._down, self._up = modem.octets_said - port.octets_in, modem.octets_heard - port.octets_out * is_lost
         # What was said before the port was opened has been kept for it, or thrown away.
         self._down = min(self._down, modem.octets_said - port.octets_in)
-        return modem.octets_said - port.octets_in > self._down or port.octets_out > modem.octets_heard - self._up
+        is_carrying = modem.octets_said - port.octets_in > self._down or port.octets_out > modem.octets_heard - self._up
+        if is_carrying and seen != self._seen:
+            self._seen, self._seen_at = seen, self._loop.now
+        return is_carrying
 
 
 class NoProgram:
@@ -140,7 +134,6 @@ class Bench:
 
     def __init__(self, loop, folder: Path, **options) -> None:
         self.loop = loop
-        loop.bench = self
         self.board = SimulatedMachine(folder)
         self.modem = SimulatedModem(
             loop, lambda device: self.board.plug(PLACE, device), lambda: self.board.unplug(PLACE)
@@ -150,6 +143,7 @@ class Bench:
         shared = SHARED._replace(machine=self.board.machine)
         self.driver = Sim8202g(ModemOptions(**table), shared, self.system)
         self.station = Station(loop, self.driver)
+        loop.is_carrying = Carried(loop, self.modem, self.driver)
 
     def power(self) -> None:
         """Supply the modem, and wait until it is at USB."""

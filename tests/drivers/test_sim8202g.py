@@ -12,12 +12,13 @@ from drivers.modem_steps import LIMITS_S
 from drivers.modem_system import Counters
 from drivers.sim.modem_commands import ICCID, IMEI, IMSI
 from drivers.sim.modem_network import ADDRESS, Access
-from tests.drivers.modem import Bench, LineLoop
+from tests.drivers.modem import Bench
+from tests.virtual import VirtualLoop
 
 
 @pytest.fixture
 def loop():
-    loop = LineLoop()
+    loop = VirtualLoop()
     yield loop
     loop.close()
 
