@@ -33,16 +33,22 @@ def _morse() -> DriverClass:
     return Morse
 
 
+def _zed_f9p() -> DriverClass:
+    from drivers.zed_f9p import ZedF9p
+
+    return ZedF9p
+
+
 def _som301e() -> DriverClass:
     from drivers.som301e import Som301e
 
     return Som301e
 
 
-def _zed_f9p() -> DriverClass:
-    from drivers.zed_f9p import ZedF9p
+def _sim8202g() -> DriverClass:
+    from drivers.sim8202g import Sim8202g
 
-    return ZedF9p
+    return Sim8202g
 
 
 LOADERS: dict[str, Callable[[], DriverClass]] = {
@@ -50,8 +56,9 @@ LOADERS: dict[str, Callable[[], DriverClass]] = {
     "ethernet": _ethernet,
     "uart": _uart,
     "morse": _morse,
-    "som301e": _som301e,
     "zed_f9p": _zed_f9p,
+    "som301e": _som301e,
+    "sim8202g": _sim8202g,
 }
 
 

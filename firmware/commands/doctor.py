@@ -10,17 +10,18 @@ from collections.abc import Iterator
 from board import echo
 from firmware import config
 from firmware.codec import library
-from firmware.lab import checks, ports
+from firmware.lab import board_checks, checks, ports
 from firmware.lab.checks import Finding, Level
 from firmware.user.arguments import add_configuration
 from firmware.user.table import clean, width_of
+from firmware.user.untrusted import within
 
 DESCRIPTION = """\
 Looks at everything that `captain run` with the same options would need: the
-configuration, the ports, each interface (its driver is started for a moment
-and stopped; where a station runs already, that one is asked), what the kernel
-lets sockets keep, the clock, child processes, versions; and which messages can
-be decoded.
+configuration, the ports, what the board file names, each interface (its driver
+is started for a moment and stopped; where a station runs already, that one is
+asked; of one in a slot its device is looked for), what the kernel lets sockets
+keep, the clock, child processes, versions; and which messages can be decoded.
 
 Each line is ok, a warning (it runs, but not as well), or a problem, with what
 to do about it below.
@@ -72,8 +73,12 @@ def examine(arguments: argparse.Namespace) -> Iterator[Finding]:
     endpoint = read.tables.endpoint
     running = ports.running(endpoint.from_users, endpoint.control)
     yield from checks.endpoint(endpoint, running)
+    yield from board_checks.board(read.board)
     for interface in read.interfaces:
-        yield from checks.interface(interface, read.mac, running)
+        if interface.queue.slot and interface.name not in within(running or {}, "interfaces"):
+            yield from board_checks.slot_of(interface, read.board)
+        else:
+            yield from checks.interface(interface, read.mac, running)
     yield from checks.receive_buffer(read.interfaces)
 
 
