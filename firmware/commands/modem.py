@@ -1,0 +1,142 @@
+"""captain modem: what the cellular modems of a station see, a command to one, its reset."""
+
+import argparse
+import json
+from collections.abc import Mapping
+
+from board.errors import StationError
+from firmware.user import client
+from firmware.user.arguments import add_control, address
+from firmware.user.table import Screen, Table, span
+from firmware.user.untrusted import named, number, text, texts, within
+
+DESCRIPTION = """\
+Shows what the cellular modems of a station see: how far one has come, its
+network, cell and signal; sends it a command; or resets it.
+
+A command that only asks is sent as it is. One that may change the modem, lock
+its card or cost money needs --force. The answer is shown as it came, with
+whatever it says of the card's owner; the journal hides that.
+"""
+EPILOG = """\
+examples:
+  captain modem status
+  captain modem at AT+CPSI?
+  captain modem at AT+COPS=? --force      networks in reach; takes minutes, and
+                                          may end data connections
+  captain modem reset                     it is back after half a minute
+  captain modem status --json | jq '.cellular.details.cell'
+
+exit codes:
+  0    done, and for `at` answered with OK
+  1    no station answers, it has no such modem, or the modem did not say OK
+  2    wrong usage
+"""
+DRIVERS = ("sim8202g",)
+LONGEST_S = 310.0  # AT+COPS=? is given 300 s
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("ask", choices=("status", "at", "reset"), help="what to do")
+    parser.add_argument("command", metavar="COMMAND", nargs="?", default="", help="with at: such as AT+CSQ")
+    parser.add_argument("--interface", metavar="NAME", default="", help="which modem, where a station has several")
+    parser.add_argument("--force", action="store_true", help="send what may change the modem as well")
+    parser.add_argument("--json", action="store_true", help="one JSON object")
+    add_control(parser)
+
+
+def main(arguments: argparse.Namespace) -> int:
+    if (arguments.ask == "at") is not bool(arguments.command):
+        raise StationError(f"modem {arguments.ask}: {'give' if arguments.ask == 'at' else 'takes no'} COMMAND")
+    found = _modems(arguments)
+    if arguments.ask == "status":
+        if arguments.json:
+            print(json.dumps(found))
+        else:
+            Screen().show([table(name, one) for name, one in found.items()])
+        return 0
+    if len(found) > 1:
+        raise StationError(f"the station has {len(found)} modems", f"--interface: one of {', '.join(found)}")
+    name = next(iter(found))
+    if arguments.ask == "reset":
+        answer = _operate(arguments, name, client.ANSWER_S)
+        print(json.dumps(answer) if arguments.json else f"{name}: reset begun; `captain modem status` tells more")
+        return 0
+    answer = _operate(arguments, name, LONGEST_S, command=arguments.command, force=arguments.force)
+    print(json.dumps(answer) if arguments.json else "\n".join([*texts(answer, "lines"), text(answer, "result")]))
+    return 0 if text(answer, "result").partition(":")[0] in ("OK", "CONNECT") else 1
+
+
+def _operate(arguments: argparse.Namespace, name: str, timeout: float, **more: object) -> dict[str, object]:
+    place = address(arguments)
+    answer = client.ask_local(
+        place, arguments.control, "operate", timeout, interface=name, ask=arguments.ask, arguments=more
+    )
+    return {key: value for key, value in answer.items() if key != "ok"}
+
+
+def _modems(arguments: argparse.Namespace) -> dict[str, dict[str, object]]:
+    """The interfaces that are modems, or the one that is asked for. Raises StationError where there is none."""
+    status = client.status(address(arguments), arguments.control)
+    found = {name: one for name, one in named(status, "interfaces") if text(one, "driver") in DRIVERS}
+    if not found:
+        raise StationError("the station has no modem", 'captain.toml: an interface with driver = "sim8202g"')
+    if not arguments.interface:
+        return found
+    if arguments.interface not in found:
+        raise StationError(f"the station has no modem {arguments.interface!r}", f"it has {', '.join(found)}")
+    return {arguments.interface: found[arguments.interface]}
+
+
+# -- the table of one modem; what a peer left out or wrote otherwise is shown as absent
+
+
+def table(name: str, one: Mapping[str, object]) -> Table:
+    """What is known of a modem; a row that says nothing is left out."""
+    details = within(one, "details")
+    cell = within(details, "cell")
+    leg = within(cell, "leg")
+    rows = [
+        ("step", text(details, "step")),
+        ("network", _words(text(details, "operator"), text(details, "registration"), text(cell, "access"))),
+        ("cell", _words(text(cell, "plmn"), *_numbers(cell, "area", "cell"))),
+        ("radio", _words(text(cell, "band"), *_numbers(cell, "physical_cell", "channel"))),
+        ("signal", _signal(within(cell, "strength"), details)),
+        ("5G radio", _words(text(leg, "band"), *_numbers(leg, "physical_cell", "channel"))),
+        ("5G signal", _signal(within(leg, "strength"), {})),
+        ("bearer", _words(text(details, "device"), *texts(details, "addresses"))),
+        ("card", _card(details)),
+        ("modem", _words(text(details, "model"), text(details, "firmware"), text(details, "usb"))),
+        ("temperature", f"{number(details, 'temperature_c'):.0f} C" if "temperature_c" in details else ""),
+        ("counted", _counted(details)),
+    ]
+    state = f"{text(one, 'state')} for {span(number(one, 'since_s'))}"
+    return Table(f"{name}: {state}: {text(one, 'why')}", ("what", "value"), [row for row in rows if row[1]])
+
+
+def _words(*words: str) -> str:
+    return ", ".join(filter(None, words))
+
+
+def _numbers(cell: Mapping[str, object], *keys: str) -> list[str]:
+    return [f"{key.replace('_', ' ')} {number(cell, key):.0f}" for key in keys if key in cell]
+
+
+def _signal(strength: Mapping[str, object], details: Mapping[str, object]) -> str:
+    measured = [
+        f"{word} {number(strength, key):g} {unit}"
+        for word, key, unit in (("RSRP", "rsrp_dbm", "dBm"), ("RSRQ", "rsrq_db", "dB"), ("SNR", "snr_db", "dB"))
+        if key in strength
+    ]
+    rssi = f"RSSI {number(details, 'rssi_dbm'):g} dBm" if "rssi_dbm" in details else ""
+    return _words(*measured, rssi)
+
+
+def _card(details: Mapping[str, object]) -> str:
+    left = f"{number(details, 'pin_attempts'):.0f} attempts for its PIN" if "pin_attempts" in details else ""
+    return _words(text(details, "sim"), left)
+
+
+def _counted(details: Mapping[str, object]) -> str:
+    counts = ("recoveries", "misread", "garbage_octets")
+    return _words(*(f"{number(details, key):.0f} {key.replace('_', ' ')}" for key in counts if number(details, key)))
