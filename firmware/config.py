@@ -16,6 +16,9 @@ from firmware import board_file, consistency
 from firmware.board_file import Board
 from firmware.tables import QueueOptions, Tables
 
+# A driver of a USB module looks where its slot is, unless one of its options tells it to look elsewhere.
+ELSEWHERE = {"usb", "port", "i2c"}
+
 
 @dataclass(frozen=True)
 class InterfaceConfig:
@@ -98,8 +101,8 @@ def _interface(name: str, table: Mapping[str, Any], board: Board, where: str) ->
     word = table.get("driver")
     driver = DRIVERS.get(word) if isinstance(word, str) else None
     if driver is not None:
-        if slot is not None and "usb" in driver.Options.__dataclass_fields__ and "port" not in own:
-            own.setdefault("usb", slot.usb)  # a driver looks where its slot is, unless it is told to look elsewhere
+        if slot is not None and "usb" in driver.Options.__dataclass_fields__ and not own.keys() & ELSEWHERE:
+            own["usb"] = slot.usb
         options = _collect(mistakes, lambda: describe.read(driver.Options, own, place))
     elif isinstance(word, str):
         mistakes.append(f"{place}.driver: {word!r} is no driver; one of {', '.join(sorted(DRIVERS))}")

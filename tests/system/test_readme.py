@@ -11,10 +11,11 @@ from pathlib import Path
 
 import pytest
 
+from board import description
 from drivers import DRIVERS
 from drivers.reason import Reason
 from drivers.sim.neighbours import NeighboursOptions
-from firmware import config
+from firmware import config, tables
 from firmware.topics import ROWS, TypeRow
 from tests.system.conftest import Bench
 from tests.system.station import PATIENCE, ROOT
@@ -26,6 +27,7 @@ BLOCKS = re.findall(r"^```(\w+)\n(.*?)^```", README, re.MULTILINE | re.DOTALL)
 PROGRAMS = {code.split(maxsplit=2)[1].rstrip(":"): code for kind, code in BLOCKS if kind in ("python", "cpp")}
 TOML = [code for kind, code in BLOCKS if kind == "toml"]
 BOARDS = re.findall(r"^```toml board\n(.*?)^```", README, re.MULTILINE | re.DOTALL)
+HARDWARE = re.findall(r"^```toml hardware\n(.*?)^```", README, re.MULTILINE | re.DOTALL)
 LONGEST = 20  # lines that say something
 
 
@@ -104,6 +106,13 @@ def test_every_configuration_is_accepted(tmp_path: Path, text: str) -> None:
     assert config.load(str(file), board="none").interfaces
 
 
+def test_every_table_of_hardware_is_accepted(tmp_path: Path) -> None:
+    assert HARDWARE
+    for text in HARDWARE:
+        (tmp_path / "mine.toml").write_text(text)
+        assert config.load(None, board=str(tmp_path / "mine.toml")).board.has_hardware
+
+
 def test_every_board_is_accepted_and_has_neighbours(tmp_path: Path) -> None:
     assert BOARDS
     for text in BOARDS:
@@ -123,13 +132,14 @@ def test_the_traffic_class_of_every_type_is_told(row: TypeRow) -> None:
 
 def test_every_option_is_in_a_table_or_an_example() -> None:
     kinds = [
-        config.StationOptions,
+        tables.StationOptions,
         NeighboursOptions,
-        config.EndpointOptions,
-        config.ReceptionOptions,
-        config.QueueOptions,
+        tables.EndpointOptions,
+        tables.ReceptionOptions,
+        tables.QueueOptions,
     ]
-    kinds += [config.TypeConfig, config.Match, config.PolicyRow, config.PlaceMatch, config.NeighbourMatch]
+    kinds += [tables.TypeConfig, tables.Match, tables.PolicyRow, tables.PlaceMatch, tables.NeighbourMatch]
+    kinds += [description.Hardware, description.SlotDescription, description.LineDescription]
     kinds += [driver.Options for driver in DRIVERS.values()]
     missing = {field.name for kind in kinds for field in fields(kind)} - set(re.findall(r"[a-z0-9_]+", README))
     assert missing == set()
