@@ -177,6 +177,11 @@ class Rndis(Bearer):
         self._system.stop_kept()
         yield from self._clear()
 
+    def look(self) -> Script[tuple[str, ...]]:
+        if not self._system.is_keeping:
+            raise LostError("udhcpc has ended: nobody renews the lease")
+        return (yield from super().look())
+
     def _lease(self) -> Script[None]:
         self._system.stop_kept()
         # In the foreground, one that gives up where nobody answers; it renews its lease for as long as it runs.

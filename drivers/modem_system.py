@@ -57,6 +57,11 @@ class System:
         tool = Tool(loop, run.argv, run.limit_s, said, keep=run.keep, ended=gone)
         return tool
 
+    @property
+    def is_keeping(self) -> bool:
+        """Whether a program runs that was kept."""
+        return bool(self._kept)
+
     def stop_kept(self) -> None:
         """End every program that was kept; idempotent."""
         kept, self._kept = self._kept, []

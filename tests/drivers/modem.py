@@ -70,7 +70,12 @@ class FakeSystem(System):
         self.fails: set[str] = set()
         self.counts: Counters | None = None
         self.raw: list[str] = []
+        self.keeps = False
         self.kept_ended: Callable[[], None] = lambda: None
+
+    @property
+    def is_keeping(self) -> bool:
+        return self.keeps
 
     def run(self, loop, run: Run, done, ended) -> Program:
         line = " ".join(run.argv)
@@ -78,7 +83,7 @@ class FakeSystem(System):
         printed = next((text for begin, text in self.printed.items() if begin in line), "")
         status = 1 if any(begin in line for begin in self.fails) else 0
         if run.keep:
-            self.kept_ended = ended
+            self.keeps, self.kept_ended = True, ended
         loop.after(0.1, lambda: done(Ended(None if run.keep else status, printed)))
         return NoProgram()
 

@@ -1,0 +1,216 @@
+"""Bearers: which programs are run with which arguments, and what is made of what they print."""
+
+import pytest
+
+from drivers.modem_bearer import Settings, mbim_settings, qmi_settings
+from drivers.modem_script import StepError
+from tests.drivers.modem import Bench, FakeSystem
+from tests.virtual import VirtualLoop
+
+# What qmicli 1.32 and mbimcli 1.28 print, after their sources.
+QMI_START = """\
+[/dev/cdc-wdm0] Network started
+\tPacket data handle: '2264423824'
+[/dev/cdc-wdm0] Client ID not released:
+\tService: 'wds'
+\t    CID: '18'
+"""
+QMI_SETTINGS = """\
+[/dev/cdc-wdm0] Current settings retrieved:
+           IP Family: IPv4
+        IPv4 address: 10.64.1.2
+    IPv4 subnet mask: 255.255.255.252
+IPv4 gateway address: 10.64.1.1
+    IPv4 primary DNS: 10.74.210.210
+                 MTU: 1430
+             Domains: none
+"""
+QMI_SETTINGS6 = """\
+[/dev/cdc-wdm0] Current settings retrieved:
+           IP Family: IPv6
+        IPv6 address: 2001:db8:1:2:3:4:5:6/64
+IPv6 gateway address: 2001:db8:1:2:3:4:5:7/64
+                 MTU: 1500
+"""
+QMI_CONNECTED = "[/dev/cdc-wdm0] Connection status: 'connected'\n"
+MBIM_CONNECT = """\
+[/dev/cdc-wdm0] Successfully connected
+
+[/dev/cdc-wdm0] Connection status:
+\t      Session ID: '0'
+\tActivation state: 'activated'
+
+[/dev/cdc-wdm0] IPv4 configuration available: 'address, gateway, dns, mtu'
+     IP [0]: '10.64.1.2/30'
+    Gateway: '10.64.1.1'
+    DNS [0]: '10.74.210.210'
+        MTU: '1500'
+"""
+
+
+@pytest.fixture
+def make(tmp_path):
+    loop, made = VirtualLoop(), []
+
+    def make(**options):
+        made.append(Bench(loop, tmp_path, **options))
+        return made[-1]
+
+    yield make
+    for bench in made:
+        bench.close()
+    loop.close()
+
+
+def qmi(make, **options):
+    bench = make(bearer="qmi", **options)
+    bench.system.printed = {
+        "--wds-start-network": QMI_START,
+        "--wds-get-current-settings": QMI_SETTINGS,
+        "--wds-get-packet-service-status": QMI_CONNECTED,
+    }
+    return bench
+
+
+QMICLI = "qmicli --device={dev}/cdc-wdm0 --device-open-proxy"
+
+
+def with_device(bench, *lines):
+    return [line.format(dev=bench.board.machine.dev) for line in lines]
+
+
+def test_qmi_starts_the_network_and_configures_the_device_with_what_it_was_given(make):
+    bench = qmi(make, apn="internet", metric=50)
+    bench.up()
+    assert bench.system.ran[:9] == with_device(
+        bench,
+        "ip link set dev wwan0 down",
+        f"{QMICLI} --set-expected-data-format=raw-ip",
+        "ip link set dev wwan0 up",
+        f"{QMICLI} --wds-start-network=apn='internet',ip-type=4 --client-no-release-cid",
+        f"{QMICLI} --wds-get-current-settings --client-cid=18 --client-no-release-cid",
+        "ip link set dev wwan0 up mtu 1430",
+        "ip addr flush dev wwan0",
+        "ip addr add 10.64.1.2/30 dev wwan0",
+        "ip -4 route replace default via 10.64.1.1 dev wwan0 metric 50",
+    )
+
+
+def test_without_an_access_point_name_qmi_asks_for_the_networks_own(make):
+    bench = qmi(make, ip_type="ipv6")
+    bench.up()
+    assert (
+        f"{QMICLI} --wds-start-network=ip-type=6 --client-no-release-cid".format(dev=bench.board.machine.dev)
+        in bench.system.ran
+    )
+
+
+def test_a_packet_service_that_the_network_ends_is_stopped_and_started_again(make):
+    bench = qmi(make)
+    bench.up()
+    bench.loop.run_for(90)
+    bench.system.printed["--wds-get-packet-service-status"] = QMI_CONNECTED.replace("connected", "disconnected")
+    bench.loop.run_until(lambda: not bench.station.is_up)
+    bench.system.printed["--wds-get-packet-service-status"] = QMI_CONNECTED
+    before = len(bench.system.ran)
+    bench.loop.run_until(lambda: bench.station.is_up)
+    again = bench.system.ran[before - 1 :]
+    stop = with_device(bench, f"{QMICLI} --wds-stop-network=2264423824 --client-cid=18")[0]
+    assert stop in bench.system.ran
+    assert any("--wds-start-network" in line for line in again)
+
+
+def test_mbim_attaches_connects_and_configures_the_device(make):
+    bench = make(bearer="mbim", apn="internet")
+    bench.modem.product = "901e"
+    bench.system.printed = {"--connect": MBIM_CONNECT, "--query-connection-state": MBIM_CONNECT}
+    bench.up()
+    mbimcli = f"mbimcli --device={bench.board.machine.dev}/cdc-wdm0 --device-open-proxy"
+    assert bench.system.ran[:6] == [
+        f"{mbimcli} --attach-packet-service",
+        f"{mbimcli} --connect=apn='internet',ip-type=ipv4",
+        "ip link set dev wwan0 up mtu 1500",
+        "ip addr flush dev wwan0",
+        "ip addr add 10.64.1.2/30 dev wwan0",
+        "ip -4 route replace default via 10.64.1.1 dev wwan0 metric 700",
+    ]
+
+
+def test_rndis_takes_an_address_by_dhcp_and_keeps_the_client(make):
+    bench = make(bearer="rndis")
+    bench.modem.product = "9011"
+    bench.up()
+    assert bench.system.ran[:2] == ["ip link set dev usb0 up", "udhcpc -f -n -t 10 -T 2 -i usb0"]
+    assert bench.station.why == "usb0 has 192.168.225.34"
+
+
+def test_a_call_by_at_speaks_raw_ip_on_the_device(make):
+    bench = make(bearer="at")
+    bench.up()
+    assert bench.system.raw == ["wwan0"]
+    assert "AT$QCRMCALL=1,1" in bench.modem.asked
+    assert bench.system.ran[:3] == [
+        "ip link set dev wwan0 down",
+        "ip link set dev wwan0 up",
+        "udhcpc -f -n -t 10 -T 2 -i wwan0",
+    ]
+
+
+def test_a_device_without_an_address_is_no_link(make):
+    bench = make(bearer="rndis")
+    bench.modem.product = "9011"
+    bench.up()
+    bench.loop.run_for(90)
+    bench.system.has = ()
+    bench.loop.run_until(lambda: not bench.station.is_up, within=15)
+    assert "usb0 has no address any more" in bench.station.steps
+    bench.system.has = ("192.168.225.35",)
+    bench.loop.run_until(lambda: bench.station.is_up)
+
+
+def test_a_client_of_dhcp_that_ends_takes_the_link_down_and_is_started_again(make):
+    bench = make(bearer="rndis")
+    bench.modem.product = "9011"
+    bench.up()
+    bench.loop.run_for(90)
+    bench.system.keeps = False
+    bench.system.kept_ended()
+    bench.loop.run_until(lambda: not bench.station.is_up, within=5)
+    bench.loop.run_until(lambda: bench.station.is_up, within=10)
+    assert sum(line.startswith("udhcpc") for line in bench.system.ran) == 2
+
+
+def test_a_program_that_is_missing_blocks_and_resets_nothing(make, monkeypatch, tmp_path):
+    bench = make(bearer="qmi")
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setattr(bench.system, "run", super(FakeSystem, bench.system).run)
+    bench.start()
+    bench.loop.run_until(lambda: "ip is not installed; apt install iproute2" in bench.station.why)
+    bench.loop.run_for(3600)
+    assert bench.modem.boots == 1
+    assert "AT+COPS=0" not in bench.modem.asked
+
+
+def test_a_program_that_fails_is_a_step_that_fails_with_its_last_words(make):
+    bench = qmi(make)
+    bench.system.printed["--wds-start-network"] = "error: couldn't start network: QMI protocol error (14): 'CallFailed'"
+    bench.system.fails = {"--wds-start-network"}
+    bench.start()
+    bench.loop.run_until(lambda: any("next:" in why for why in bench.station.steps))
+    assert "qmicli ended with status 1: error: couldn't start network" in bench.station.why
+
+
+def test_what_qmicli_prints_is_read():
+    assert qmi_settings(QMI_SETTINGS) == Settings("10.64.1.2/30", "10.64.1.1", 1430)
+    assert qmi_settings(QMI_SETTINGS6) == Settings("2001:db8:1:2:3:4:5:6/64", "", 1500)
+
+
+def test_what_mbimcli_prints_is_read():
+    assert mbim_settings(MBIM_CONNECT) == Settings("10.64.1.2/30", "10.64.1.1", 1500)
+
+
+@pytest.mark.parametrize("printed", ["", "error: timeout", "IPv4 address: 10.64.1.2\nIPv4 subnet mask: 1.2.3.4"])
+def test_what_another_version_may_print_is_said(printed):
+    for settings in (qmi_settings, mbim_settings):
+        with pytest.raises(StepError):
+            settings(printed)

@@ -1,0 +1,132 @@
+"""Programs of the system as children: real ones, on a real clock, that end by themselves or are ended."""
+
+import os
+import time
+
+import pytest
+
+from board.loop import Loop
+from board.machine import Machine
+from drivers.modem_script import BlockedError, Ended, Run, StepError
+from drivers.modem_system import System
+from drivers.modem_tool import MAX_OUTPUT, Tool
+
+
+@pytest.fixture
+def loop():
+    loop = Loop()
+    yield loop
+    loop.close()
+
+
+def until(loop, is_done, within_s=5.0):
+    end = time.monotonic() + within_s
+    while not is_done():
+        assert time.monotonic() < end
+        loop.after(0.01, lambda: None)
+        loop.turn()
+
+
+def run(loop, *argv, limit_s=5.0, **more):
+    """A tool, and what it was done with."""
+    said = []
+    return Tool(loop, argv, limit_s, lambda *result: said.append(result), **more), said
+
+
+def test_what_it_says_comes_with_its_exit_status(loop):
+    _, said = run(loop, "sh", "-c", "echo out; echo err >&2; exit 3")
+    until(loop, lambda: said)
+    assert said == [(3, "out\nerr\n")]
+    assert not loop._sources
+
+
+def test_what_it_says_beyond_measure_is_thrown_away_and_it_is_not_held_up(loop):
+    _, said = run(loop, "sh", "-c", "yes 0123456789 | head -c 1000000")
+    until(loop, lambda: said)
+    assert (said[0][0], len(said[0][1])) == (0, MAX_OUTPUT)
+
+
+def test_it_is_ended_when_its_time_is_over(loop):
+    _, said = run(loop, "sleep", "100", limit_s=0.05)
+    until(loop, lambda: said)
+    assert said[0][0] < 0
+
+
+def test_one_that_is_not_installed_blocks_with_what_to_install(loop, monkeypatch, tmp_path):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(BlockedError, match="qmicli is not installed") as caught:
+        run(loop, "qmicli", "--version")
+    assert "libqmi-utils" in caught.value.hint
+
+
+def test_one_that_is_kept_goes_on_and_its_end_is_told(loop):
+    ended = []
+    tool, said = run(
+        loop,
+        "sh",
+        "-c",
+        "echo lease of 10.0.0.2 obtained; exec sleep 100",
+        keep="lease of",
+        ended=lambda: ended.append(1),
+    )
+    until(loop, lambda: said)
+    assert said == [(None, "lease of 10.0.0.2 obtained\n")]
+    assert not ended
+    tool.stop()
+    until(loop, lambda: ended)
+    assert len(said) == 1
+    assert not loop._sources
+
+
+def test_one_that_is_left_is_ended_and_tells_nobody(loop):
+    ended = []
+    tool, said = run(loop, "sleep", "100", ended=lambda: ended.append(1))
+    tool.leave()
+    until(loop, lambda: not loop._sources)
+    assert (said, ended) == ([], [])
+
+
+def test_a_system_ends_what_it_kept(loop):
+    system, results = System(Machine()), []
+    system.run(loop, Run(("sh", "-c", "echo up; exec sleep 100"), 5.0, "up"), results.append, lambda: None)
+    until(loop, lambda: results)
+    assert results == [Ended(None, "up\n")]
+    system.stop_kept()
+    until(loop, lambda: not loop._sources)
+
+
+def test_one_that_ends_before_it_said_what_is_waited_for_is_an_error(loop):
+    results = []
+    System(Machine()).run(
+        loop, Run(("sh", "-c", "echo no lease; exit 1"), 5.0, "obtained"), results.append, lambda: None
+    )
+    until(loop, lambda: results)
+    assert isinstance(results[0], StepError)
+
+
+def test_addresses_are_those_of_the_device_beside_the_links_own(tmp_path):
+    table = (
+        "fe800000000000000000000000000001 05 40 20 80    wwan0\n20010db8000000000000000000000002 05 40 00 80    wwan0\n"
+    )
+    (tmp_path / "net").mkdir()
+    (tmp_path / "net/if_inet6").write_text(table + "20010db8000000000000000000000003 06 40 00 80    usb0\n")
+    system = System(Machine(proc=tmp_path))
+    assert system.addresses("wwan0") == ("2001:db8::2",)
+    assert system.addresses("lo") == ("127.0.0.1",)
+
+
+def test_counters_of_a_device_are_read_and_absent_ones_are_none(tmp_path):
+    folder = tmp_path / "class/net/wwan0/statistics"
+    folder.mkdir(parents=True)
+    (folder / "rx_packets").write_text("7\n")
+    (folder / "tx_packets").write_text("9\n")
+    system = System(Machine(sys=tmp_path))
+    assert system.counters("wwan0") == (7, 9)
+    assert system.counters("usb0") is None
+
+
+def test_nothing_of_a_tool_stays_open(loop):
+    before = len(os.listdir("/proc/self/fd"))
+    _, said = run(loop, "true")
+    until(loop, lambda: said)
+    assert len(os.listdir("/proc/self/fd")) == before
