@@ -1,9 +1,11 @@
 """Simulated radios for tests: their ports, the program that runs the library, and drivers on top."""
 
 import json
+import random
 import socket
 import subprocess
 import sys
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
@@ -29,13 +31,13 @@ def library() -> str:
 
 
 def free_addresses(count: int) -> list[Address]:
-    """Addresses of ports that nobody uses."""
-    sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(count)]
-    for one in sockets:
-        one.bind(("127.0.0.1", 0))
-    found = [Address(*one.getsockname()) for one in sockets]
-    for one in sockets:
-        one.close()
+    """Addresses of ports that nobody uses, below those that the kernel gives to others meanwhile."""
+    found: list[Address] = []
+    while len(found) < count:
+        one = Address("127.0.0.1", random.SystemRandom().randrange(16384, 32768))
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as trial, suppress(OSError):
+            trial.bind(one)
+            found.append(one)
     return found
 
 
