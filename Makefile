@@ -13,6 +13,7 @@ help: ## this text
 setup: ## the command .venv/bin/captain and what it needs, the messages among it
 	@.ci/setup run
 	@.ci/codec
+	@.ci/sim
 
 run: setup ## two simulated stations that talk to each other, and a live table (Ctrl-C ends it)
 	@.venv/bin/captain demo $(ARGS)
@@ -57,10 +58,11 @@ bench-messages: setup-test ## the message library beside asn1tools, pycrate and 
 truth: setup-test ## made values of every message, ours against every other codec; ARGS='--count 1000000'
 	@.venv/bin/python -m tests.asn1.truth $(ARGS)
 
-lab: setup-test ## ten messages at 10 Hz for 60 s between two stations, by UDP and by raw Ethernet; tshark decodes all
+lab: setup-test ## ten messages at 10 Hz for 60 s between two stations: UDP, raw Ethernet, radios; tshark decodes all
 	@mkdir -p build
 	@.venv/bin/captain lab --capture build/lab-udp.pcap --decode $(ARGS)
 	@.venv/bin/captain lab --capture build/lab-ethernet.pcap --decode --veth $(ARGS)
+	@.venv/bin/captain lab --capture build/lab-radio.pcap --decode --radio $(ARGS)
 
 binary: setup-freeze setup ## one file to copy by hand and one directory for the image, in build/binary
 	@.ci/freeze
@@ -81,3 +83,4 @@ setup-freeze:
 setup-%:
 	@.ci/setup $*
 	@.ci/codec
+	@.ci/sim

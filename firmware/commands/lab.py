@@ -17,7 +17,7 @@ from board.errors import StationError
 from firmware.lab import dissection
 from firmware.lab.copies import Count
 from firmware.lab.dissection import Dissected
-from firmware.lab.laboratory import Bench, bench, vectors
+from firmware.lab.laboratory import Bench, Link, bench, vectors
 from firmware.lab.pcap import Pcap
 from firmware.user.arguments import HIGHEST_RATE, number, seconds
 from firmware.user.table import Screen, Table
@@ -28,16 +28,18 @@ IVIM, CPM of several origins) and count what the other's arrives as: whole, alte
 more messages go each way once. Nothing leaves this machine.
 
 The stations hear each other as whole Ethernet frames in UDP datagrams; with --veth as frames on a virtual cable
-between two network namespaces, where root is not needed if the kernel lets users make namespaces.
+between two network namespaces, where root is not needed if the kernel lets users make namespaces; with --radio by
+simulated SOM301-E radios, whose air may lose messages: then the test is passed when exactly those are missing.
 """
 EPILOG = """\
 examples:
   captain lab                                     60 s at 10 Hz over UDP
   captain lab --veth --duration 10                over raw Ethernet
+  captain lab --radio 0.1 --short                 by radio, and the air loses a tenth
   captain lab --capture lab.pcap --decode         and let tshark decode every frame
 
 exit codes:
-  0    nothing lost, nothing altered; with --decode every frame decoded, none malformed
+  0    nothing lost but by the air, nothing altered; with --decode every frame decoded, none malformed
   1    otherwise, or a station could not start
   2    wrong usage
 """
@@ -57,7 +59,16 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         default=10.0,
         help="of each message (default 10)",
     )
-    parser.add_argument("--veth", action="store_true", help="raw Ethernet between two network namespaces")
+    links = parser.add_mutually_exclusive_group()
+    links.add_argument("--veth", action="store_true", help="raw Ethernet between two network namespaces")
+    links.add_argument(
+        "--radio",
+        metavar="LOSS",
+        nargs="?",
+        const=0.0,
+        type=number("losses per message", 1.0, is_zero_allowed=True),
+        help="simulated SOM301-E radios, whose air loses this share (default 0)",
+    )
     parser.add_argument("--capture", metavar="FILE", type=Path, help="every frame, as a pcap file")
     parser.add_argument("--decode", action="store_true", help="let tshark decode every frame of the capture")
     parser.add_argument("--json", action="store_true", help="one JSON object in place of tables")
@@ -84,14 +95,21 @@ def _run(arguments: argparse.Namespace, path: Path | None, ending: ExitStack) ->
         except OSError as error:
             raise StationError(f"{path}: {error.strerror}", "name another file with --capture") from error
         ending.callback(capture.close)
-    with bench(arguments.veth, capture) as made, Screen(sys.stderr) as screen:
+    with bench(_link(arguments), arguments.radio or 0.0, capture) as made, Screen(sys.stderr) as screen:
         count = Count(vectors(), [seat.name for seat in made.seats])
         test = Test(made, count, screen if screen.is_terminal and not arguments.json else None)
         test.run(round(arguments.duration * arguments.rate), 1.0 / arguments.rate)
+        count.lost_on_air = made.lost_on_air()
     if capture is not None:
         capture.close()
         count.recorded = capture.frames
     return count
+
+
+def _link(arguments: argparse.Namespace) -> Link:
+    if arguments.veth:
+        return "veth"
+    return "udp" if arguments.radio is None else "radio"
 
 
 class Test:
@@ -161,7 +179,9 @@ class Result(NamedTuple):
 
     @property
     def is_good(self) -> bool:
-        return not (self.lost or self.altered) and (not self.is_decoded or self.is_well_formed)
+        return not (self.lost - self.counted.lost_on_air or self.altered) and (
+            not self.is_decoded or self.is_well_formed
+        )
 
     @property
     def lost(self) -> int:
@@ -188,7 +208,8 @@ class Result(NamedTuple):
         width = width_of(sys.stdout)
         yield from plain(table(self.counted), width)
         yield ""
-        yield f"{self.lost} lost, {self.altered} altered"
+        on_air = f" ({self.counted.lost_on_air} of them by the air)" if self.counted.lost_on_air else ""
+        yield f"{self.lost} lost{on_air}, {self.altered} altered"
         if arguments.capture:
             yield f"{self.counted.recorded} frames in {arguments.capture}"
         if self.is_decoded:
@@ -197,7 +218,7 @@ class Result(NamedTuple):
 
     def as_json(self, arguments: argparse.Namespace) -> dict[str, object]:
         return {
-            "link": "veth" if arguments.veth else "udp",
+            "link": _link(arguments),
             "duration_s": arguments.duration,
             "rate_hz": arguments.rate,
             "messages": [
@@ -214,6 +235,7 @@ class Result(NamedTuple):
                 for row in self.counted.rows()
             ],
             "lost": self.lost,
+            "lost_on_air": self.counted.lost_on_air,
             "altered": self.altered,
             "frames": self.counted.recorded,
             "decoded": [row._asdict() for row in self.dissected],

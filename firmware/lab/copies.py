@@ -33,6 +33,7 @@ class Count:
     def __init__(self, vectors: Sequence[Vector], senders: Sequence[str]) -> None:
         self.vectors = vectors
         self.recorded = 0
+        self.lost_on_air = 0  # as the simulated radios say
         self.strange = 0  # received, and so much altered that it cannot be said from what
         self._senders = senders
         self._sent: Counter[tuple[str, int]] = Counter()

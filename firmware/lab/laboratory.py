@@ -4,21 +4,23 @@ import json
 import socket
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import zmq
 
 import firmware
 from board.errors import StationError
-from firmware.lab import netns, ports
+from firmware.lab import netns, ports, radio
 from firmware.lab.pcap import Pcap
 from firmware.lab.program import Program
 from firmware.user import client
 from firmware.user.received import Message, Pairing
 from firmware.user.untrusted import text, within
+
+Link = Literal["udp", "veth", "radio"]
 
 HOST = "127.0.0.1"
 GEONETWORKING = 0x8947
@@ -106,19 +108,28 @@ class Recorder:
 
 
 class Bench(NamedTuple):
-    """Seats at A and B, and the recorder between them."""
+    """Seats at A and B, the recorder between them, and the radios where the air is theirs."""
 
     seats: Sequence[Seat]
     recorder: Recorder
+    radios: Sequence[radio.Radio] = ()
+
+    def lost_on_air(self) -> int:
+        return sum(one.lost() for one in self.radios)
 
 
 @contextmanager
-def bench(is_veth: bool, capture: Pcap | None) -> Iterator[Bench]:
-    """Start everything; users have joined and links are up. Raises StationError when anything is missing."""
+def bench(link: Link, loss: float, capture: Pcap | None) -> Iterator[Bench]:
+    """Start everything; users have joined and links are up. Raises StationError when anything is missing.
+
+    loss  share of messages that the radios' air loses.
+    """
     with ExitStack() as ending:
         folder = Path(ending.enter_context(tempfile.TemporaryDirectory(prefix="captain-lab-")))
         spaces: list[Callable[[], AbstractContextManager[None]]] = [nullcontext, nullcontext]
-        if is_veth:
+        radios: Sequence[radio.Radio] = ()
+        environments: list[Mapping[str, str]] = [{}, {}]
+        if link == "veth":
             ends = netns.cable(*DEVICES)
             for end in ends:
                 ending.callback(end.close)
@@ -129,37 +140,43 @@ def bench(is_veth: bool, capture: Pcap | None) -> Iterator[Bench]:
         else:
             seeing = ending.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
             seeing.bind((HOST, 0))
-            boards = _udp_boards(seeing.getsockname()[1])
+            recorder_port = seeing.getsockname()[1]
+            if link == "radio":
+                radios = radio.pair(HOST, recorder_port, loss)
+                boards = [one.board for one in radios]
+                environments = [one.environment for one in radios]
+            else:
+                boards = _udp_boards(recorder_port)
         recorder = Recorder(seeing, capture)
         seats = []
-        for name, space, board in zip("AB", spaces, boards, strict=True):
+        for name, space, board, environment in zip("AB", spaces, boards, environments, strict=True):
             with space():
                 place = client.Address(HOST, *(_port(ending) for _ in range(4)))
-                child = _station(name, board, place, folder)
+                child = _station(name, board, place, folder, environment)
                 ending.callback(child.stop)
                 child.wait_until_ready()
-                _wait_for_link(folder / f"{name}.sock")
+                _wait_for_link(folder / f"{name}.sock", link)
                 # The threads of a context are made with its first socket, in the namespace of this moment.
                 seats.append(Seat(name, ending.enter_context(client.session()), place, child))
         for seat in seats:
             seat.join()
-        yield Bench(seats, recorder)
+        yield Bench(seats, recorder, radios)
 
 
-def _station(name: str, board: str, place: client.Address, folder: Path) -> Program:
+def _station(name: str, board: str, place: client.Address, folder: Path, environment: Mapping[str, str]) -> Program:
     options = {"station.name": f"lab-{name}", "endpoint.control": str(folder / f"{name}.sock")}
     options |= {f"endpoint.{key}": str(getattr(place, key)) for key in ("from_users", "to_users", "pull", "report")}
     given = ["run", "--board", "/dev/stdin", "--log", "warning"]
     for key, value in options.items():
         given += ["--set", f"{key}={value}"]
-    return Program(f"station {name}", given, f'name = "lab"\n{board}'.encode())
+    return Program(f"station {name}", given, f'name = "lab"\n{board}'.encode(), environment)
 
 
-def _wait_for_link(control: Path) -> None:
+def _wait_for_link(control: Path, link: Link) -> None:
     deadline = time.monotonic() + UP_S
     while True:
         air = within(within(client.station_status(control), "interfaces"), "air")
-        if text(air, "state") == "up":
+        if text(air, "state") == "up" and (link != "radio" or radio.is_complete(within(air, "details"))):
             return
         if time.monotonic() > deadline:
             raise StationError(f"the link did not come up: {text(air, 'why')}")

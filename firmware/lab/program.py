@@ -8,7 +8,7 @@ import socket
 import subprocess
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import firmware
@@ -23,12 +23,15 @@ LAST_LINES = 20
 class Program:
     """A process with a session of its own, so that a terminal's Ctrl-C reaches only its parent.
 
-    name       that it has in messages.
-    arguments  of the command line.
-    given      what it reads from standard input.
+    name         that it has in messages.
+    arguments    of the command line.
+    given        what it reads from standard input.
+    environment  that it gets beside ours.
     """
 
-    def __init__(self, name: str, arguments: Sequence[str], given: bytes = b"") -> None:
+    def __init__(
+        self, name: str, arguments: Sequence[str], given: bytes = b"", environment: Mapping[str, str] | None = None
+    ) -> None:
         self.name = name
         self._lines: deque[str] = deque(maxlen=LAST_LINES)
         self._notices = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
@@ -37,7 +40,7 @@ class Program:
         address = "@" + os.fsdecode(self._notices.getsockname()[1:])
         self._process = subprocess.Popen(
             [*program(), *arguments],
-            env={**os.environ, "PYTHONPATH": path, "NOTIFY_SOCKET": address},
+            env={**os.environ, **(environment or {}), "PYTHONPATH": path, "NOTIFY_SOCKET": address},
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,

@@ -24,9 +24,12 @@ def lab(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([*PROGRAM, "lab", *arguments], capture_output=True, text=True, timeout=30, check=False)
 
 
-@pytest.fixture(scope="module", params=["udp", "veth"])
+LINKS = {"udp": (), "veth": ("--veth",), "radio": ("--radio",)}
+
+
+@pytest.fixture(scope="module", params=LINKS)
 def result(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    link = ("--veth",) if request.param == "veth" else ()
+    link = LINKS[request.param]
     capture = tmp_path_factory.mktemp("lab") / "frames.pcap"
     done = lab(*SHORT, *link, "--json", "--decode", "--capture", str(capture))
     assert done.returncode == 0, done.stderr + done.stdout
@@ -42,6 +45,14 @@ def test_every_copy_of_the_ten_arrives_both_ways_and_equal(result: dict[str, Any
         for sender in "AB":
             row = rows[kind, octets, sender]
             assert row["sent"] == row["received"] == row["equal"] == 5
+
+
+def test_what_the_air_of_the_radios_loses_is_exactly_what_is_missing() -> None:
+    done = lab(*SHORT, "--radio", "0.1", "--json")
+    assert done.returncode == 0, done.stderr + done.stdout
+    said = json.loads(done.stdout)
+    assert said["lost"] == said["lost_on_air"] > 0
+    assert said["altered"] == 0
 
 
 def test_the_other_two_go_once_each_way(result: dict[str, Any]) -> None:

@@ -1,0 +1,42 @@
+"""The simulated radios of two stations: each hears the other, and the recorder hears both."""
+
+from collections.abc import Mapping
+
+from board.address import Address
+from drivers.sim.radio import VARIABLE, Control, library_path
+from firmware.lab import ports
+from firmware.user.untrusted import listed, text
+
+BOARD = '[interfaces.air]\ndriver = "som301e"\nlibrary = "{library}"\n'
+
+
+class Radio:
+    """One station's: its board file, what its environment has to say, and what its air has lost."""
+
+    def __init__(self, own: Address, control: Address, peers: str, loss: float, number: int) -> None:
+        self.board = BOARD.format(library=library_path())
+        mac = f"02:00:00:00:30:{number:02x}"
+        words = f"listen={own} control={control} peers={peers} loss={loss:g} seed={number} mac={mac}"
+        self.environment: Mapping[str, str] = {VARIABLE: words}
+        self._control = Control(control)
+
+    def lost(self) -> int:
+        """Messages that the air took from this one."""
+        return self._control.ask()["lost"]
+
+
+def pair(host: str, recorder: int, loss: float) -> list[Radio]:
+    """Two of them. Raises StationError where the library is not built."""
+    addresses = [Address(host, port) for port in ports.free_udp(host, 4)]
+    heard_by = Address(host, recorder)
+    a, b, *controls = addresses
+    return [
+        Radio(own, control, f"{other},{heard_by}", loss, number)
+        for number, (own, other, control) in enumerate(((a, b, controls[0]), (b, a, controls[1])), 1)
+    ]
+
+
+def is_complete(details: Mapping[str, object]) -> bool:
+    """Whether each caster that status shows works: the link is up from the first on."""
+    casters = listed(details, "casters")
+    return bool(casters) and all(text(row, way) == "up" for row in casters for way in ("rx", "tx"))
