@@ -51,6 +51,14 @@ class SimulatedBoard:
                 self._simulated.sit(slot.usb, self.modules[name].supplied, _missing(slot))
         self._poll()
 
+    def unplug(self, slot: str) -> None:
+        """Pull the module out of a slot."""
+        self._simulated.leave(self._slots[slot].usb)
+
+    def plug(self, slot: str) -> None:
+        """Put it back."""
+        self._simulated.sit(self._slots[slot].usb, self.modules[slot].supplied)
+
     def close(self) -> None:
         """Take everything away; idempotent."""
         if self._timer is not None:

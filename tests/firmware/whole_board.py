@@ -1,0 +1,101 @@
+"""The simulated board under slots and drivers, all in one process and on a clock that jumps."""
+
+import json
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from board.description import Hardware
+from board.errors import InterfaceError
+from board.hands import Hands
+from board.loop import Loop
+from board.machine import Machine
+from drivers.contract import Driver, Shared
+from drivers.sim.board import SimulatedBoard
+from drivers.sim.chips import FiledBus
+from drivers.sim8202g import ModemOptions, Sim8202g
+from drivers.zed_f9p import GnssOptions, ZedF9p
+from firmware import board_file
+from firmware.carrier import Carrier
+from firmware.drops import Drops
+from firmware.interface import Interface
+from firmware.place import Place
+from firmware.supervisor import Supervised
+from firmware.tables import QueueOptions
+from firmware.topics import Topics
+from tests.firmware.doubles import NotingStation
+from tests.virtual import VirtualLoop
+
+MAC = bytes.fromhex("02000000000b")
+
+
+class NearRemote:
+    """board.remote.Remote without a process: calls are done at once, and answered in the next turn."""
+
+    def __init__(self, loop: Loop, hardware: Hardware, machine: Machine, worker: str) -> None:
+        self.worker = worker
+        self.asked: list[str] = []
+        self._loop = loop
+        self._hands = Hands(hardware, machine, FiledBus)
+
+    def start(self) -> None: ...
+
+    def finish(self) -> None: ...
+
+    def ask(self, do: str, arguments: Mapping[str, object], done: Callable[[Any], None]) -> None:
+        self.asked.append(do)
+        answer = json.loads(self._hands.answer(json.dumps({"id": 1, "do": do, **arguments}).encode()))
+        outcome = InterfaceError(answer["error"], answer["hint"]) if "error" in answer else answer["value"]
+        self._loop.soon(lambda: done(outcome))
+
+    def status(self) -> dict[str, object]:
+        return {"is_up": True}
+
+
+class WholeBoard:
+    """A receiver and a modem in their slots; the radio's slot has nobody who would start it."""
+
+    def __init__(self, loop: VirtualLoop) -> None:
+        self.loop = loop
+        self.board = board_file.load("sim")
+        self.simulated = SimulatedBoard(loop, self.board, self.board.neighbours)
+        self.above = NotingStation()
+        self.place = Place(loop.clock, None)
+        self.notes: list[tuple[str, str]] = []
+        shared = Shared(MAC, machine=self.simulated.machine)
+        self.gnss = self._supervised("gnss", ZedF9p(GnssOptions(usb="1-1.1"), shared))
+        self.cellular = self._supervised("cellular", Sim8202g(ModemOptions(usb="1-1.4", bearer="none"), shared))
+        self.carrier = Carrier(
+            loop,
+            self.board,
+            self.simulated.machine,
+            {"gnss": self.gnss, "cellular": self.cellular},
+            lambda who, what: self.notes.append((who, what)),
+            "sim-board",
+        )
+
+    def _supervised(self, name: str, driver: Driver) -> Supervised:
+        interface = Interface(name, driver, QueueOptions(name, slot=name), self.loop, self.above, Topics(), Drops())
+        interface.on_fix = lambda fix: self.place.fix(name, fix)
+        interface.on_time_mark = lambda mark: self.place.time_mark(name, mark)
+        return Supervised(self.loop, interface, lambda: 0.5)
+
+    def start(self) -> None:
+        self.simulated.start()
+        self.carrier.start()
+
+    def until(self, is_so: Callable[[], bool], within: float = 120.0) -> None:
+        self.loop.run_until(is_so, within)
+
+    def until_up(self, within: float = 120.0) -> None:
+        self.until(lambda: self.gnss.state == self.cellular.state == "up", within)
+
+    def state(self, slot: str) -> str:
+        return self.carrier.slots[slot].state.value
+
+    def module(self, slot: str) -> Any:
+        """The simulator in a slot."""
+        return self.simulated.modules[slot].plays
+
+    def close(self) -> None:
+        self.carrier.close()
+        self.simulated.close()
