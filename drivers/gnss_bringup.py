@@ -12,7 +12,7 @@ from board.loop import Loop, Timer
 from drivers import gnss_settings
 from drivers.gnss_conversation import Conversation
 from drivers.gnss_options import FACTORY_BAUD, GnssOptions
-from drivers.gnss_port import GnssPort
+from drivers.gnss_port import Line
 from drivers.gnss_settings import Group
 from drivers.wire import ubx
 from drivers.wire.ubx import Kind
@@ -34,7 +34,7 @@ class Bringup:
         self,
         loop: Loop,
         talk: Conversation,
-        port: GnssPort,
+        port: Line,
         options: GnssOptions,
         done: Callable[[MonVer], None],
         failed: Callable[[InterfaceError], None],

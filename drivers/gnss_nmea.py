@@ -3,7 +3,7 @@
 from board.errors import InterfaceError, ProtocolError, RequestError
 from board.machine import Machine
 from drivers.gnss_options import GnssOptions
-from drivers.gnss_port import GnssPort
+from drivers.gnss_port import SerialLine
 from drivers.gnss_receiver import SILENT_S, Above
 from drivers.reason import Reason
 from drivers.wire.gnss_stream import GnssStream
@@ -21,7 +21,7 @@ class NmeaReceiver:
         self._options = options
         self._machine = machine
         self._above = above
-        self._port: GnssPort | None = None
+        self._port: SerialLine | None = None
 
     def start(self) -> None:
         host = self._above.host
@@ -31,7 +31,7 @@ class NmeaReceiver:
         self._talker = ""
         self._is_known = False
         self._garbage = self._unread = 0
-        port = GnssPort(host.loop, self._options, self._machine, self._received, self._above.failed)
+        port = SerialLine(host.loop, self._options, self._machine, self._received, self._above.failed)
         port.open(self._options.rate_baud)
         self._port = port
         host.link(False, f"listening at {port.path}, {self._options.rate_baud} baud")
@@ -45,7 +45,7 @@ class NmeaReceiver:
         if self._port is None:
             return
         self._is_known = False
-        self._above.host.link(False, f"{self._port.name}: no epoch for {SILENT_S:.0f} s")
+        self._above.host.link(False, f"{self._port.path}: no epoch for {SILENT_S:.0f} s")
         if seconds >= GIVE_UP_S:
             what = "only garbage comes" if self._garbage else "nothing comes"
             self._above.failed(
@@ -81,7 +81,7 @@ class NmeaReceiver:
                     self._garbage += event.octets
                     self._above.host.drop(event.reason, event.sample)
 
-    def _take(self, sentence: Sentence, port: GnssPort, now: float) -> None:
+    def _take(self, sentence: Sentence, port: SerialLine, now: float) -> None:
         try:
             message = decode(sentence)
         except ProtocolError:
@@ -93,7 +93,7 @@ class NmeaReceiver:
         self._talker = sentence.body[:2]
         if not self._is_known:
             self._is_known = True
-            self._above.configured(f"NMEA receiver, talker {self._talker}, at {port.name}")
+            self._above.configured(f"NMEA receiver, talker {self._talker}, at {port.path}")
         fix = self._epochs.take(message, now)
         if fix is not None:
             self._above.epoch(fix)

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 from board.address import address
 from board.describe import Range
 from board.errors import ConfigurationError
+from drivers.wire.ddc import ADDRESS
 
 TCP = "tcp://"
 
@@ -25,6 +26,7 @@ class GnssOptions:
                       `static`: no receiver, but a position that was surveyed.
     usb               topology path of the receiver: `1-1.1`; in place of port.
     port              path of the serial port.
+    i2c               path of the I2C bus that it is at, with i2c_address; only ubx.
     receiver_port     which of the receiver's own ports it is; by itself: `usb` with usb or a ttyACM, else `uart1`.
     baud              bits per second, of UARTs; by itself 230400 with ubx, 38400 with nmea. ubx finds a receiver
                       that still has its factory's rate.
@@ -41,6 +43,8 @@ class GnssOptions:
     kind: Literal["ubx", "nmea", "static"] = "ubx"
     usb: str = ""
     port: str = ""
+    i2c: str = ""
+    i2c_address: Annotated[int, Range(0x08, 0x77)] = ADDRESS
     receiver_port: Literal["", "usb", "uart1", "uart2"] = ""
     baud: Annotated[int, Range(4800, 921_600)] | None = None
     rate_hz: Annotated[int, Range(1, 20)] = 5
@@ -59,10 +63,11 @@ class GnssOptions:
             if self.latitude is None or self.longitude is None:
                 raise ConfigurationError("a static position has no latitude and longitude", "give both, in degrees")
             return
-        if bool(self.usb) == bool(self.port):
-            raise ConfigurationError("a receiver has one of usb and port", "give exactly one of them")
-        if self.corrections and self.kind != "ubx":
-            raise ConfigurationError(f"corrections are for kind ubx, not {self.kind}", "leave corrections out")
+        if sum(map(bool, (self.usb, self.port, self.i2c))) != 1:
+            raise ConfigurationError("a receiver has one of usb, port and i2c", "give exactly one of them")
+        for name in ("corrections", "i2c"):
+            if getattr(self, name) and self.kind != "ubx":
+                raise ConfigurationError(f"{name}: only for kind ubx, not {self.kind}", "leave it out")
         if self.corrections.startswith(TCP):
             address(self.corrections.removeprefix(TCP))
 
@@ -72,6 +77,13 @@ class GnssOptions:
         return self.baud or (BAUD if self.kind == "ubx" else FACTORY_BAUD)
 
     @property
+    def where(self) -> str:
+        """It is, for people."""
+        return self.usb or self.port or f"{self.i2c}, address {self.i2c_address:#04x}"
+
+    @property
     def own_port(self) -> str:
-        """usb, uart1 or uart2."""
+        """i2c, usb, uart1 or uart2."""
+        if self.i2c:
+            return "i2c"
         return self.receiver_port or ("usb" if self.usb or "ttyACM" in self.port else "uart1")

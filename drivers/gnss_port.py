@@ -1,8 +1,8 @@
-"""The serial line to a receiver: found by place or path, opened at one rate after another, written without waiting."""
+"""The line to a receiver: a serial port, found by place or path, opened at one rate after another."""
 
 from collections import deque
 from collections.abc import Callable
-from pathlib import Path
+from typing import Protocol
 
 from board import usb
 from board.errors import InterfaceError
@@ -15,7 +15,27 @@ from drivers.gnss_options import GnssOptions
 MAX_WAITING = 16_384  # octets
 
 
-class GnssPort:
+class Line(Protocol):
+    """What a receiver is at, whatever that is.
+
+    path     of the port or bus, for people.
+    dropped  frames that the line was too slow for.
+    """
+
+    path: str
+    dropped: int
+
+    def open(self, baud: int) -> None:
+        """Open, or open again at another rate. Raises InterfaceError."""
+
+    def write(self, frame: bytes) -> None:
+        """Send a frame now or a little later, or drop it where it is too much."""
+
+    def close(self) -> None:
+        """Idempotent; what waits is lost."""
+
+
+class SerialLine:
     """Octets in by a call; octets out in whole frames, the oldest dropped where the line is too slow.
 
     received, broken  as those of SerialPort.
@@ -63,11 +83,6 @@ class GnssPort:
             self._port = None
         self._frames.clear()
         self._octets = 0
-
-    @property
-    def name(self) -> str:
-        """ttyACM0: for people."""
-        return Path(self.path).name
 
     def _drained(self) -> None:
         while self._frames and self._port is not None and not self._port.is_busy:

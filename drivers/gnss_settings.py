@@ -75,8 +75,8 @@ def groups(options: GnssOptions) -> list[Group]:
 
 
 def baud(options: GnssOptions) -> Group | None:
-    """The rate of the UART that the receiver is at; USB has none."""
-    if options.own_port == "usb":
+    """The rate of the UART that the receiver is at; USB and I2C have none."""
+    if options.own_port in ("usb", "i2c"):
         return None
     return _group("baud", {f"CFG-{options.own_port.upper()}-BAUDRATE": options.rate_baud}, is_needed=True)
 

@@ -6,9 +6,10 @@ from board.errors import InterfaceError, ProtocolError, RequestError
 from board.machine import Machine
 from board.time import TimeMark
 from drivers.gnss_bringup import Bringup
+from drivers.gnss_bus import BusLine
 from drivers.gnss_conversation import Conversation
 from drivers.gnss_options import GnssOptions
-from drivers.gnss_port import GnssPort
+from drivers.gnss_port import Line, SerialLine
 from drivers.gnss_receiver import SILENT_S, Above
 from drivers.gnss_state import ReceiverState
 from drivers.reason import Reason
@@ -40,7 +41,7 @@ class UbxReceiver:
         self._machine = machine
         self._above = above
         self._bringup: Bringup | None = None
-        self._port: GnssPort | None = None
+        self._port: Line | None = None
 
     def start(self) -> None:
         host = self._above.host
@@ -49,10 +50,10 @@ class UbxReceiver:
         self._version: MonVer | None = None
         self._refused: list[str] = []
         self._sentences = self._bringups = self._garbage = 0
-        port = GnssPort(host.loop, self._options, self._machine, self._received, self._above.failed)
+        port = self._line()
         self._port = port
         self._talk = Conversation(host.loop, port.write)
-        host.link(False, f"asking the receiver at {self._options.usb or self._options.port} who it is")
+        host.link(False, f"asking the receiver at {self._options.where} who it is")
         self._bring_up(port)
 
     def stop(self) -> None:
@@ -66,7 +67,7 @@ class UbxReceiver:
     def silent(self, seconds: float) -> None:
         if self._bringup is not None or self._port is None:
             return
-        self._above.host.link(False, f"{self._port.name}: no epoch for {SILENT_S:.0f} s; bringing it up anew")
+        self._above.host.link(False, f"{self._port.path}: no epoch for {SILENT_S:.0f} s; bringing it up anew")
         try:
             self._bring_up(self._port)
         except InterfaceError as error:
@@ -94,7 +95,13 @@ class UbxReceiver:
             found["corrections"] = {**self._state.corrections(), "dropped": dropped}
         return found | {"refused": self._refused, "bringups": self._bringups, "garbage_octets": self._garbage}
 
-    def _bring_up(self, port: GnssPort) -> None:
+    def _line(self) -> Line:
+        loop, options = self._above.host.loop, self._options
+        if options.i2c:
+            return BusLine(loop, options, self._received, self._above.failed)
+        return SerialLine(loop, options, self._machine, self._received, self._above.failed)
+
+    def _bring_up(self, port: Line) -> None:
         self._stream = GnssStream()
         self._pulses = Pulses(1 / self._options.rate_hz)
         self._last_second: int | None = None
@@ -113,7 +120,7 @@ class UbxReceiver:
                 ", ".join(self._bringup.refused),
             )
         self._refused, self._bringup, self._version = self._bringup.refused, None, version
-        self._above.configured(f"{version.module or 'u-blox receiver'} {version.firmware} at {self._port.name}")
+        self._above.configured(f"{version.module or 'u-blox receiver'} {version.firmware} at {self._port.path}")
 
     def _received(self, octets: bytes) -> None:
         now = self._loop.clock()

@@ -27,9 +27,17 @@ def som301e(channel: socket.socket) -> None:
     serve(channel)
 
 
+def gnss_bus(channel: socket.socket) -> None:
+    """Asks a receiver at an I2C bus."""
+    from drivers.gnss_bus import serve
+
+    serve(channel)
+
+
 WORKERS: Mapping[str, Callable[[socket.socket], None]] = {
     **echo.WORKERS,
     "board": board,
     "sim-board": simulated_board,
     "som301e": som301e,
+    "gnss-bus": gnss_bus,
 }

@@ -37,7 +37,8 @@ class Habits:
     """What a receiver is like.
 
     gps_s         GPS time when it is made.
-    is_uart       a serial line that is always there, in place of a USB device that comes and goes.
+    port          that somebody is at: a USB device comes and goes; a UART, and what stands for an I2C bus, is
+                  always there.
     speaks_ubx    False: an NMEA receiver.
     boot_s        from power to the first word.
     fix_s, leap_s from power, or a cold reset, to a fix, and to leap seconds from satellites.
@@ -47,7 +48,7 @@ class Habits:
     """
 
     gps_s: int = says.gps_of(2026, 6, 1, 8, 0, 0)
-    is_uart: bool = False
+    port: Literal["usb", "uart1", "i2c"] = "usb"
     speaks_ubx: bool = True
     boot_s: float = 0.8
     fix_s: float = 2.0
@@ -91,7 +92,7 @@ class Receiver:
         self._line = ReceiverLine(loop, self._hear, self._baud)
         self._timer: Timer | None = None
         self._is_on = self._is_running = False
-        if self.habits.is_uart:
+        if self.habits.port != "usb":
             self._open()
 
     # The outside
@@ -110,7 +111,7 @@ class Receiver:
         self._is_on, self._is_running = on, False
         if on:
             self._timer = self._loop.after(self.habits.boot_s, self._boot)
-        elif not self.habits.is_uart:
+        elif self.habits.port == "usb":
             self._close()
 
     def unplug(self) -> None:
@@ -158,7 +159,7 @@ class Receiver:
             self._vanished()
 
     def _baud(self) -> int | None:
-        return self.memory.baud if self.habits.is_uart and self.habits.speaks_ubx else None
+        return self.memory.baud if self.habits.port == "uart1" and self.habits.speaks_ubx else None
 
     # What it says by itself
 
@@ -195,8 +196,8 @@ class Receiver:
         return bool(rate) and count % rate == 0 and (not is_ubx or self.habits.speaks_ubx)
 
     @property
-    def _port(self) -> Literal["UART1", "USB"]:
-        return "UART1" if self.habits.is_uart else "USB"
+    def _port(self) -> str:
+        return self.habits.port.upper()
 
     def _moment(self, gps_ms: int) -> Moment:
         now = self._loop.clock()

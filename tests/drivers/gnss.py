@@ -22,7 +22,7 @@ class Bench:
         self.receiver = Receiver(loop, habits, self.track)
         self.receiver.power(True)
         loop.run_until(lambda: self.receiver.boots == 1)
-        options = {"rate_hz": 1, "receiver_port": "uart1" if self.receiver.habits.is_uart else "usb", **options}
+        options = {"rate_hz": 1, "receiver_port": self.receiver.habits.port, **options}
         self.options = GnssOptions(port=self.receiver.path, **options)
         self.driver = ZedF9p(self.options, SHARED)
 

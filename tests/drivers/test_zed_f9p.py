@@ -17,7 +17,7 @@ from tests.drivers.gnss import UTC, Bench
 from tests.drivers.host import SHARED, request
 from tests.drivers.test_contract import descriptors, sources
 
-UART = Habits(is_uart=True)
+UART = Habits(port="uart1")
 SIGNALS = "CFG-MSGOUT-UBX_SEC_SIG_USB"
 
 
@@ -231,11 +231,11 @@ def test_stopped_at_any_moment_it_leaves_nothing_behind(bench, loop):
 @pytest.mark.parametrize(
     ("options", "what"),
     [
-        ({}, "one of usb and port"),
-        ({"usb": "1-1.1", "port": "/dev/ttyACM0"}, "one of usb and port"),
+        ({}, "one of usb, port and i2c"),
+        ({"usb": "1-1.1", "port": "/dev/ttyACM0"}, "one of usb, port and i2c"),
         ({"kind": "static"}, "no latitude"),
         ({"port": "/dev/ttyACM0", "corrections": "tcp://caster.example:2101"}, "no IPv4 address"),
-        ({"port": "/dev/ttyACM0", "kind": "nmea", "corrections": "/tmp/x"}, "corrections are for kind ubx"),
+        ({"port": "/dev/ttyACM0", "kind": "nmea", "corrections": "/tmp/x"}, "corrections: only for kind ubx"),
     ],
 )
 def test_options_that_contradict_each_other_are_explained(options, what):

@@ -14,7 +14,7 @@ from drivers.sim.receiver import Habits
 from drivers.wire.gnss_time import GPS_EPOCH, Leap
 from tests.drivers.gnss import UTC, Bench
 
-UART = Habits(is_uart=True)
+UART = Habits(port="uart1")
 MIDNIGHT = calendar.timegm((2017, 1, 1, 0, 0, 0))
 EVENT = MIDNIGHT - GPS_EPOCH + 17
 
