@@ -6,7 +6,7 @@ it away, `authorized` and `disable` of its USB port as well.
 
 import shutil
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from board.description import Hardware, SlotDescription
@@ -16,6 +16,7 @@ from drivers.sim.chips import World
 from drivers.sim.machine import SimulatedMachine
 from drivers.sim.modules import MODULES, Module, Place
 from drivers.sim.neighbours import NeighboursOptions
+from drivers.sim.trouble import Door, Troubles
 
 # How often it is looked at what was switched: a module then boots for a second.
 POLL_S = 0.1
@@ -28,6 +29,7 @@ class SimulatedBoard:
     air      where the radio's neighbours are; None: there is nothing to hear.
     modules  by slot: those whose ids one of them has.
     world    what the chips measure, and how they fail.
+    troubles that it can be given, also from outside.
     """
 
     def __init__(self, loop: Loop, hardware: Hardware, air: NeighboursOptions | None = None) -> None:
@@ -41,6 +43,8 @@ class SimulatedBoard:
         self.world = World(hardware, self.machine)
         _plant(self.machine.sys, hardware)
         self.modules: dict[str, Module] = {}
+        self.troubles = Troubles(loop, self, hardware)
+        self._door: Door | None = None
         self._timer: Timer | None = None
 
     def start(self) -> None:
@@ -49,20 +53,25 @@ class SimulatedBoard:
             for made in (MODULES[id_] for id_ in slot.ids[:1] if id_ in MODULES):
                 self.modules[name] = made(self._loop, Place(self._simulated, slot.usb, self._air))
                 self._simulated.sit(slot.usb, self.modules[name].supplied, _missing(slot))
+        self._door = Door(self._loop, self._folder, self.troubles)
         self._poll()
 
     def unplug(self, slot: str) -> None:
         """Pull the module out of a slot."""
         self._simulated.leave(self._slots[slot].usb)
 
-    def plug(self, slot: str) -> None:
-        """Put it back."""
-        self._simulated.sit(self._slots[slot].usb, self.modules[slot].supplied)
+    def plug(self, slot: str, other: Callable[[Loop, Place], Module] | None = None) -> None:
+        """Put its module back, or another one in, in place of what is there."""
+        self.unplug(slot)
+        place = Place(self._simulated, self._slots[slot].usb, self._air)
+        self._simulated.sit(place.usb, (other(self._loop, place) if other else self.modules[slot]).supplied)
 
     def close(self) -> None:
         """Take everything away; idempotent."""
         if self._timer is not None:
             self._timer.cancel()
+        if self._door is not None:
+            self._door.close()
         for module in self.modules.values():
             module.supplied(False)
         self.modules.clear()

@@ -11,6 +11,7 @@ from board.loop import Loop, Timer
 from board.time import LEAPS
 from drivers.sim.machine import SimulatedDevice, SimulatedInterface, SimulatedMachine
 from drivers.sim.neighbours import NeighboursOptions
+from drivers.sim.radio import Control
 
 # Vendor and product. The SOM301-E is a network on USB; its ids are not public: these are those of Linux' own gadget.
 RECEIVER, RADIO, MODEM = "1546:01a9", "0525:a4a2", "1e0e:9001"
@@ -75,6 +76,21 @@ def radio(loop: Loop, place: Place) -> Module:
     return Module(made, made.supplied)
 
 
+def stranger(loop: Loop, place: Place) -> Module:
+    """What belongs into no slot."""
+    boot: list[Timer] = []
+
+    def supplied(on: bool) -> None:
+        if on:
+            boot[:] = [loop.after(RADIO_BOOT_S, lambda: place.plug(SimulatedDevice("1d6b", "0104", title="other")))]
+            return
+        for timer in boot:
+            timer.cancel()
+        place.unplug()
+
+    return Module(None, supplied)
+
+
 class Radio:
     """For the kernel a network device. What it hears and says comes and goes by the library of drivers/sim/radio, which
     runs in a process of the driver's, reads its settings from the environment and is told more at its control port.
@@ -100,6 +116,10 @@ class Radio:
             self._boot = self._loop.after(RADIO_BOOT_S, self._booted)
         else:
             self._place.unplug()
+
+    def say(self, words: str) -> None:
+        """Tell the library something; nobody hears it while no driver has it loaded."""
+        Control(self.control).say(words)
 
     def _booted(self) -> None:
         network = SimulatedInterface(0, "rndis_host", "usb0")
