@@ -70,6 +70,7 @@ class Sim8202g:
         options, known = self._options, self._known
         self._host = host
         self.open()
+        known.forget_network()
         bearer = self._bearer = BEARERS[options.bearer](options, self._system)
         steps = Steps(self, options, known, bearer)
         watch = Watch(steps, known, bearer, self._system, host.loop.clock, options.poll_s)

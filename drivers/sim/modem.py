@@ -22,6 +22,7 @@ BOOT_S = 18.0  # from power to USB
 DEAF_S = 2.0  # from there to the first answer
 BUSY_S = 4.0  # and to a card that can be asked
 LEAVE_S = 1.0  # from OK to a reset to leaving USB
+REOPEN_S = 1.0  # between two tries to open a tty of a gadget whose host has gone
 
 AT_INTERFACES = {"9001": 2, "9011": 4, "901e": 2}
 
@@ -45,6 +46,8 @@ class SimulatedModem:
     """A module.
 
     plug, unplug  what happens at USB: a device appears, and disappears.
+    path          a tty that is the module's own end of its AT port, such as that of a USB gadget; empty: a pty.
+    is_plugged    whether it is at USB.
     boots         how often it has booted. asked: the command lines that it got.
     answers       False: it takes everything and says nothing.
     octets_said, octets_heard  that its port has carried.
@@ -52,7 +55,12 @@ class SimulatedModem:
     """
 
     def __init__(
-        self, loop: Loop, plug: Callable[[SimulatedDevice], None], unplug: Callable[[], None], network_device: str = ""
+        self,
+        loop: Loop,
+        plug: Callable[[SimulatedDevice], None],
+        unplug: Callable[[], None],
+        network_device: str = "",
+        path: str = "",
     ) -> None:
         self.loop = loop
         self.card = Card()
@@ -69,8 +77,10 @@ class SimulatedModem:
         self._plug = plug
         self._unplug = unplug
         self._network_device = network_device
+        self._path = path
         self._timers: list[Timer] = []
         self._end = self._far = -1
+        self.is_plugged = False
         self._heard = self._waiting = b""  # of a command, for who reads late
         self._reset()
 
@@ -94,16 +104,13 @@ class SimulatedModem:
         """The end of the simulation; idempotent."""
         self._off()
 
-    @property
-    def is_plugged(self) -> bool:
-        return self._end >= 0
-
     # -- what it may be told to do
 
     def say(self, octets: bytes) -> None:
         """Anything, unasked."""
         if self.is_plugged:
             self._waiting = (self._waiting + octets)[:BUFFER]
+        if self._end >= 0:
             self._write()
 
     def unsolicited(self, line: str) -> None:
@@ -122,10 +129,8 @@ class SimulatedModem:
     def ready(self, events: int) -> None:
         if events & WRITE:
             self._write()
-        if events & READ:
-            octets = os.read(self._end, BATCH)
-            self.octets_heard += len(octets)
-            self._hear(octets)
+        if self._end >= 0 and events & ~WRITE:
+            self._read()
 
     # -- inside
 
@@ -142,25 +147,45 @@ class SimulatedModem:
         self._timers.clear()
         self.network.leave()
         if self.is_plugged:
+            self.is_plugged = False
             self._unplug()
-            self.loop.remove(self)
-            os.close(self._end)
-            os.close(self._far)
-            self._end = self._far = -1
+        self._close()
         self._reset()
         if self.card.state == "READY" and self.card.tries:
             self.card.state = "SIM PIN"  # a card that has one asks for it after each loss of power
 
     def _boot(self) -> None:
         self.boots += 1
-        self._end, self._far = pty.openpty()  # the far end stays open: a pty without one reports a hang-up
-        tty.setraw(self._far)
-        os.set_blocking(self._end, False)
-        self.loop.add(self)
-        self._plug(self._device(os.ttyname(self._far)))
+        if not self._path:
+            self._end, self._far = pty.openpty()  # the far end stays open: a pty without one reports a hang-up
+            tty.setraw(self._far)
+            os.set_blocking(self._end, False)
+            self.loop.add(self)
+        self.is_plugged = True
+        self._plug(self._device(os.ttyname(self._far) if self._far >= 0 else ""))
+        if self._path:
+            self._open()
         self.say(b"\0\0\0")
         self._later(DEAF_S, self._listen)
         self._later(BUSY_S, self._card_read)
+
+    def _open(self) -> None:
+        """Open the tty of a gadget, which is there when that is plugged in."""
+        try:
+            self._end = os.open(self._path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        except OSError:
+            self._later(REOPEN_S, self._open)
+            return
+        tty.setraw(self._end)
+        self.loop.add(self)
+
+    def _close(self) -> None:
+        for descriptor in (self._end, self._far):
+            if descriptor >= 0:
+                if descriptor == self._end:
+                    self.loop.remove(self)
+                os.close(descriptor)
+        self._end = self._far = -1
 
     def _device(self, path: str) -> SimulatedDevice:
         at = AT_INTERFACES[self.product]
@@ -185,6 +210,20 @@ class SimulatedModem:
             self.unsolicited("SMS DONE")
             self.unsolicited("PB DONE")
             self.network.search()
+
+    def _read(self) -> None:
+        try:
+            octets = os.read(self._end, BATCH)
+        except BlockingIOError:
+            return
+        except OSError:  # of a gadget: its host has gone
+            octets = b""
+        if not octets:
+            self._close()
+            self._later(REOPEN_S, self._open)
+            return
+        self.octets_heard += len(octets)
+        self._hear(octets)
 
     def _hear(self, octets: bytes) -> None:
         if self.is_deaf or not self.answers:
@@ -216,7 +255,7 @@ class SimulatedModem:
         self._timers.append(self.loop.after(delay, call))
 
     def _write(self) -> None:
-        with suppress(BlockingIOError):
+        with suppress(OSError):  # full, or the host of a gadget has gone: reading tells
             written = os.write(self._end, self._waiting)
             self._waiting = self._waiting[written:]
             self.octets_said += written

@@ -47,6 +47,19 @@ def test_the_modem_may_be_in_another_mode(mode):
     assert cell_report([LTE.replace("Online", mode)]).mode == mode
 
 
+def test_a_gsm_cell_has_what_all_have():
+    cell = cell_report(
+        ["+CPSI: GSM,Online,460-00,0x182D,12401,27 EGSM 900,-64,2110,42-42"]
+    )  # as modules without 5G say it
+    assert (cell.access, cell.plmn, cell.area, cell.cell, cell.band) == (
+        Access.GSM,
+        "460-00",
+        0x182D,
+        12401,
+        "27 EGSM 900",
+    )
+
+
 @pytest.mark.parametrize(
     ("lines", "why"),
     [
