@@ -79,7 +79,9 @@ class GnssOptions:
     @property
     def where(self) -> str:
         """It is, for people."""
-        return self.usb or self.port or f"{self.i2c}, address {self.i2c_address:#04x}"
+        if self.i2c:
+            return f"{self.i2c}, address {self.i2c_address:#04x}"
+        return self.port or f"USB place {self.usb}"
 
     @property
     def own_port(self) -> str:

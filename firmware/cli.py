@@ -22,6 +22,9 @@ VERBS = {
     "explain": "a message bit by bit, or why it does not decode",
     "slot": "what sits in the board's slots, and their power: list, on, off, cycle",
     "board": "the board: identity, slots, rails, temperatures, and the time line of the start",
+    "gnss": "what the GNSS receivers see: fix, accuracy, jamming, leap seconds; and their reset",
+    "modem": "what the cellular modem sees; a command to it; its reset",
+    "gnss": "what the GNSS receivers see: fix, accuracy, jamming, leap seconds; and their reset",
     "selftest": "each thing that the board declares: is it there, does it work, what does it measure",
     "doctor": "check configuration, ports, interfaces, permissions and clock, and say what to do",
     "demo": "two simulated stations that exchange messages, watched live",
@@ -75,6 +78,18 @@ def load(verb: str) -> ModuleType:
             from firmware.commands import board
 
             return board
+        case "gnss":
+            from firmware.commands import gnss
+
+            return gnss
+        case "modem":
+            from firmware.commands import modem
+
+            return modem
+        case "gnss":
+            from firmware.commands import gnss
+
+            return gnss
         case "selftest":
             from firmware.commands import selftest
 
