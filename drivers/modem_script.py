@@ -83,8 +83,13 @@ class Program(Protocol):
 
 
 class World(Protocol):
-    """What a runner needs: where commands go, how programs are run, who is told of steps."""
+    """What a runner needs: where commands go, how programs are run, who is told of steps.
 
+    why  it is not done: the step, and what in it is waited for.
+    """
+
+    @property
+    def why(self) -> str: ...
     def ask(self, command: Command, done: Callable[[Answer], None]) -> None: ...
     def run(self, run: Run, done: Callable[[Ended | StationError], None]) -> Program: ...
     def begun(self, step: str) -> None: ...
@@ -99,7 +104,6 @@ class Runner:
         self._script = script
         self._done = done
         self._turn = 0  # of the script: a result that belongs to an earlier one is none
-        self._step = ""
         self._limit: Timer | None = None
         self._pause: Timer | None = None
         self._woken_from: float | None = None  # when a pause that wakes may end at the earliest
@@ -144,7 +148,6 @@ class Runner:
 
     def _begin(self, begin: Begin) -> None:
         self._end()
-        self._step = begin.step
         if begin.limit_s is not None:
             self._limit = self._loop.after(begin.limit_s, lambda: self._late(begin))
         self._world.begun(begin.step)
@@ -178,7 +181,7 @@ class Runner:
 
     def _late(self, begin: Begin) -> None:
         self._limit = None
-        self.interrupt(StepError(f"{begin.step}: not done within {begin.limit_s:.0f} s"))
+        self.interrupt(StepError(f"{self._world.why}: not done within {begin.limit_s:.0f} s"))
 
     def _leave(self) -> None:
         """Nothing that was waited for counts any more."""

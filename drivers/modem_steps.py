@@ -133,19 +133,20 @@ class Steps:
         while not self._ground.is_open:
             try:
                 self._ground.open()
-            except InterfaceError:
+            except InterfaceError as error:
+                self._ground.say(f"port: {error.message}")
                 yield Pause(1.0)
         # Booting, it answers nothing, or the first lines of its boot loader.
         while not (yield from self._is_awake()):
+            self._ground.say("port: no answer to AT")
             yield Pause(1.0)
-        yield from lines("AT+CMEE=1")
 
     def _is_awake(self) -> Script[bool]:
         try:
-            answer = yield from ask("ATE0V1")
+            answers = (yield from ask("ATE0V1")), (yield from ask("AT+CMEE=1"))
         except NoAnswerError:
             return False
-        return answer.final.is_ok
+        return all(answer.final.is_ok for answer in answers)
 
     def _identity(self) -> Script[None]:
         known = self._known

@@ -63,6 +63,7 @@ class Sim8202g:
         self._returns = False
         self._complained: float | None = None
         self._is_hot = False
+        self.why = ""
 
     # -- drivers.contract.Driver
 
@@ -130,6 +131,7 @@ class Sim8202g:
         self._returns = True
 
     def say(self, why: str) -> None:
+        self.why = why
         self._host.tell(self._known.details())
         self._host.link(False, why)
 

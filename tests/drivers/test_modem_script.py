@@ -33,6 +33,10 @@ class World:
     def begun(self, step):
         self.steps.append(step)
 
+    @property
+    def why(self):
+        return self.steps[-1]
+
 
 @pytest.fixture
 def loop():

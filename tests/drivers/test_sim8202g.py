@@ -316,12 +316,20 @@ def test_a_modem_that_falls_silent_ends_with_a_wish_for_a_power_cycle(bench, loo
     bench.up()
     loop.run_for(60)
     bench.modem.answers = False
-    loop.run_until(lambda: bench.station.failures, within=400)
+    loop.run_until(lambda: bench.station.failures, within=180)
     assert isinstance(bench.station.failures[0], StuckError)
     bench.modem.answers = True
     bench.modem.supplied(False)
     bench.modem.supplied(True)
     loop.run_until(lambda: bench.station.is_up, within=200)
+
+
+def test_a_modem_that_has_never_answered_is_stuck_and_says_of_what(bench, loop):
+    bench.modem.answers = False
+    bench.start()
+    loop.run_until(lambda: bench.station.failures, within=100)
+    assert isinstance(bench.station.failures[0], StuckError)
+    assert bench.station.failures[0].message == "port: no answer to AT: not done within 90 s"
 
 
 def test_packets_that_only_go_out_are_a_stall(make, loop):
