@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from board.errors import InterfaceError, StationError
+from board.errors import InterfaceError, StationError, StuckError
 from drivers.modem_options import ModemOptions
 from drivers.modem_port import AtPort
 from drivers.modem_script import Ended, Program, Run
@@ -98,13 +98,17 @@ class FakeSystem(System):
 
 
 class Station(Host):
-    """A host that starts its driver again after a failure, and cuts power for nobody."""
+    """A host that starts its driver again after a failure.
+
+    power_cycle  what it does for a module that is stuck.
+    """
 
     def __init__(self, loop, driver: Sim8202g) -> None:
         super().__init__(loop)
         self.driver = driver
         self.refused: list[StationError] = []
         self.is_running = False
+        self.power_cycle: Callable[[], None] = lambda: None
 
     def begin(self) -> None:
         try:
@@ -119,6 +123,8 @@ class Station(Host):
         super().fail(error)
         self.driver.stop()
         self.is_running = False
+        if isinstance(error, StuckError):
+            self.power_cycle()
         self.loop.after(RETRY_S, self.begin)
 
     @property

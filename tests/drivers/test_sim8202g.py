@@ -1,6 +1,8 @@
 """The 5G modem's driver against a simulated SIM8202G, in virtual time."""
 
 import logging
+import os
+import random
 
 import pytest
 
@@ -363,6 +365,47 @@ def test_the_heat_is_said_once(bench, loop, caplog):
     with caplog.at_level(logging.WARNING):
         loop.run_for(600)
     assert [record.message for record in caplog.records] == ["bench: 75 C; it is made for -30 to 70 C"]
+
+
+def troubles(modem, chance):
+    """What may happen to a modem."""
+    return [
+        modem.crash,
+        lambda: setattr(modem, "answers", False),
+        lambda: setattr(modem, "answers", True),
+        lambda: modem.network.offer(Access.NONE),
+        lambda: modem.network.offer(chance.choice([Access.LTE, Access.NSA, Access.SA])),
+        lambda: modem.say(chance.randbytes(chance.randrange(2000))),
+        lambda: modem.say(b"\r\n+CEREG: 2\r\n" * chance.randrange(1000)),
+        lambda: modem.network.leave(Access.SEARCHING),
+        lambda: setattr(modem.network, "is_context_up", False),
+        lambda: setattr(modem, "lies", lambda text: "\r\nERROR\r\n" if chance.random() < 0.3 else None),
+        lambda: setattr(modem, "lies", lambda text: "\r\nOK\r\n" if chance.random() < 0.3 else None),
+        lambda: setattr(modem, "lies", lambda text: "" if chance.random() < 0.3 else None),
+        lambda: setattr(modem, "lies", lambda text: None),
+    ]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_whatever_happens_in_half_an_hour_it_comes_back_when_it_is_over(bench, loop, seed):
+    chance = random.Random(seed)
+    station, modem = bench.station, bench.modem
+    station.power_cycle = lambda: modem.supplied(True)
+    bench.up()
+    end = loop.now + 1800
+    while loop.now < end:
+        chance.choice(troubles(modem, chance))()
+        loop.run_for(chance.uniform(1, 60))
+    modem.answers, modem.lies = True, lambda text: None
+    modem.network.offer(Access.NSA)
+    loop.run_until(lambda: station.is_up, within=900)
+    loop.run_for(60)
+    assert station.is_up
+    descriptors = len(os.listdir("/proc/self/fd"))
+    modem.crash()
+    loop.run_until(lambda: not station.is_up)
+    loop.run_until(lambda: station.is_up, within=300)
+    assert len(os.listdir("/proc/self/fd")) == descriptors
 
 
 # -- what a line may carry
