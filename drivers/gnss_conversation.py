@@ -20,7 +20,11 @@ class _Question(NamedTuple):
 
 
 class Conversation:
-    """Asks by write, and hears all that the receiver says."""
+    """Asks by write, and hears all that the receiver says.
+
+    A question that was asked twice may be answered twice, and an acknowledgement does not say of what: the next
+    question then waits until the second answer must have come.
+    """
 
     def __init__(self, loop: Loop, write: Callable[[bytes], object]) -> None:
         self._loop = loop
@@ -28,11 +32,12 @@ class Conversation:
         self._waiting: deque[_Question] = deque()
         self._current: _Question | None = None
         self._timer: Timer | None = None
+        self._is_settling = self._is_repeated = False
 
     def ask(self, octets: bytes, wanted: Wanted, done: Done, tries: int = 3, wait_s: float = 1.0) -> None:
         """Send, at most `tries` times; done() gets the first message that is wanted, or None."""
         self._waiting.append(_Question(octets, wanted, done, tries, wait_s))
-        if self._current is None:
+        if self._current is None and not self._is_settling:
             self._next()
 
     def hear(self, message: Message) -> None:
@@ -43,11 +48,13 @@ class Conversation:
 
     def close(self) -> None:
         """Nobody is told anything any more; idempotent."""
+        self._is_settling = False
         self._waiting.clear()
         self._current = None
         self._stop_waiting()
 
     def _next(self) -> None:
+        self._is_settling = self._is_repeated = False
         if self._waiting:
             self._send(self._waiting.popleft())
 
@@ -59,6 +66,7 @@ class Conversation:
     def _late(self) -> None:
         current = self._current
         if current is not None and current.tries > 0:
+            self._is_repeated = True
             self._send(current)
         elif current is not None:
             self._end(current, None)
@@ -66,8 +74,11 @@ class Conversation:
     def _end(self, question: _Question, answer: Message | None) -> None:
         self._stop_waiting()
         self._current = None
+        if self._is_repeated and answer is not None:
+            self._is_settling = True
+            self._timer = self._loop.after(question.wait_s, self._next)
         question.done(answer)
-        if self._current is None:  # unless done() has asked, or closed
+        if self._current is None and not self._is_settling:  # else done() has asked, or the line has to settle
             self._next()
 
     def _stop_waiting(self) -> None:

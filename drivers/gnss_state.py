@@ -2,12 +2,11 @@
 
 import logging
 
+from drivers.gnss_journal import Journal
 from drivers.wire.gnss_time import GPS_EPOCH, Leap, civil_ns, leap_of
 from drivers.wire.ubx_health import MonRf, SecSig
 from drivers.wire.ubx_messages import CORRECTION_AGE_S, Message, NavPvt, NavStatus, RxmRtcm
 from drivers.wire.ubx_time import NavTimeLs
-
-log = logging.getLogger("captain.gnss")
 
 JAMMING = ("unknown", "none", "warning", "critical")
 SPOOFING = ("unknown", "none", "indicated", "affirmed")
@@ -22,15 +21,12 @@ _QUIET = ("unknown", "none", "ok", "starting")
 
 
 class ReceiverState:
-    """Takes messages, and tells what they say; a change for the worse is logged once, and its end too.
+    """Takes messages, and tells what they say; a change for the worse is logged, and its end too, but seldom."""
 
-    name  of the interface, in the journal.
-    """
-
-    def __init__(self, name: str) -> None:
+    def __init__(self, journal: Journal) -> None:
         self.leap: Leap | None = None
         self.pvt: NavPvt | None = None
-        self._name = name
+        self._journal = journal
         self._words: dict[str, str] = {"jamming": "unknown", "spoofing": "unknown", "antenna": "unknown"}
         self._leap_source = "unknown"
         self._has_signal_security = False
@@ -104,7 +100,7 @@ class ReceiverState:
         if now == before or (now in _QUIET and before in _QUIET):
             return
         level = logging.INFO if now in _QUIET else logging.WARNING
-        log.log(level, "%s: %s: %s, was %s", self._name, what, now, before)
+        self._journal.say(level, f"{what} {now}", f"{what}: {now}, was {before}")
 
 
 def _word(words: tuple[str, ...], number: int) -> str:

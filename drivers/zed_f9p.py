@@ -10,6 +10,7 @@ from board.machine import Machine
 from board.time import Fix, TimeMark
 from drivers.contract import Answer, Can, Capabilities, Host, Sent, Shared
 from drivers.gnss_corrections import Corrections, corrections
+from drivers.gnss_journal import Journal
 from drivers.gnss_nmea import NmeaReceiver
 from drivers.gnss_options import GnssOptions
 from drivers.gnss_receiver import SILENT_S, Above, Receiver
@@ -60,6 +61,7 @@ class ZedF9p:
         self._epoch_at = host.loop.clock()
         self._jumps = Jumps()
         self._withheld = 0
+        self._journal = Journal(log, host.name, host.loop.clock)
         self._timer = host.loop.after(LOOK_S, self._look)
         try:
             self._receiver.start()
@@ -124,11 +126,11 @@ class ZedF9p:
         before = self._jumps.count
         is_believed = self._jumps.is_believed(fix)
         if self._jumps.count > before:
-            log.warning(
-                "%s: the position jumped by %.1f km; not passed on before %d epochs agree",
-                self.host.name,
-                self._jumps.metres / 1000,
-                Jumps.CONFIRMED,
+            kilometres = self._jumps.metres / 1000
+            self._journal.say(
+                logging.WARNING,
+                "jump",
+                f"the position jumped by {kilometres:.1f} km; not passed on before {Jumps.CONFIRMED} epochs agree",
             )
         return is_believed
 

@@ -1,6 +1,7 @@
 """A simulated ZED-F9P on a pty: it boots, is configured, drives along a track, and has trouble when it is told to."""
 
 import itertools
+from collections import deque
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from typing import Literal
@@ -20,6 +21,7 @@ from drivers.wire.ubx_health import MonVer
 from drivers.wire.ubx_messages import Ack, CfgRst, Message, Nak, RxmRtcm, decode, encode
 from drivers.wire.ubx_values import ValGet, ValSet
 
+KEPT = 1000  # frames that it heard, for tests to look at
 HOT_S = 1.5  # from a reset that forgets nothing to a fix
 LATENCY_S = 0.03  # from an epoch until it is said
 # Since corrections came first, without a pause of RTK_OLD_S between.
@@ -66,7 +68,7 @@ class Receiver:
     sky          around it; replaced by a test.
     is_deaf      it takes nothing that is said to it. is_mute: it says nothing: it hangs.
     acknowledges False: it obeys and does not say so.
-    heard        RTCM frames. requests: all UBX frames that came in.
+    heard        RTCM frames that came in last. requests: UBX frames.
     """
 
     def __init__(
@@ -81,8 +83,8 @@ class Receiver:
         self.sky = Sky()
         self.is_deaf = self.is_mute = False
         self.acknowledges = True
-        self.heard: list[rtcm.Frame] = []
-        self.requests: list[ubx.Frame] = []
+        self.heard: deque[rtcm.Frame] = deque(maxlen=KEPT)
+        self.requests: deque[ubx.Frame] = deque(maxlen=KEPT)
         self.memory = Memory(self.habits.unknown)
         self.boots = 0
         self._loop = loop

@@ -202,7 +202,7 @@ def test_with_corrections_a_receiver_comes_to_a_fixed_solution_and_without_them_
         carriers.append(one.host.fixes[-1].carrier)
     assert sorted(set(carriers)) == list(Carrier)
     assert carriers == sorted(carriers)
-    assert [frame.number for frame in one.receiver.heard[:5]] == list(NUMBERS)
+    assert [frame.number for frame in one.receiver.heard][:5] == list(NUMBERS)
     told = one.details()
     assert told["carrier"] == "fixed"
     assert told["horizontal_mm"] == 14
