@@ -130,7 +130,7 @@ class Life:
         """Wait; whether the network has come by itself in that time."""
         end = self._loop.clock() + seconds
         while (left := end - self._loop.clock()) > 0:
-            if (yield from self._steps.ask_registration()):
+            if (yield from self._steps.questions.ask_registration()):
                 return True
             yield Pause(min(10.0, max(1.0, left)), wakes=True)
         return False

@@ -1,19 +1,21 @@
 """Bring-up of a modem: a step after the other, each with the time that it may take.
 
 port ─> identity ─> sim ─> configuration ─> registration ─> attach ─> bearer ─> up
-  ^         │ other USB composition          ^                                   │
-  └─────────┘                                └──────────── network or bearer lost┘
+  ^         │        ^                                                           │
+  └─────────┘        └──────────────────── network, bearer or card lost ─────────┘
+ other USB composition
 """
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol, TypeVar
+from typing import Protocol
 
 from board.errors import InterfaceError, ProtocolError
 from drivers.modem_bearer import COMPOSITIONS, Bearer
 from drivers.modem_known import Known
 from drivers.modem_options import IP_TYPES, NETWORK_MODES, ModemOptions
 from drivers.modem_pin import PinGuard, read_pin
+from drivers.modem_questions import DOMAINS, Questions, one
 from drivers.modem_script import (
     Begin,
     BlockedError,
@@ -28,22 +30,7 @@ from drivers.modem_script import (
 )
 from drivers.wire.at_fields import fields
 from drivers.wire.at_forms import TIMEOUT
-from drivers.wire.cell import Access, cell_report
-from drivers.wire.modem_answers import (
-    Sim,
-    attempts,
-    flag,
-    operator,
-    registration,
-    signal_dbm,
-    sim,
-    sim_error,
-    system_mode,
-    temperature_c,
-    usb_id,
-)
-
-T = TypeVar("T")
+from drivers.wire.modem_answers import Sim, attempts, sim, sim_error, usb_id
 
 # Step -> seconds. A module takes 18 to 30 s from power to its first answer, and as long to leave USB in a reset.
 LIMITS_S = {
@@ -59,10 +46,6 @@ STEPS = tuple(LIMITS_S)
 
 LEAVE_S = 30.0  # that it may take to leave USB after it was told to
 ADDRESS_TRIES = 10  # one a second, for the address of a bearer that says it is up
-
-TRIES = 3  # of a question whose answer was garbled or late
-
-DOMAINS = ("C5GREG", "CEREG", "CGREG")
 
 
 class Ground(Protocol):
@@ -85,14 +68,20 @@ class Ground(Protocol):
 
 
 class Steps:
-    """The scripts of all steps; bearer is that of the options."""
+    """The scripts of all steps.
 
-    def __init__(self, ground: Ground, options: ModemOptions, known: Known, bearer: Bearer) -> None:
+    bearer     that of the options.
+    questions  those to this modem.
+    """
+
+    def __init__(
+        self, ground: Ground, options: ModemOptions, known: Known, questions: Questions, bearer: Bearer
+    ) -> None:
         self._ground = ground
+        self.questions = questions
         self._options = options
         self._known = known
         self._bearer = bearer
-        self._unknown: set[str] = set()  # commands that this firmware does not have
         self._switches = 0  # of the USB composition, in a row
         self._guard = PinGuard(Path(options.state_dir) / f"{options.usb or Path(options.port).name}-pin.json")
         self._scripts: dict[str, Callable[[], Script[None]]] = {
@@ -129,7 +118,7 @@ class Steps:
         yield from self._scripts[step]()
 
     def _port(self) -> Script[None]:
-        self._unknown.clear()
+        self.questions.forget()
         while not self._ground.is_open:
             try:
                 self._ground.open()
@@ -192,7 +181,7 @@ class Steps:
     def _ask_sim(self) -> Script[Sim]:
         answer = yield from ask("AT+CPIN?")
         try:
-            found = sim(_one(answer.lines)) if answer.final.is_ok else sim_error(answer.final.code, answer.final.detail)
+            found = sim(one(answer.lines)) if answer.final.is_ok else sim_error(answer.final.code, answer.final.detail)
         except ProtocolError:
             found = Sim.BUSY  # asked again
         self._known.sim = found
@@ -202,7 +191,7 @@ class Steps:
         if not self._options.pin_file:
             raise BlockedError("sim: it asks for a PIN", "name a file with it as pin_file")
         pin = read_pin(self._options.pin_file)
-        left = yield from self.read("AT+SPIC", lambda found: attempts(_one(found)))
+        left = yield from self.questions.read("AT+SPIC", lambda found: attempts(one(found)))
         self._known.pin_attempts = left.pin
         card = yield from ask("AT+CICCID")  # a locked card may not say it: all of them are one then
         self._guard.begin(pin, " ".join(card.lines), left.pin)
@@ -216,10 +205,10 @@ class Steps:
         raise BlockedError("sim: it refused the PIN", "correct pin_file; the same PIN is not tried again")
 
     def _configuration(self) -> Script[None]:
-        if (yield from self.read("AT+CFUN?", lambda found: flag(_one(found), "+CFUN"))) != 1:
+        if (yield from self.questions.number("+CFUN")) != 1:
             yield from lines("AT+CFUN=1")
         mode = NETWORK_MODES.get(self._options.network_mode)
-        if mode is not None and (yield from self.read("AT+CNMP?", lambda found: flag(_one(found), "+CNMP"))) != mode:
+        if mode is not None and (yield from self.questions.number("+CNMP")) != mode:
             yield from lines(f"AT+CNMP={mode}")
         yield from self._context()
         for text in ("AT+CREG=0", *(f"AT+{domain}=2" for domain in DOMAINS), "AT+CNSMOD=1", "AT+CGEREP=2,1"):
@@ -238,14 +227,14 @@ class Steps:
         yield from ask("AT+CGATT=0")
 
     def _registration(self) -> Script[None]:
-        while not (yield from self.ask_registration()):
+        while not (yield from self.questions.ask_registration()):
             self._ground.say(f"registration: {self._known.registration_text}")
-            yield from self.look_at_cell()
+            yield from self.questions.look_at_cell()
             yield Pause(5.0, wakes=True)
             yield from self._sim()  # the card may have been taken out
 
     def _attach(self) -> Script[None]:
-        if (yield from self.read("AT+CGATT?", lambda found: flag(_one(found), "+CGATT"))) != 1:
+        if (yield from self.questions.number("+CGATT")) != 1:
             yield from lines("AT+CGATT=1")
 
     def _connect(self) -> Script[None]:
@@ -258,69 +247,6 @@ class Steps:
                     yield Pause(1.0)
                 else:
                     return
-
-    # -- questions
-
-    def read(self, text: str, parse: Callable[[tuple[str, ...]], T]) -> Script[T]:
-        """A question whose answer may be garbled or late once. Raises StepError."""
-        last = StepError(f"{text}: no answer")
-        for _ in range(TRIES):
-            answer = yield from ask(text)
-            if answer.final is TIMEOUT:
-                continue
-            if not answer.final.is_ok:
-                raise refusal(text, answer.final)
-            try:
-                return parse(answer.lines)
-            except ProtocolError as error:
-                self._known.misread += 1
-                last = StepError(f"{text}: {error.message}")
-        raise last
-
-    def optional(self, text: str, parse: Callable[[tuple[str, ...]], T]) -> Script[T | None]:
-        """The same, None where this firmware has no such command, or gives it no answer now."""
-        if text in self._unknown:
-            return None
-        answer = yield from ask(text)
-        if answer.final.name in ("ERROR", "COMMAND NOT SUPPORT"):
-            self._unknown.add(text)
-        if not answer.final.is_ok:
-            return None
-        try:
-            return parse(answer.lines)
-        except ProtocolError:
-            self._known.misread += 1
-            return None
-
-    def ask_registration(self) -> Script[bool]:
-        """Ask every domain; whether one is registered."""
-        for domain in DOMAINS:
-            found = yield from self.optional(f"AT+{domain}?", lambda found: registration(_one(found)))
-            if found is not None:
-                self._known.registrations[domain] = found
-        return self._known.is_registered
-
-    def look_at_cell(self) -> Script[None]:
-        """Cell and signal."""
-        known = self._known
-        known.cell = yield from self.optional("AT+CPSI?", cell_report)
-        if known.cell is None or known.cell.access is not Access.SA:
-            known.rssi_dbm = yield from self.optional("AT+CSQ", lambda found: signal_dbm(_one(found)))
-
-    def look_at_module(self) -> Script[None]:
-        """Temperature and operator, which change slowly."""
-        known = self._known
-        known.temperature_c = yield from self.optional("AT+CPMUTEMP", lambda found: temperature_c(_one(found)))
-        found = yield from self.optional("AT+COPS?", lambda found: operator(_one(found)))
-        known.operator = found.name if found else ""
-        known.system_mode = (yield from self.optional("AT+CNSMOD?", lambda found: system_mode(_one(found)))) or ""
-
-
-def _one(found: tuple[str, ...]) -> str:
-    """The one line of an answer. Raises ProtocolError where there is none."""
-    if not found:
-        raise ProtocolError("OK without an answer")
-    return found[-1]
 
 
 def _plain(found: tuple[str, ...], prefix: str) -> str:

@@ -5,8 +5,8 @@ from collections.abc import Callable
 from board.errors import ProtocolError
 from drivers.modem_bearer import Bearer
 from drivers.modem_known import Known
+from drivers.modem_questions import Questions
 from drivers.modem_script import LostError, Pause, Script, StepError
-from drivers.modem_steps import Steps
 from drivers.modem_system import Counters, System
 
 SLOWLY = 6  # looks at network and bearer for each at temperature and operator
@@ -44,14 +44,14 @@ class Watch:
 
     def __init__(
         self,
-        steps: Steps,
+        questions: Questions,
         known: Known,
         bearer: Bearer,
         system: System,
         clock: Callable[[], float],
         poll_s: float,
     ) -> None:
-        self._steps = steps
+        self._questions = questions
         self._known = known
         self._bearer = bearer
         self._system = system
@@ -78,11 +78,11 @@ class Watch:
             yield Pause(self._poll_s, wakes=True)
 
     def _look(self, is_slow: bool) -> Script[None]:
-        if not (yield from self._steps.ask_registration()):
+        if not (yield from self._questions.ask_registration()):
             yield Pause(SECOND_LOOK_S)
-            if not (yield from self._steps.ask_registration()):
+            if not (yield from self._questions.ask_registration()):
                 raise LostError(f"network lost: {self._known.registration_text}")
         self._known.addresses = yield from self._bearer.look()
-        yield from self._steps.look_at_cell()
+        yield from self._questions.look_at_cell()
         if is_slow:
-            yield from self._steps.look_at_module()
+            yield from self._questions.look_at_module()

@@ -30,6 +30,7 @@ from drivers.modem_life import Life, ResetAskedError
 from drivers.modem_operator import Operations
 from drivers.modem_options import ModemOptions
 from drivers.modem_port import Above, AtPort
+from drivers.modem_questions import Questions
 from drivers.modem_recovery import Ladder
 from drivers.modem_script import Ended, Program, Run, Runner, StepError
 from drivers.modem_steps import Steps
@@ -73,8 +74,9 @@ class Sim8202g:
         self.open()
         known.forget_network()
         bearer = self._bearer = BEARERS[options.bearer](options, self._system)
-        steps = Steps(self, options, known, bearer)
-        watch = Watch(steps, known, bearer, self._system, host.loop.clock, options.poll_s)
+        questions = Questions(known)
+        steps = Steps(self, options, known, questions, bearer)
+        watch = Watch(questions, known, bearer, self._system, host.loop.clock, options.poll_s)
         self._life = Life(host.name, host.loop, self, known, steps, bearer, watch, self._ladder)
         self._runner = Runner(host.loop, self, self._life.run(), self._failed)
         self._runner.start()

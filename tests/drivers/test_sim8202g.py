@@ -14,6 +14,8 @@ from drivers.modem_steps import LIMITS_S
 from drivers.modem_system import Counters
 from drivers.sim.modem_commands import ICCID, IMEI, IMSI
 from drivers.sim.modem_network import ADDRESS, Access
+from drivers.sim8202g import Sim8202g
+from tests.drivers.host import SHARED
 from tests.drivers.modem import Bench
 from tests.virtual import VirtualLoop
 
@@ -115,6 +117,15 @@ def test_start_without_a_module_is_refused_and_may_be_repeated(bench, host):
         with pytest.raises(InterfaceError):
             bench.driver.start(host)
     assert host.links == []
+
+
+def test_a_port_that_another_program_has_is_refused_and_named(make, host, tmp_path):
+    bench = make()
+    bench.up()
+    other = Sim8202g(ModemOptions(port=bench.driver._port.path, bearer="none"), SHARED)
+    with pytest.raises(InterfaceError, match="taken by another program"):
+        other.start(host)
+    assert bench.station.is_up
 
 
 def test_another_usb_composition_is_switched_to_and_its_return_is_waited_for(make):
