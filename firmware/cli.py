@@ -24,7 +24,6 @@ VERBS = {
     "board": "the board: identity, slots, rails, temperatures, and the time line of the start",
     "gnss": "what the GNSS receivers see: fix, accuracy, jamming, leap seconds; and their reset",
     "modem": "what the cellular modem sees; a command to it; its reset",
-    "gnss": "what the GNSS receivers see: fix, accuracy, jamming, leap seconds; and their reset",
     "selftest": "each thing that the board declares: is it there, does it work, what does it measure",
     "doctor": "check configuration, ports, interfaces, permissions and clock, and say what to do",
     "demo": "two simulated stations that exchange messages, watched live",
@@ -86,10 +85,6 @@ def load(verb: str) -> ModuleType:
             from firmware.commands import modem
 
             return modem
-        case "gnss":
-            from firmware.commands import gnss
-
-            return gnss
         case "selftest":
             from firmware.commands import selftest
 

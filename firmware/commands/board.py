@@ -48,7 +48,7 @@ def tables(answer: Mapping[str, object]) -> Iterator[Table]:
     if told:
         yield Table(board.title(told))
         yield board.slots(told)
-        yield Table("", ("measured", "name", "value", ">s ago", "wrong"), board.measured(told))
+        yield Table("", ("measured", "name", "value", ">s ago"), board.measured(told))
         yield from ([Table("wrong", notes=texts(told, "complaints"))] if texts(told, "complaints") else [])
     else:
         yield Table("the board file declares no hardware")

@@ -86,7 +86,7 @@ def _alone(arguments: argparse.Namespace) -> Mapping[str, object]:
 
     def answered(answer: Mapping[str, object] | StationError) -> None:
         found.append(answer)
-        loop.stop()
+        loop.soon(loop.stop)  # it may come before the loop turns
 
     with tempfile.TemporaryDirectory(prefix="captain-selftest-") as folder:
         control = f"endpoint.control={Path(folder) / 'control'}"

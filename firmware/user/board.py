@@ -68,27 +68,18 @@ def title(board: Mapping[str, object]) -> str:
     return f"board {text(board, 'name')}: {known or text(board, 'description')}{runs}"
 
 
-def measured(board: Mapping[str, object]) -> list[tuple[str, str, str, str, str]]:
-    """Rails, temperatures and fan: name, what, values, age, what is wrong."""
+def measured(board: Mapping[str, object]) -> list[tuple[str, str, str, str]]:
+    """Rails, temperatures and fan: kind, name, values, seconds ago."""
     rows = [("rail", name, one) for name, one in named(board, "rails")]
     rows += [("temperature", name, one) for name, one in named(board, "temperatures")]
     rows += [("fan", "", within(board, "fan"))] if within(board, "fan") else []
-    return [
-        (
-            kind,
-            name,
-            values(one),
-            f"{number(one, 'age_s'):.1f}",
-            "; ".join([*texts(one, "crossed"), text(one, "fault")]),
-        )
-        for kind, name, one in rows
-    ]
+    return [(kind, name, values(one), f"{number(one, 'age_s'):.1f}") for kind, name, one in rows]
 
 
 def summary(board: Mapping[str, object]) -> list[str]:
     """All measurements in a few words, for the status."""
-    tables = (("rails", "rails"), ("temperatures", "temperatures"))
-    told = [(words, [f"{name} {values(one)}" for name, one in named(board, table)]) for words, table in tables]
+    tables = ("rails", "temperatures")
+    told = [(table, [f"{name} {values(one)}" for name, one in named(board, table)]) for table in tables]
     told += [("fan", [values(within(board, "fan"))] if within(board, "fan") else [])]
     return [f"{words}: {', '.join(found)}" for words, found in told if found]
 
