@@ -18,6 +18,10 @@ from drivers.wire.redact import redact
 
 T = TypeVar("T")
 
+# EPERM and EACCES as every program words them.
+_NOT_PERMITTED = ("Operation not permitted", "Permission denied")
+NEEDS = "a bearer takes the right to configure network devices: CAP_NET_ADMIN"
+
 LEAST_PAUSE_S = 1.0  # whatever wakes it: a storm of unsolicited codes makes no storm of questions
 
 
@@ -222,10 +226,15 @@ def refusal(text: str, final: Final) -> StepError:
 
 
 def run(*argv: str, limit_s: float = 30.0, keep: str = "") -> Script[str]:
-    """What a program says. Raises StepError where it fails, with the last line that it said."""
+    """What a program says. Raises StepError where it fails, with the last line that it said.
+
+    BlockedError where it was not permitted: no reset of a modem gives a right.
+    """
     ended = yield Run(argv, limit_s, keep)
     assert isinstance(ended, Ended)
     if ended.status:
-        last = ended.output.strip().rpartition("\n")[2]
-        raise StepError(f"{argv[0]} ended with status {ended.status}: {redact(last)[:200]}")
+        last = redact(ended.output.strip().rpartition("\n")[2])[:200]
+        if any(words in ended.output for words in _NOT_PERMITTED):
+            raise BlockedError(f"{argv[0]} is not permitted: {last}", NEEDS)
+        raise StepError(f"{argv[0]} ended with status {ended.status}: {last}")
     return ended.output

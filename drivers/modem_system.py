@@ -13,7 +13,7 @@ from board import usb
 from board.errors import InterfaceError, StationError
 from board.loop import Loop
 from board.machine import Machine
-from drivers.modem_script import Ended, Program, Run, StepError
+from drivers.modem_script import BlockedError, Ended, Program, Run, StepError
 from drivers.modem_tool import Tool
 
 SIOCGIFADDR = 0x8915  # linux/sockios.h
@@ -86,10 +86,15 @@ class System:
         return usb.control_device(self._machine, place)
 
     def set_raw_ip(self, device: str) -> None:
-        """Packets without Ethernet headers, which is all that an SDX55 speaks; the device must be down."""
+        """Packets without Ethernet headers, which is all that an SDX55 speaks; the device must be down.
+
+        Raises BlockedError where this is not permitted, InterfaceError where the device has no such mode.
+        """
         path = self._machine.sys / "class/net" / device / "qmi/raw_ip"
         try:
             path.write_text("Y\n")
+        except PermissionError as error:
+            raise BlockedError(f"{path}: {error.strerror}", "it takes writing to /sys") from error
         except OSError as error:
             raise InterfaceError(f"{path}: {error.strerror}", "is the device one of qmi_wwan?") from error
 

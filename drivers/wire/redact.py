@@ -6,6 +6,9 @@ import re
 # cell with its PLMN in front: 17 digits, which is therefore hidden as well; a cell alone has 11.
 _LONG = re.compile(r"(?<![0-9A-Fa-f.])\+?\d{12,22}F?(?![0-9A-Fa-f])")
 
+# A short message in hexadecimal, with numbers of telephones in it; a cell has at most 10 of these digits.
+_HEXADECIMAL = re.compile(r"\b[0-9A-Fa-f]{16,}\b")
+
 # A telephone number has 3 to 15 digits, so what speaks of one is known by its name.
 _CALLER = re.compile(r"((?:\+CLIP|\+CNUM|\+CMT|\+CDS|\+CMG[LR]|\+CCWA|\+CUSD|\+COLP|MISSED_CALL|\+CSCA)\b[: ]).*")
 _INTERNATIONAL = re.compile(r'"\+\d{3,}"')
@@ -23,4 +26,6 @@ def redact(text: str) -> str:
     text = _CALLER.sub(r"\1<personal>", text)
     text = _LABELLED.sub(r"\1<personal>", text)
     text = _INTERNATIONAL.sub('"<number>"', text)
-    return _LONG.sub(lambda match: f"<{len(match[0])} digits>", text)
+    for pattern in (_LONG, _HEXADECIMAL):
+        text = pattern.sub(lambda match: f"<{len(match[0])} digits>", text)
+    return text

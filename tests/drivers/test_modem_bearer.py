@@ -191,6 +191,19 @@ def test_a_program_that_is_missing_blocks_and_resets_nothing(make, monkeypatch, 
     assert "AT+COPS=0" not in bench.modem.asked
 
 
+def test_a_right_that_is_missing_blocks_and_resets_nothing(make):
+    bench = qmi(make)
+    bench.system.printed["link set"] = "RTNETLINK answers: Operation not permitted\n"
+    bench.system.fails = {"link set"}
+    bench.start()
+    bench.loop.run_until(lambda: "ip is not permitted" in bench.station.why)
+    bench.loop.run_for(3600)
+    assert "CAP_NET_ADMIN" in bench.station.why
+    assert bench.modem.boots == 1
+    bench.system.fails = set()
+    bench.loop.run_until(lambda: bench.station.is_up)
+
+
 def test_a_program_that_fails_is_a_step_that_fails_with_its_last_words(make):
     bench = qmi(make)
     bench.system.printed["--wds-start-network"] = "error: couldn't start network: QMI protocol error (14): 'CallFailed'"

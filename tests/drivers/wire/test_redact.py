@@ -18,6 +18,7 @@ from drivers.wire.redact import redact
         ("ATD+4915112345678;", "ATD<number>;"),
         ('+CLIP: "07712345678",129', "+CLIP:<personal>"),
         ("MISSED_CALL: 11:01AM 07712345678", "MISSED_CALL:<personal>"),
+        ("0791947101670000040C91947112325476000022", "<40 digits>"),
         ('+CGEV: "+49151234"', '+CGEV: "<number>"'),
     ],
 )
