@@ -39,6 +39,7 @@ class Habits:
     """What a receiver is like.
 
     gps_s         GPS time when it is made.
+    gadget        path of a USB gadget's tty (/dev/ttyGS0) that it speaks at, in place of a pty.
     port          that somebody is at: a USB device comes and goes; a UART, and what stands for an I2C bus, is
                   always there.
     speaks_ubx    False: an NMEA receiver.
@@ -51,6 +52,7 @@ class Habits:
 
     gps_s: int = says.gps_of(2026, 6, 1, 8, 0, 0)
     port: Literal["usb", "uart1", "i2c"] = "usb"
+    gadget: str = ""
     speaks_ubx: bool = True
     boot_s: float = 0.8
     fix_s: float = 2.0
@@ -91,7 +93,7 @@ class Receiver:
         self._track = track or Track()
         self._appeared, self._vanished = appeared, vanished
         self._made = loop.clock()
-        self._line = ReceiverLine(loop, self._hear, self._baud)
+        self._line = ReceiverLine(loop, self._hear, self._baud, self.habits.gadget)
         self._timer: Timer | None = None
         self._is_on = self._is_running = False
         if self.habits.port != "usb":
@@ -156,8 +158,9 @@ class Receiver:
         self._appeared(self._line.path)
 
     def _close(self) -> None:
-        if self._line.is_open:
-            self._line.close()
+        was_open = self._line.is_open
+        self._line.close()
+        if was_open:
             self._vanished()
 
     def _baud(self) -> int | None:
