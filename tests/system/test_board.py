@@ -1,0 +1,152 @@
+"""A started station on the simulated board: radio and receiver come up through their slots, fail and return."""
+
+import json
+import os
+import signal
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from firmware.board_file import BOARDS
+from tests.system.conftest import Launcher
+from tests.system.station import PROGRAM, Station
+from tests.system.user import User
+
+# A modem needs ten seconds to find a network: it has tests of its own.
+WITHOUT = "[interfaces.cellular]"
+
+
+class Bench:
+    """A station on a board of its own ports, and a user of it."""
+
+    def __init__(self, launch: Launcher, folder: Path) -> None:
+        text = (BOARDS / "sim.toml").read_text()
+        before, found, after = text.partition(WITHOUT)
+        assert found
+        text = (before + after[after.index("[neighbours]") :]).replace("off_s = 1.0", "off_s = 0.1")
+        for usual in ("8947", "8949"):
+            text = text.replace(f"127.0.0.1:{usual}", f"127.0.0.1:{launch.port()}")
+        board = folder / "board.toml"
+        board.write_text(text)
+        self.station: Station = launch.station()
+        self.station.configure({})
+        self.station.start("--board", str(board))
+        self.user: User = launch.user(self.station)
+
+    def slot(self, name: str) -> dict[str, Any]:
+        found: dict[str, Any] = self.station.status()["board"]["slots"][name]
+        return found
+
+    def until_up(self) -> dict[str, Any]:
+        return self.station.until(lambda status: all(one["state"] == "up" for one in status["interfaces"].values()))
+
+    def captain(self, *words: str) -> tuple[int, Any]:
+        """A command that is answered in JSON: its exit status and its answer."""
+        command = [*PROGRAM, *words, "--json", "--control", str(self.station.control)]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=20, check=False)
+        assert done.stdout, done.stderr
+        return done.returncode, json.loads(done.stdout)
+
+    def workers(self) -> dict[str, int]:
+        """Process id of each child, by the name of the worker that it is."""
+        assert self.station.child is not None
+        pid = self.station.child.pid
+        children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+        words = {int(child): Path(f"/proc/{child}/cmdline").read_text().split("\0") for child in children}
+        return {line[line.index("--worker") + 1]: child for child, line in words.items() if "--worker" in line}
+
+
+@pytest.fixture(scope="module")
+def bench(launch_shared: Launcher, tmp_path_factory: pytest.TempPathFactory) -> Bench:
+    bench = Bench(launch_shared, tmp_path_factory.mktemp("board"))
+    bench.until_up()
+    return bench
+
+
+def test_radio_and_receiver_come_up_through_their_slots(bench: Bench) -> None:
+    assert {name: bench.slot(name)["state"] for name in ("gnss", "free", "v2x", "cellular")} == {
+        "gnss": "running",
+        "free": "unused",
+        "v2x": "running",
+        "cellular": "unused",
+    }
+
+
+def test_neighbours_are_heard_by_the_radio(bench: Bench) -> None:
+    bench.station.until(lambda status: status["interfaces"]["g5"]["received"].get("cam", 0) > 0)
+
+
+def test_the_receivers_position_is_the_stations(bench: Bench) -> None:
+    status = bench.station.until(lambda status: status["position"]["source"] == "gnss")
+    assert status["position"]["fix"] == "full"
+    assert status["position"]["latitude"] == pytest.approx(48.767, abs=0.01)
+
+
+def test_the_worker_of_the_board_may_be_killed(bench: Bench) -> None:
+    bench.station.until(lambda status: status["board"]["rails"]["supply"]["age_s"] is not None)
+    os.kill(bench.workers()["sim-board"], signal.SIGKILL)
+    bench.station.until(lambda status: status["board"]["worker"]["restarts"] > 0 and status["board"]["worker"]["is_up"])
+    assert bench.until_up()["board"]["rails"]["supply"]["v"] == pytest.approx(12.0)
+
+
+def test_a_crash_of_the_radios_library_costs_that_interface_a_restart_and_nothing_else(bench: Bench) -> None:
+    before = bench.station.status()["interfaces"]
+    os.kill(bench.workers()["som301e"], signal.SIGKILL)
+    after = bench.station.until(
+        lambda status: (
+            status["interfaces"]["g5"]["restarts"] > before["g5"]["restarts"]
+            and status["interfaces"]["g5"]["state"] == "up"
+        )
+    )["interfaces"]
+    assert after["gnss"]["restarts"] == before["gnss"]["restarts"]
+    assert bench.slot("v2x")["cycles"] == 0
+
+
+def test_a_power_cycle_of_one_slot_touches_no_other(bench: Bench) -> None:
+    code, slots = bench.captain("slot", "cycle", "gnss", "--wait")
+    assert (code, slots["gnss"]["state"], slots["gnss"]["cycles"]) == (0, "running", 1)
+    assert bench.until_up()["board"]["slots"]["v2x"]["cycles"] == 0
+
+
+def test_a_slot_that_is_switched_off_loses_its_device_until_it_is_switched_on(bench: Bench) -> None:
+    assert bench.captain("slot", "off", "1")[0] == 0
+    status = bench.station.until(lambda status: status["interfaces"]["gnss"]["state"] == "waiting")
+    assert status["interfaces"]["gnss"]["why"] == "slot gnss: off: by an operator"
+    assert bench.captain("slot", "on", "1", "--wait")[1]["gnss"]["state"] == "running"
+    bench.until_up()
+
+
+def test_the_board_is_shown_with_the_time_line_of_the_start(bench: Bench) -> None:
+    code, told = bench.captain("board", "show")
+    assert code == 0
+    assert told["board"]["identity"]["vendor"] == "captain"
+    who = [row["who"] for row in told["timeline"]]
+    assert {"slot gnss", "slot v2x", "g5", "gnss"} <= set(who)
+
+
+def test_a_driver_is_asked_over_the_control_socket(bench: Bench) -> None:
+    answer = bench.station.ask(do="operate", interface="gnss", ask="status", arguments={})
+    assert answer["ok"], answer
+    refused = bench.station.ask(do="operate", interface="g5", ask="status")
+    assert refused["error"] == "interface g5 (som301e) cannot be asked anything"
+
+
+def test_the_self_test_passes(bench: Bench) -> None:
+    bench.station.until(lambda status: status["position"]["source"] == "gnss")
+    answer = bench.station.ask(do="selftest", within_s=30)
+    assert [row for row in answer["rows"] if not row["works"]] == []
+
+
+def test_it_ends_with_its_workers_and_leaves_no_files(
+    launch: Launcher, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, wait_for_end: Any
+) -> None:
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    bench = Bench(launch, tmp_path)
+    bench.until_up()
+    workers = bench.workers().values()
+    bench.station.stop()
+    for pid in workers:
+        wait_for_end(pid)
+    assert list(tmp_path.glob("captain-sim-*")) == []
