@@ -64,6 +64,7 @@ class Slot:
     is_rested  off for off_s, or as the station found it.
     cause      why it is in fault, or was until the try that now runs: the first of its causes.
     note       what an operator should know of a slot without fault; empty: nothing.
+    is_unswitched  in fault because a switch failed: its supply is not known.
     device     what is there, when it is present; None also where the board file does not say where to look.
     timeline   the last states it went through.
     """
@@ -88,6 +89,7 @@ class Slot:
         self.description = description
         self.state = State.OFF
         self.is_rested = True
+        self.is_unswitched = False
         self.cause: StationError | None = None
         self.note = ""
         self.device: Device | None = None
@@ -154,6 +156,7 @@ class Slot:
             return
         is_change = rule.state is not self.state
         if is_change:
+            self.is_unswitched = event is Event.FAILED
             self._enter(rule.state, why or event.value)
         rule.act(self)
         if is_change:

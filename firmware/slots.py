@@ -9,8 +9,9 @@
                                                 hot-plug, operator: fault ──> from the beginning
 
 A fault stays, with its first cause, until something has changed: a device appears in the slot, or an operator asks.
-The power stays on in a fault, because a module without power could not be seen when it is plugged in; it stays on when
-the station stops, so that a restart of the station is none of its modules.
+The power stays on in a fault, because a module without power could not be seen when it is plugged in; where it could
+not be switched on, that is tried again. It stays on when the station stops, so that a restart of the station is none of
+its modules.
 """
 
 import logging
@@ -29,6 +30,7 @@ from firmware.supervisor import Supervised
 # a minute: what has failed for so long fails for another reason.
 STARTS = 15
 CYCLES = 3  # without steady running in between; a fourth has never helped
+RESWITCH_S = 30.0  # between two tries to give power to a slot in fault, after a switch has failed
 STEADY_S = 60.0  # of running, after which an older failure has nothing to do with the next
 
 log = logging.getLogger("captain.slots")
@@ -107,6 +109,7 @@ class Slot:
         self._failures = 0  # since it last ran steadily
         self._cycled = 0  # likewise
         self._steady: Timer | None = None
+        self._reswitch: Timer | None = None
         if interface is not None:
             interface.on_start = lambda: self.tell(Event.STARTED)
             interface.on_failure = self._failed
@@ -117,6 +120,7 @@ class Slot:
     def stop(self) -> None:
         """Stop the driver, leave the power as it is, and do nothing more whatever happens; idempotent."""
         self.unwatch()
+        self._leave_switches()
         self.state = State.STOPPED
         if self._interface is not None:
             self._interface.stop()
@@ -131,6 +135,9 @@ class Slot:
         passage = self._sequencer.timeline[-1]
         if self._sequencer.state in MEANINGS:
             self.tell(MEANINGS[self._sequencer.state], passage.why)
+        if self.state is State.FAULT and self._sequencer.is_unswitched:
+            self._leave_switches()
+            self._reswitch = self._loop.after(RESWITCH_S, self._switch_again)
 
     def tell(self, event: Event, why: str = "") -> None:
         """What has happened; an event that the state has no rule for changes nothing."""
@@ -175,6 +182,15 @@ class Slot:
         is_stuck = isinstance(error, StuckError) or self._failures >= STARTS
         self.tell(Event.STUCK if is_stuck else Event.FAILED, error.message)
         return self.state is State.STARTING
+
+    def _switch_again(self) -> None:
+        """Nothing could show itself in a slot without power, and the fault would be there for ever."""
+        if self.state is State.FAULT and self._sequencer.is_unswitched:
+            self._sequencer.cycle()
+
+    def _leave_switches(self) -> None:
+        if self._reswitch is not None:
+            self._reswitch.cancel()
 
     # What the rules do, in their order.
 

@@ -12,6 +12,7 @@ from drivers.sim.chips import Fault
 from firmware import carrier as carrier_module
 from firmware.carrier import Carrier
 from firmware.selftest import Selftest
+from firmware.slots import RESWITCH_S
 from tests.firmware.whole_board import NearRemote, WholeBoard
 from tests.virtual import VirtualLoop
 
@@ -118,6 +119,17 @@ def test_an_expander_that_does_not_answer_is_a_fault_with_its_name_and_touches_n
     running.simulated.world.fail("main", 0x20, None)
     running.carrier.slots["gnss"].operate("on")
     running.until_up(within=30)
+
+
+def test_a_slot_whose_power_could_not_be_switched_on_gets_it_when_the_bus_is_back(running: WholeBoard) -> None:
+    running.carrier.slots["gnss"].operate("cycle")
+    running.until(lambda: not running.simulated.world.is_active("slot1_power"), within=5)
+    running.simulated.world.fail("main", 0x20, Fault(errno.EREMOTEIO))
+    running.until(lambda: running.state("gnss") == "fault", within=120)
+    running.loop.run_for(100)
+    assert (running.state("gnss"), running.simulated.world.is_active("slot1_power")) == ("fault", False)
+    running.simulated.world.fail("main", 0x20, None)
+    running.until_up(within=RESWITCH_S + 15)
 
 
 def test_a_rail_out_of_its_limits_is_complained_of(running: WholeBoard) -> None:
