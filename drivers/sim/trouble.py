@@ -100,10 +100,9 @@ def _no_garbage(seat: Seat) -> None:
 
 
 def _crash(seat: Seat) -> None:
-    """It leaves USB, and boots."""
-    supplied = seat.bench.modules[seat.name].supplied
-    supplied(False)
-    supplied(True)
+    """It leaves USB, and boots where it has its supply."""
+    seat.bench.unplug(seat.name)
+    seat.bench.plug(seat.name)
 
 
 def _card(is_there: bool) -> Act:
