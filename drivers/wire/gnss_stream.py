@@ -20,18 +20,20 @@ FRAME_S = 1.0
 
 MAX_GARBAGE = 1024  # octets that are told in one piece
 
+# What checksums of nothing may cost: beginnings that a peer makes up every six octets, each promising 8,000, would take
+# seconds for a second's octets. So many octets of checksums in vain are for each that comes, and as many at once;
+# where that is used up, a candidate is passed over whole. A line that is merely bad stays far below.
+CREDIT, MOST_CREDIT = 8, 65_536
+
 _BEGINNING = re.compile(rb"[\xb5$\xd3]")
 # A sentence is printable but for `$`, `*`, and the end of the line; what is cut off may go on so.
 _SENTENCE = re.compile(rb"\$([ -#%-)+-~]{5,256})\*([0-9A-F]{2})\r\n")
 _SENTENCE_BEGUN = re.compile(rb"\$[ -#%-)+-~]{0,256}(\*[0-9A-F]{0,2}\r?)?")
 
 
-class _More:
-    """The candidate is not complete."""
-
-
-_MORE: Final = _More()
-_Found = tuple[Event, int] | _More | Reason
+# What begins somewhere and where it ends; why it is none; or nothing yet: more octets are needed.
+_Found = tuple[ubx.Frame | nmea.Sentence | rtcm.Frame | Reason | None, int]
+_MORE: Final = (None, 0)
 
 
 class GnssStream:
@@ -44,6 +46,7 @@ class GnssStream:
     def __init__(self) -> None:
         self._waiting = bytearray()
         self._since: float | None = None  # when the candidate began
+        self._credit = MOST_CREDIT
         self._reason = Reason.FRAMING
         self._sample = b""
         self._skipped = 0
@@ -52,6 +55,7 @@ class GnssStream:
         """What octets complete, and the garbage in front of it."""
         events: list[Event] = []
         self._waiting += octets
+        self._credit = min(MOST_CREDIT, self._credit + CREDIT * len(octets))
         self._scan(events, now)
         if self._skipped >= MAX_GARBAGE:
             self._tell(events)
@@ -79,18 +83,15 @@ class GnssStream:
         while (found := _BEGINNING.search(waiting, at)) is not None:
             self._pass_over(at, found.start())
             at = found.start()
-            result = _look(waiting, at)
-            if isinstance(result, _More):
+            result, end = _look(waiting, at)
+            if result is None:
                 break
             if isinstance(result, Reason):
-                if result is Reason.CHECKSUM:
-                    self._reason = result
-                self._pass_over(at, at + 1)
-                at += 1
+                at = self._wrong(result, at, end)
                 continue
             self._tell(events)
-            event, at = result
-            events.append(event)
+            events.append(result)
+            at = end
         else:
             self._pass_over(at, len(waiting))
             at = len(waiting)
@@ -99,6 +100,17 @@ class GnssStream:
             self._since = None
         elif self._since is None or at:
             self._since = now
+
+    def _wrong(self, reason: Reason, at: int, end: int) -> int:
+        """Where the search goes on behind a candidate that was none."""
+        if reason is Reason.CHECKSUM:
+            self._reason = reason
+            self._credit -= end - at
+        behind = at + 1
+        if self._credit < 0:
+            self._credit, behind = 0, end
+        self._pass_over(at, behind)
+        return behind
 
     def _skip(self, octets: int) -> None:
         self._pass_over(0, octets)
@@ -119,7 +131,6 @@ class GnssStream:
 
 
 def _look(waiting: bytearray, at: int) -> _Found:
-    """What begins here: the event and its end, or that more is needed, or why it is none."""
     match waiting[at]:
         case 0xB5:
             return _ubx(waiting, at)
@@ -130,39 +141,39 @@ def _look(waiting: bytearray, at: int) -> _Found:
 
 
 def _ubx(waiting: bytearray, at: int) -> _Found:
+    if not ubx.SYNC.startswith(waiting[at : at + 2]):
+        return Reason.FRAMING, at + 1
     if len(waiting) < at + 6:
-        return _MORE if ubx.SYNC.startswith(waiting[at : at + 2]) else Reason.FRAMING
+        return _MORE
     length = waiting[at + 4] | waiting[at + 5] << 8
-    if waiting[at + 1] != ubx.SYNC[1] or length > ubx.MAX_PAYLOAD:
-        return Reason.FRAMING
     end = at + length + ubx.OVERHEAD
+    if length > ubx.MAX_PAYLOAD:
+        return Reason.FRAMING, at + 1
     if len(waiting) < end:
         return _MORE
     body = bytes(waiting[at + 2 : end - 2])
     if ubx.checksum(body) != waiting[end - 2 : end]:
-        return Reason.CHECKSUM
+        return Reason.CHECKSUM, end
     return ubx.Frame(body[0] << 8 | body[1], body[4:]), end
 
 
 def _rtcm(waiting: bytearray, at: int) -> _Found:
+    if len(waiting) > at + 1 and waiting[at + 1] > 3:  # the upper six bits are zero
+        return Reason.FRAMING, at + 1
     if len(waiting) < at + 3:
-        return _MORE if len(waiting) < at + 2 or waiting[at + 1] < 4 else Reason.FRAMING
-    length = int.from_bytes(waiting[at + 1 : at + 3])
-    if length > rtcm.MAX_MESSAGE:
-        return Reason.FRAMING
-    end = at + length + rtcm.OVERHEAD
+        return _MORE
+    end = at + int.from_bytes(waiting[at + 1 : at + 3]) + rtcm.OVERHEAD
     if len(waiting) < end:
         return _MORE
     frame = bytes(waiting[at:end])
-    return (rtcm.Frame(frame), end) if rtcm.crc24q(frame) == 0 else Reason.CHECKSUM
+    return (Reason.CHECKSUM if rtcm.crc24q(frame) else rtcm.Frame(frame)), end
 
 
 def _nmea(waiting: bytearray, at: int) -> _Found:
     found = _SENTENCE.match(waiting, at)
     if found is None:
-        is_begun = _SENTENCE_BEGUN.fullmatch(waiting, at)
-        return _MORE if is_begun else Reason.FRAMING
+        return _MORE if _SENTENCE_BEGUN.fullmatch(waiting, at) else (Reason.FRAMING, at + 1)
     body, digits = found.groups()
     if nmea.checksum(body) != int(digits, 16):
-        return Reason.CHECKSUM
+        return Reason.CHECKSUM, found.end()
     return nmea.Sentence(body.decode("ascii")), found.end()

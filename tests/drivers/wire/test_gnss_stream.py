@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from drivers.reason import Reason
 from drivers.wire import nmea, rtcm, ubx
-from drivers.wire.gnss_stream import FRAME_S, MAX_GARBAGE, GnssStream
+from drivers.wire.gnss_stream import CREDIT, FRAME_S, MAX_GARBAGE, MOST_CREDIT, GnssStream
 from drivers.wire.serial_frame import Garbage
 from drivers.wire.ubx import Kind
 
@@ -192,3 +192,33 @@ def test_what_is_no_sentence_is_garbage(line):
     events = GnssStream().receive(line + VERSION, 0.0)
     assert without_garbage(events) == [ubx.Frame(Kind.MON_VER, b"")]
     assert length(events) == len(line) + len(VERSION)
+
+
+MADE_UP = {
+    "ubx": ubx.SYNC + b"\1\7\xf0\x1f",  # 8176 octets
+    "rtcm": b"\xd3\3\xff",
+    "nmea": b"$" + b"A" * 81 + b"*00\r\n",
+}
+
+
+@pytest.mark.parametrize("kind", MADE_UP)
+def test_made_up_beginnings_cost_no_more_than_their_octets_are_worth(kind, monkeypatch):
+    work = 0
+
+    def counted(call):
+        def checked(octets):
+            nonlocal work
+            work += len(octets)
+            return call(octets)
+
+        return checked
+
+    monkeypatch.setattr(ubx, "checksum", counted(ubx.checksum))
+    monkeypatch.setattr(rtcm, "crc24q", counted(rtcm.crc24q))
+    monkeypatch.setattr(nmea, "checksum", counted(nmea.checksum))
+    stream, octets = GnssStream(), MADE_UP[kind] * 4000
+    events = all_of(stream, [octets[at : at + 1024] for at in range(0, len(octets), 1024)])
+    assert work <= MOST_CREDIT + (CREDIT + 2) * len(octets)
+    assert without_garbage(events) == []
+    given_up(stream, 100.0)
+    assert without_garbage(stream.receive(GGA, 200.0)) == [nmea.Sentence(GGA[1:-5].decode())]
