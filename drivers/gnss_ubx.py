@@ -18,7 +18,6 @@ from drivers.wire import ubx
 from drivers.wire.gnss_fix import fix_of
 from drivers.wire.gnss_stream import GnssStream
 from drivers.wire.gnss_time import Pulses
-from drivers.wire.nmea import Sentence
 from drivers.wire.serial_frame import Garbage
 from drivers.wire.ubx_health import MonVer
 from drivers.wire.ubx_messages import CfgRst, NavPvt, decode, encode
@@ -50,7 +49,8 @@ class UbxReceiver:
         self._state = ReceiverState(Journal(log, host.name, host.loop.clock))
         self._version: MonVer | None = None
         self._refused: list[str] = []
-        self._sentences = self._bringups = self._garbage = 0
+        self._bringups = self._garbage = 0
+        self._epoch_at = float("-inf")  # when the last NAV-PVT came
         port = self._line()
         self._port = port
         self._talk = Conversation(host.loop, port.write)
@@ -62,6 +62,7 @@ class UbxReceiver:
             self._bringup.close()
             self._bringup = None
         if self._port is not None:
+            self._talk.close()
             self._port.close()
             self._port = None
 
@@ -131,8 +132,6 @@ class UbxReceiver:
             match event:
                 case ubx.Frame():
                     self._take(event, now)
-                case Sentence():
-                    self._sentences += 1
                 case Garbage():
                     self._garbage += event.octets
                     self._above.host.drop(event.reason, event.sample)
@@ -147,10 +146,11 @@ class UbxReceiver:
             return
         self._talk.hear(message)
         self._state.take(message)
+        if isinstance(message, NavPvt):
+            self._epoch_at = now
         if self._bringup is not None or self._port is None:
             return
         if isinstance(message, NavPvt):
-            self._epoch_at = now
             self._above.epoch(fix_of(message, now))
         elif isinstance(message, TimTp):
             self._mark(message, now)

@@ -55,8 +55,6 @@ class ZedF9p:
 
     def start(self, host: Host) -> None:
         self.host = host
-        self._is_configured = False
-        self._why = ""
         self._fix = Fix(host.loop.clock())
         self._epoch_at = host.loop.clock()
         self._jumps = Jumps()
@@ -99,8 +97,6 @@ class ZedF9p:
     # What the receiver tells: drivers.gnss_receiver.Above
 
     def configured(self, why: str) -> None:
-        self._is_configured = True
-        self._why = why
         self._epoch_at = self.host.loop.clock()
         self.host.link(True, why)
 

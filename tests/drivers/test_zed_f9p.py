@@ -12,6 +12,8 @@ from drivers.sim.machine import SimulatedDevice, SimulatedInterface, SimulatedMa
 from drivers.sim.receiver import Habits, Receiver
 from drivers.wire.ubx import Kind
 from drivers.wire.ubx_health import MonVer
+from drivers.wire.ubx_messages import encode
+from drivers.wire.ubx_time import TimTp
 from drivers.zed_f9p import ZedF9p
 from tests.drivers.gnss import UTC, Bench
 from tests.drivers.host import SHARED, request
@@ -72,6 +74,15 @@ def test_a_time_mark_comes_once_a_second_and_names_the_second_that_follows(bench
         assert 0 < mark.utc_s - said < 1
         assert (mark.is_locked, mark.accuracy_ns, mark.leap_seconds) == (True, 22, 18)
         assert -4000 <= mark.quantisation_ps < 4000
+
+
+def test_a_pulse_that_is_announced_before_the_first_epoch_is_not_trusted(bench, loop):
+    one = bench().start()
+    loop.run_until(lambda: one.host.is_up)
+    one.receiver.say(encode(TimTp(1000, 0, 0, 2400, 3, 0x30)))
+    loop.run_until(lambda: one.host.time_marks)
+    mark = one.host.time_marks[0]
+    assert (mark.utc_s, mark.is_locked, mark.leap_seconds) == (None, False, None)
 
 
 def test_without_pulses_there_are_no_time_marks(bench, loop):
