@@ -36,6 +36,13 @@ class InterfaceError(StationError):
     """A device, socket or line is absent, busy, gone or refuses; the supervisor tries again later."""
 
 
+class BlockedError(InterfaceError):
+    """Something of this machine stands in the way: a library that is absent, a port that another program has.
+
+    No module is to blame and losing its power would not help: it is tried again, for ever.
+    """
+
+
 class StuckError(InterfaceError):
     """A module obeys no command any more, so that only losing its power may help.
 

@@ -5,8 +5,10 @@ import os
 from collections.abc import Callable
 from contextlib import suppress
 
-from board.errors import InterfaceError
+from board.errors import BlockedError, InterfaceError
 from board.loop import READ, WRITE, Loop
+
+TAKEN = (errno.EAGAIN, errno.EBUSY, errno.EACCES, errno.EPERM)  # by another program, or kept from us
 
 BATCH = 4096  # octets read in one turn: a tty's queue holds no more
 
@@ -42,7 +44,8 @@ class SerialPort:
             # pyserial opens with O_NONBLOCK | O_NOCTTY, sets raw mode and locks the port (flock).
             self._port = serial.Serial(path, baud, timeout=0, write_timeout=0, rtscts=rtscts, exclusive=True)
         except (OSError, ValueError) as error:  # SerialException is an OSError
-            raise InterfaceError(_why(path, error), _hint(error)) from error
+            kind = BlockedError if getattr(error, "errno", None) in TAKEN else InterfaceError
+            raise kind(_why(path, error), _hint(error)) from error
         self._descriptor: int = self._port.fileno()
         self._is_open = True
         loop.add(self)

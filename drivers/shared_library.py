@@ -5,7 +5,7 @@ from functools import cache
 from struct import Struct
 from typing import NamedTuple
 
-from board.errors import InterfaceError
+from board.errors import BlockedError
 
 # Elf32_Ehdr and Elf64_Ehdr begin alike: magic, class, data, version, ABI, padding, type, machine (System V ABI, 4.1).
 _HEADER = Struct("<4sBB10xHH")
@@ -30,17 +30,17 @@ class Architecture(NamedTuple):
 
 
 def check(path: str) -> None:
-    """Raises InterfaceError, with what to do: absent, not readable, no shared library, of another architecture."""
+    """Raises BlockedError, with what to do: absent, not readable, no shared library, of another architecture."""
     try:
         ours, octets = own_architecture(), _head(path)
     except OSError as error:
         hint = "install it there, or say where it is: option library"
-        raise InterfaceError(f"{path}: cannot be opened: {error.strerror}", hint) from error
+        raise BlockedError(f"{path}: cannot be opened: {error.strerror}", hint) from error
     found = _architecture(octets)
     if found is None:
-        raise InterfaceError(f"{path}: is no shared library: it begins with {octets[:4].hex(' ') or 'nothing'}")
+        raise BlockedError(f"{path}: is no shared library: it begins with {octets[:4].hex(' ') or 'nothing'}")
     if found != ours:
-        raise InterfaceError(f"{path}: is built for {found}; this program runs as {ours}", f"install that for {ours}")
+        raise BlockedError(f"{path}: is built for {found}; this program runs as {ours}", f"install that for {ours}")
 
 
 @cache

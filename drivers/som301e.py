@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from board.address import is_ipv4
-from board.errors import ConfigurationError, InterfaceError, RequestError
+from board.errors import BlockedError, ConfigurationError, InterfaceError, RequestError
 from board.worker import Worker
 from drivers import shared_library
 from drivers.contract import BUSY, LATER, Can, Capabilities, Host, Sent, Shared
@@ -99,7 +99,7 @@ class Som301e:
         if self._unusable is not None:
             identity, message, hint = self._unusable
             if identity == shared_library.identity(library):
-                raise InterfaceError(message, hint)
+                raise BlockedError(message, hint)
         self._host = host
         self._file = str(Path(library).resolve())  # whose name has the version
         self._kept: dict[int, Request] = {}
@@ -206,7 +206,7 @@ class Som301e:
         if is_library:
             # No try will help before the file is another: the next start says the same at once.
             self._unusable = shared_library.identity(self._options.library), text, hint
-        self._fail(InterfaceError(text, hint))
+        self._fail((BlockedError if is_library else InterfaceError)(text, hint))
 
     # What status shows.
 

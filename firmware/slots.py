@@ -19,7 +19,7 @@ from collections.abc import Callable
 from enum import StrEnum
 from typing import NamedTuple
 
-from board.errors import StationError, StuckError
+from board.errors import BlockedError, StationError, StuckError
 from board.loop import Loop, Timer
 from board.slot import Slot as Sequencer
 from board.slot import State as Sequence
@@ -178,6 +178,9 @@ class Slot:
     def _failed(self, error: StationError) -> bool:
         """Whether the driver is to be started again, the device being there and nothing else to be tried first."""
         self._cause = self._cause or error.message
+        if isinstance(error, BlockedError):
+            self.tell(Event.FAILED, error.message)
+            return self.state is State.STARTING
         self._failures += 1
         is_stuck = isinstance(error, StuckError) or self._failures >= STARTS
         self.tell(Event.STUCK if is_stuck else Event.FAILED, error.message)

@@ -54,7 +54,8 @@ def slots(board: Mapping[str, object]) -> Table:
             )
         )
         if text(one, "state") not in ("running", "unused"):
-            notes.append(f"{name}: {text(one, 'why')}")
+            why = text(one, "cause") if text(one, "state") == "starting" else ""
+            notes.append(f"{name}: {why or text(one, 'why')}")
         if text(one, "note"):
             notes.append(f"{name}: {text(one, 'note')}")
     heads = (">slot", "name", "state", ">for", "interface", ">cycles", "device")

@@ -9,7 +9,7 @@ from contextlib import closing
 import pytest
 
 from board.description import SlotDescription
-from board.errors import InterfaceError, StationError, StuckError
+from board.errors import BlockedError, InterfaceError, StationError, StuckError
 from board.slot import Slot as Sequencer
 from board.usb import Device
 from drivers.contract import Host
@@ -189,6 +189,23 @@ def test_a_power_cycle_keeps_the_slot_without_power_for_a_while(bench: Bench) ->
     (_, is_on), (off, is_off), (on, is_on_again) = bench.power.switched
     assert (is_on, is_off, is_on_again) == (True, False, True)
     assert on - off == pytest.approx(OFF_S)
+
+
+@pytest.mark.parametrize("runs_first", [True, False])
+def test_what_stands_in_the_drivers_way_costs_no_power_cycle_and_is_tried_for_ever(
+    bench: Bench, runs_first: bool
+) -> None:
+    if runs_first:
+        bench.until(State.RUNNING)
+    bench.break_driver(BlockedError("/dev/ttyUSB2 is taken by another program"))
+    if runs_first:
+        bench.interface.fail(DEAF)
+    bench.until(State.STARTING)
+    bench.loop.run_for(3600)
+    assert (bench.state, bench.power.cuts) == (State.STARTING, 0)
+    assert bench.driver.starts > 600
+    bench.mend_driver()
+    bench.until(State.RUNNING, within=10)
 
 
 def test_a_driver_that_says_its_module_is_stuck_gets_a_power_cycle_at_once(running: Bench) -> None:
