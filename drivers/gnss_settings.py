@@ -45,7 +45,9 @@ def groups(options: GnssOptions) -> list[Group]:
     """All that a receiver is told, in this order."""
     port = options.own_port.upper()
     once_a_second = options.rate_hz  # a message comes with every so many epochs
-    pulse = {**PULSE, "CFG-TP-ANT_CABLEDELAY": options.antenna_delay_ns} if options.pulse else {"CFG-TP-TP1_ENA": 0}
+    pulse: dict[str, Value] = {"CFG-TP-TP1_ENA": 0}
+    if options.pulse:
+        pulse = {**PULSE, "CFG-TP-ANT_CABLEDELAY": options.antenna_delay_ns}
     return [
         _group(
             "ports",
