@@ -23,8 +23,8 @@ from drivers.sim.modules import MODEM, RADIO, RECEIVER, Module, Place, stranger
 TROUBLE = "trouble"
 LONGEST = 200  # octets of a datagram
 
-BABBLE_S = 0.05  # between two pieces of garbage
-BABBLE = 60  # octets of one
+BABBLE_S = 0.1  # between two pieces of garbage
+BABBLE = 100  # octets of one
 SEED = 20  # garbage is the same in every run
 
 STUCK_S = 1.0  # the kernel's own patience with a bus that is held

@@ -1,0 +1,179 @@
+"""The station's worker processes, played in its own process and on its clock: board.child.Child without a child.
+
+What runs in them is the real thing where it can be: the board's calls are done by board/hands.py on simulated buses, and
+take the virtual time that a bus takes. The radio's is played: its library has threads, and a clock of its own.
+"""
+
+import json
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import Any, ClassVar, Protocol
+
+from board.child import GRACE_S, Parent
+from board.hands import Hands, read_first_message
+from board.loop import Loop
+from drivers.sim.chips import FiledBus
+from drivers.v2xcast import CALL_S
+from drivers.wire import v2xcast as wire
+
+STARTED_S = 0.2  # from being started to its hello
+CALLED_S = 0.002  # a call of the radio's library, or a message of the board's worker
+
+
+class Program(Protocol):
+    """What runs in a child: takes messages, and says others some seconds later."""
+
+    def take(self, message: bytes) -> None: ...
+    def end(self) -> None: ...
+
+
+Say = Callable[[float, bytes], None]
+
+
+class PlayedChild:
+    """Started by board.worker.Worker in place of a process. programs: made when it runs, by their names.
+
+    running  those that have been started and neither ended nor been let go.
+    """
+
+    programs: ClassVar[dict[str, Callable[[Loop, Say, "PlayedChild"], Program]]] = {}
+    running: ClassVar[list["PlayedChild"]] = []
+
+    def __init__(self, loop: Loop, parent: Parent, program: Sequence[str], name: str) -> None:
+        self.loop = loop
+        self.name = name
+        self.is_up = False
+        self.queue: deque[bytes] = deque()
+        self.lost = self.longest = 0
+        self._parent = parent
+        self._program: Program | None = None
+        self._start = loop.after(STARTED_S, self._run)
+        self.running.append(self)
+
+    def send(self, message: bytes) -> bool:
+        if self.is_up and self._program is not None:
+            self._program.take(message)
+        return self.is_up
+
+    def leave(self) -> None:
+        self._gone()
+        self.loop.after(GRACE_S / 2, lambda: self._parent.ended(self, "left"))  # type: ignore[arg-type]
+
+    def finish(self, within: float) -> None:
+        self._gone()
+        self._parent.ended(self, "left")  # type: ignore[arg-type]
+
+    def crash(self) -> None:
+        """It ends by a signal."""
+        if self.is_up:
+            self._gone()
+            self._parent.ended(self, "ended by SIGSEGV")  # type: ignore[arg-type]
+
+    def _run(self) -> None:
+        self.is_up = True
+        self._program = self.programs[self.name](self.loop, self._say, self)
+        self._parent.up(self, 4711)  # type: ignore[arg-type]
+
+    def _say(self, delay_s: float, message: bytes) -> None:
+        self.loop.after(delay_s, lambda: self._parent.message(message) if self.is_up else None)
+
+    def _gone(self) -> None:
+        self._start.cancel()
+        self.is_up = False
+        if self in self.running:
+            self.running.remove(self)
+        if self._program is not None:
+            self._program.end()
+
+
+class PlayedHands:
+    """The board's worker: one call after the other, each as long as its buses block."""
+
+    def __init__(self, loop: Loop, say: Say, child: PlayedChild) -> None:
+        self._loop = loop
+        self._say = say
+        self._hands: Hands | None = None
+        self._blocked_s = 0.0
+
+    def take(self, message: bytes) -> None:
+        if self._hands is None:
+            self._hands = Hands(*read_first_message(message), self._open)
+            return
+        self._blocked_s = CALLED_S
+        answer = self._hands.answer(message)
+        self._say(self._blocked_s, answer)
+
+    def end(self) -> None: ...
+
+    def _open(self, *which: Any) -> FiledBus:
+        bus = FiledBus(*which)
+        bus._simulated._block = self._block
+        return bus
+
+    def _block(self, seconds: float) -> None:
+        self._blocked_s += seconds
+
+
+class PlayedRadio:
+    """The radio's worker with its library: handlers that come up when the module is there, and messages that leave.
+
+    is_away  whether the module does not answer; is_hanging: whether a call for sending does not return.
+    sent     messages that have left.
+    """
+
+    is_away = False
+    is_hanging = False
+    sent = 0
+    now: ClassVar["PlayedRadio | None"] = None  # that which runs
+
+    def __init__(self, loop: Loop, say: Say, child: PlayedChild) -> None:
+        self._loop = loop
+        self._say = say
+        self._child = child
+        self._handlers: list[tuple[int, int]] = []
+        type(self).now = self
+
+    def take(self, message: bytes) -> None:
+        if not self._handlers:
+            casters = json.loads(message)["casters"]
+            self._handlers = [(place, mode) for place in range(len(casters)) for mode in (wire.TX, wire.RX)]
+            self.look()
+        elif message[0] == wire.SEND:
+            self._send(wire.to_send(message).number)
+
+    def end(self) -> None:
+        if type(self).now is self:
+            type(self).now = None
+
+    def look(self) -> None:
+        """The module has come or gone."""
+        why_not = "V2Xcast service is not available" if self.is_away else ""
+        for place, mode in self._handlers:
+            self._say(CALLED_S, wire.state(place, mode, why_not))
+
+    def _send(self, number: int) -> None:
+        if self.is_hanging:
+            self._say(CALL_S, wire.fault(False, f"eu_caster_tx has not returned for {CALL_S:.0f} s"))
+        elif self.is_away:
+            self._say(CALLED_S, wire.sent(number, "no answer to the TX request"))
+        else:
+            type(self).sent += 1
+            self._say(CALLED_S, wire.sent(number))
+
+    @classmethod
+    def tell(cls, words: str) -> None:
+        """As drivers.sim.radio.Control.say()."""
+        radio = cls.now
+        if radio is None:
+            return
+        match words:
+            case "down=1" | "down=0":
+                radio.is_away = words == "down=1"
+                radio.look()
+            case "hang=tx" | "hang=none":
+                radio.is_hanging = words == "hang=tx"
+            case "crash=1":
+                radio._child.crash()
+
+
+PlayedChild.programs = {"sim-board": PlayedHands, "som301e": PlayedRadio}

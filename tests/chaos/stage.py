@@ -1,0 +1,273 @@
+"""A whole station on the simulated board in this process, on a clock that jumps: what the virtual runs play on.
+
+All of the station is real, its sockets too, and all of the simulated board but what processes of their own do:
+processes.py plays those. The air of the radio is not played, so neighbours are left out of the board file.
+"""
+
+import fcntl
+import itertools
+import logging
+import os
+import random
+import socket
+import struct
+from collections import Counter, deque
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from board import worker
+from drivers.message import Confirm, Indication
+from drivers.sim import board as simulated_board
+from drivers.sim.modules import Radio
+from drivers.sim.trouble import BOARD
+from firmware import board_file, config
+from firmware.interface import Interface
+from firmware.slots import State
+from firmware.station import Station
+from firmware.supervisor import Supervised
+from tests.chaos.processes import PlayedChild, PlayedRadio
+from tests.virtual import VirtualLoop
+
+INTERFACES = {"gnss": "gnss", "v2x": "g5", "cellular": "cellular"}  # by slot
+POLL_S = 0.25  # of the simulated board, which looks ten times a second in real time: files take time to read
+FLOW_S = 0.5  # between two messages each way over the interface beside
+DRAIN_S = 15.0  # longer than a CAM lives
+CAM = bytes.fromhex("0202")
+
+
+class Ptys:
+    """Octets under way in ptys, which a thread of the kernel carries: written by one end and not yet read at the other.
+
+    What this process does with ttys goes through here. What is said to a port that nobody has open goes nowhere.
+    """
+
+    NUMBER = 0x8004_5430  # TIOCGPTN of linux/tty.h: which port a simulator's end belongs to
+
+    def __init__(self, patch: pytest.MonkeyPatch) -> None:
+        self.under_way = 0
+        self._open_ports: dict[int, int] = {}  # those of the station: descriptor -> number
+        self._write, self._read, self._open, self._close = os.write, os.read, os.open, os.close
+        for name in ("write", "read", "open", "close"):
+            patch.setattr(os, name, getattr(self, name))
+
+    def open(self, path: Any, *how: Any, **more: Any) -> int:
+        descriptor = self._open(path, *how, **more)
+        if os.isatty(descriptor):
+            self._open_ports[descriptor] = int(os.ttyname(descriptor).rpartition("/")[2])
+        return descriptor
+
+    def close(self, descriptor: int) -> None:
+        self._open_ports.pop(descriptor, None)
+        self._close(descriptor)
+
+    def write(self, descriptor: int, octets: bytes) -> int:
+        written = self._write(descriptor, octets)
+        if os.isatty(descriptor) and self._is_read(descriptor):
+            self.under_way += written
+        return written
+
+    def read(self, descriptor: int, size: int) -> bytes:
+        octets = self._read(descriptor, size)
+        if os.isatty(descriptor):
+            self.under_way = max(0, self.under_way - len(octets))
+        return octets
+
+    def _is_read(self, descriptor: int) -> bool:
+        if descriptor in self._open_ports:
+            return True
+        try:
+            (number,) = struct.unpack("I", fcntl.ioctl(descriptor, self.NUMBER, bytes(4)))
+        except OSError:
+            return False
+        return number in self._open_ports.values()
+
+
+class StageLoop(VirtualLoop):
+    """Lets what is under way in ptys arrive before its clock jumps; what does not is lost, as in a port just closed."""
+
+    LOST_S = 0.05  # real seconds
+
+    def __init__(self, ptys: Ptys) -> None:
+        super().__init__()
+        self.ptys = ptys
+
+    def _wait(self) -> list[tuple[int, int]]:
+        self.patience_s = self.LOST_S if self.ptys.under_way else 0.0
+        ready = super()._wait()
+        if not ready:
+            self.ptys.under_way = 0
+        return ready
+
+    def pending(self) -> int:
+        """Timers that will be called."""
+        return sum(timer.is_pending for _, _, timer in self._timers)
+
+
+class Journal(logging.Handler):
+    """Keeps the lines of the station.
+
+    most  lines within WINDOW_S.
+    """
+
+    WINDOW_S = 10.0
+
+    def __init__(self, clock: Callable[[], float]) -> None:
+        super().__init__(logging.INFO)
+        self.lines: list[str] = []
+        self.most = 0
+        self._clock = clock
+        self._at: deque[float] = deque()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        now = self._clock()
+        self.lines.append(f"{now:.1f} {record.name}: {record.levelname}: {record.getMessage()}")
+        self._at.append(now)
+        while self._at[0] < now - self.WINDOW_S:
+            self._at.popleft()
+        self.most = max(self.most, len(self._at))
+
+
+class Stage:
+    """A patient.Theatre: a station with an interface beside its slots, and messages both ways over that."""
+
+    def __init__(self, folder: Path, patch: pytest.MonkeyPatch, seed: int) -> None:
+        random.seed(seed)
+        self.loop = StageLoop(Ptys(patch))
+        self.journal = Journal(self.loop.clock)
+        patch.setattr(simulated_board, "POLL_S", POLL_S)
+        patch.setattr(worker, "Child", PlayedChild)
+        patch.setitem(worker.Worker.__init__.__kwdefaults__, "jitter", random.random)
+        patch.setattr(Radio, "say", lambda radio, words: PlayedRadio.tell(words))
+        patch.setattr(Supervised, "start", self._started(Supervised.start))
+        PlayedChild.running = []
+        PlayedRadio.sent = 0
+        self.two_drivers: list[str] = []
+        self._peer = socket.socket(socket.AF_INET, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
+        self._peer.bind(("127.0.0.1", 0))
+        wanted = self._config(folder)
+        self.station = Station(self.loop, wanted, lambda: wanted)
+        self._flow()
+
+    def close(self) -> None:
+        logging.getLogger("captain").removeHandler(self.journal)
+        self.station.close()
+        self.loop.close()
+        self._peer.close()
+
+    def start(self) -> None:
+        logging.getLogger("captain").addHandler(self.journal)
+        logging.getLogger("captain").setLevel(logging.INFO)
+        self.station.start()
+
+    # patient.Theatre
+
+    def now(self) -> float:
+        return self.loop.now
+
+    def obey(self, text: str) -> None:
+        assert self.station._simulation.board is not None
+        self.station._simulation.board.troubles.obey(text)
+
+    def is_up(self, name: str) -> bool:
+        carrier = self.station._carrier
+        assert carrier is not None
+        if name == BOARD:
+            return carrier.remote.is_up and not carrier.health.complaints
+        return carrier.slots[name].state is State.RUNNING and self.interface(name).is_up
+
+    def is_in_fault(self, name: str) -> bool:
+        assert self.station._carrier is not None
+        return name != BOARD and self.station._carrier.slots[name].state is State.FAULT
+
+    def interface(self, slot: str) -> Interface:
+        return self.station.router.interfaces[INTERFACES[slot]]
+
+    # what has to stay as it is
+
+    def held(self) -> tuple[int, int]:
+        """Sources of the loop, and descriptors of the process."""
+        return len(self.loop._sources), len(os.listdir("/proc/self/fd"))
+
+    @property
+    def workers(self) -> list[str]:
+        """Those that run."""
+        return sorted(child.name for child in PlayedChild.running)
+
+    # messages
+
+    def _flow(self) -> None:
+        """Count what is sent and received at all ends."""
+        self.sent_in = self.heard_in = self.requested = self.heard_out = self.handed_to_radio = 0
+        self.outcomes: Counter[tuple[str, str, str]] = Counter()
+        router, publish = self.station.router, self.station.router.publish
+        router.is_confirm_wanted = True
+        self._numbers = itertools.count(1)
+
+        def published(indications: list[Indication]) -> None:
+            self.heard_in += sum(indication.interface == "beside" for indication in indications)
+            publish(indications)
+
+        def reported(confirm: Confirm, targets: Sequence[Interface]) -> None:
+            reason = str(confirm.reason.value) if confirm.reason else ""
+            self.outcomes[confirm.interface, confirm.outcome.value, reason] += 1
+            self.handed_to_radio += any(target.name == "g5" for target in targets)
+
+        router.publish, router.report = published, reported
+
+    def flow(self) -> None:
+        """Messages each way, for as long as the loop turns."""
+        router = self.station.router
+        beside = router.interfaces["beside"]
+        address = beside.driver.address  # type: ignore[attr-defined]
+        kind = self.station.topics.by_number[2]
+
+        def step() -> None:
+            if self.is_flowing:
+                pdu = CAM + next(self._numbers).to_bytes(4, "big") + b"body"
+                self._peer.sendto(pdu, tuple(address))
+                self.sent_in += 1
+                router.request(kind, CAM + next(self._numbers).to_bytes(4, "big") + b"body", "test")
+                self.requested += 1
+            self._hear()
+
+        self.is_flowing = True
+        self.loop.every(FLOW_S, step)
+
+    def end_flow(self) -> None:
+        """Send no more, and let what has been sent arrive or be dropped."""
+        self.is_flowing = False
+        self.loop.run_for(DRAIN_S)
+
+    def _hear(self) -> None:
+        try:
+            while True:
+                self._peer.recv(2048)
+                self.heard_out += 1
+        except BlockingIOError:
+            return
+
+    # setting up
+
+    def _config(self, folder: Path) -> config.Config:
+        text = (board_file.BOARDS / "sim.toml").read_text().partition("[neighbours]")[0]
+        (folder / "board.toml").write_text(text)
+        (folder / "captain.toml").write_text(
+            f"[endpoint]\ncontrol = '{folder}/control'\nfrom_users = 0\nto_users = 0\npull = 0\nreport = 0\n"
+            "[interfaces.gnss]\nrate_hz = 1\n"
+            "[interfaces.beside]\ndriver = 'udp'\nframing = 'pdu'\nlisten = '127.0.0.1:0'\n"
+            f"peers = ['127.0.0.1:{self._peer.getsockname()[1]}']\n"
+        )
+        return config.load(str(folder / "captain.toml"), (), str(folder / "board.toml"))
+
+    def _started(self, start: Callable[[Supervised], None]) -> Callable[[Supervised], None]:
+        """Supervised.start, which must not be called while its driver runs."""
+
+        def started(one: Supervised) -> None:
+            if one._state in ("starting", "running"):
+                self.two_drivers.append(one.interface.name)
+            start(one)
+
+        return started
