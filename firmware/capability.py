@@ -47,7 +47,7 @@ def of_board(carrier: Carrier) -> Iterator[Row]:
             "hot-plug", not deaf, not deaf, deaf or "uevents are heard", "run the station as root" if deaf else ""
         )
     for name, slot in carrier.listed().items():
-        yield _slot(name, slot)
+        yield _slot(name, slot | {"device": str(carrier.look(name) or "")})
 
 
 def of_expander_line(name: str, outcome: object) -> Row:

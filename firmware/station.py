@@ -224,8 +224,9 @@ def _topics(tables: Tables) -> Topics:
 
 
 def _changed_besides_policy(old: Config, new: Config) -> list[str]:
-    return [
+    changed = [
         f"[{name}]"
         for name in ("station", "endpoint", "reception", "interfaces", "types")
         if getattr(old.tables, name) != getattr(new.tables, name)
     ]
+    return changed if old.board == new.board else [*changed, "the board file"]

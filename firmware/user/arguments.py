@@ -52,8 +52,8 @@ def add_configuration(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--config", metavar="FILE", help="captain.toml: what is wanted (default: nothing but defaults)")
     parser.add_argument(
         "--board",
-        help="what is there: sim, none or a board file of your own, which also has the simulated neighbours "
-        "(default: sim, but none with --config)",
+        help="what is there: sim, quad, pi, none, or a board file of your own, which also has the simulated "
+        "neighbours (default: sim, but none with --config)",
     )
     parser.add_argument(
         "--set",

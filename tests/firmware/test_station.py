@@ -1,6 +1,8 @@
 """A whole station on a loop: what it opens, what it closes, and what a reload changes."""
 
 import json
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
@@ -10,8 +12,11 @@ import zmq
 
 from board.errors import ConfigurationError, InterfaceError
 from board.loop import Loop
+from drivers.message import Position
 from firmware import config
 from firmware.station import Station
+
+ROOT = Path(__file__).parents[2]
 
 
 class Folder:
@@ -181,3 +186,49 @@ def test_a_reload_keeps_the_counts_of_rows_that_stay(folder: Folder, loop: Loop)
     station.reload_policy()
     assert station.router.policy.status()[0] == {"name": "cams", "matched": 1}
     station.close()
+
+
+def test_a_board_file_that_has_changed_is_said_at_a_reload(
+    folder: Folder, loop: Loop, caplog: pytest.LogCaptureFixture
+) -> None:
+    board = folder.path / "mine.toml"
+    board.write_text("name = 'mine'\n")
+
+    def load() -> config.Config:
+        return config.load(str(folder.path / "captain.toml"), (), str(board))
+
+    with closing(Station(loop, load(), load)) as station:
+        board.write_text("name = 'mine'\n[slots.v2x]\nusb = '1-1.3'\n")
+        station.reread()
+        assert "the board file changed too" in caplog.text
+
+
+STATIC = "[interfaces.place]\ndriver = 'zed_f9p'\nkind = 'static'\nlatitude = 48.5\nlongitude = 11.25\n"
+
+
+def test_a_receiver_gives_the_station_its_position(folder: Folder, loop: Loop) -> None:
+    folder.write(f"[station]\nposition = {{ latitude = 1.0, longitude = 2.0 }}\n{STATIC}")
+    with closing(folder.station(loop)) as station:
+        station.start()
+        assert station.place.ego().position == Position(10_000_000, 20_000_000)
+        loop.turn()
+        assert station.place.ego().position == Position(485_000_000, 112_500_000)
+        assert station.router.ego() == station.place.ego()
+        status = json.loads(json.dumps(station.status()))
+        assert (status["position"]["source"], status["position"]["latitude"]) == ("place", 48.5)
+
+
+def test_a_station_without_hardware_has_no_board_and_imports_nothing_for_it(folder: Folder, loop: Loop) -> None:
+    with closing(folder.station(loop)) as station:
+        station.start()
+        assert "board" not in station.status()
+    code = "import sys, firmware.station; print('firmware.carrier' in sys.modules, 'board.usb' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert done.stdout.split() == ["False", "False"]
+
+
+def test_links_that_come_up_are_in_the_time_line_of_the_start(folder: Folder, loop: Loop) -> None:
+    with closing(folder.station(loop)) as station:
+        station.start()
+        (note,) = station.timeline.status()
+        assert (note["who"], note["what"][:4]) == ("air", "up: ")
