@@ -79,12 +79,14 @@ def main(arguments: list[str] | None = None) -> int:
     messages = [one for one in schema().messages.values() if not options.message or one.name in options.message]
     todo = list(tasks(messages, options.count, rates))
     tallies = {one.name: Tally() for one in messages}
+    parts = Counter(task.message for task in todo)
     began = time.monotonic()
     with multiprocessing.get_context("spawn").Pool(options.processes) as pool:
-        for done, (name, tally) in enumerate(pool.imap_unordered(run, todo), 1):
+        for name, tally in pool.imap_unordered(run, todo):
             tallies[name].add(tally)
-            if sys.stderr.isatty():
-                print(f"\r{done} of {len(todo)} parts", end="", file=sys.stderr, flush=True)
+            parts[name] -= 1
+            if not parts[name]:  # an hour is long: whoever breaks it off has seen this much
+                print(f"{time.monotonic() - began:5.0f} s {_row(name, tallies[name])}", file=sys.stderr, flush=True)
     print("\n".join(report(tallies, rates)))
     print(f"\n{time.monotonic() - began:.0f} s with {options.processes} processes")
     return int(any(tally.unexplained for tally in tallies.values()))
