@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
-from board.address import Address
+from board.address import Address, address
 from board.loop import Loop, Timer
 from board.time import LEAPS
 from drivers.sim.machine import SimulatedDevice, SimulatedInterface, SimulatedMachine
@@ -95,7 +95,7 @@ class Radio:
     """For the kernel a network device. What it hears and says comes and goes by the library of drivers/sim/radio, which
     runs in a process of the driver's, reads its settings from the environment and is told more at its control port.
 
-    control  address of that port.
+    control  address of that port. Where the environment has settings already, they are those of who runs the program.
     """
 
     VARIABLE = "CAPTAIN_SIM_RADIO"
@@ -108,6 +108,9 @@ class Radio:
         if place.air is not None:
             words = f"listen={place.air.to} peers={place.air.listen} control={self.control}"
             os.environ.setdefault(self.VARIABLE, words)
+        given = dict(word.partition("=")[::2] for word in os.environ.get(self.VARIABLE, "").split())
+        if "control" in given:
+            self.control = address(given["control"])
 
     def supplied(self, on: bool) -> None:
         if self._boot is not None:

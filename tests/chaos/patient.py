@@ -5,12 +5,27 @@ from collections.abc import Callable, Sequence
 from enum import Enum, auto
 from typing import NamedTuple, Protocol
 
-MEAN_LONG_S = 8.0  # a trouble; of LONG of them the longest
-LONGEST_S = 100.0  # power cycles do not help for so long: the slot gives up
-LONG = 0.07
-MEAN_GAP_S = 12.0  # from being back to the next trouble
-AGAIN = 0.25  # share of troubles that are followed by another one before the module is back
 PULLED_S = 1.0  # that who clears a fault needs to pull a module out and put it back
+
+
+class Pace(NamedTuple):
+    """How troubles follow each other.
+
+    mean_s, longest_s  of a trouble; share_long of them are the longest.
+    gap_s              on average, from being back to the next trouble.
+    share_again        of troubles that are followed by another one before the module is back.
+    """
+
+    mean_s: float
+    longest_s: float
+    share_long: float
+    gap_s: float
+    share_again: float
+
+
+# The longest is one that power cycles cannot outlast: the slot gives up.
+LIVELY = Pace(8.0, 100.0, 0.07, 12.0, 0.25)
+QUICK = Pace(2.0, 4.0, 0.0, 3.0, 0.1)
 
 
 class Theatre(Protocol):
@@ -79,6 +94,7 @@ class Patient:
         chance: random.Random,
         is_disturbed: Callable[[], bool] = lambda: False,
         switch_s: float = 0.0,
+        pace: Pace = LIVELY,
     ) -> None:
         self.name = name
         self.phase = Phase.WELL
@@ -91,8 +107,9 @@ class Patient:
         self._settle_s = settle_s
         self._chance = chance
         self._is_disturbed = is_disturbed
+        self._pace = pace
         self._began = theatre.now()
-        self._until = self._began + chance.expovariate(1 / MEAN_GAP_S)
+        self._until = self._began + chance.expovariate(1 / pace.gap_s)
 
     def tick(self) -> None:
         """Look at it, and do what is due; several times a second."""
@@ -147,14 +164,16 @@ class Patient:
         word = self._chance.choice(self._words)
         self._troubles.append(word)
         self._theatre.obey(f"begin {self.name} {word}")
-        is_long = self._chance.random() < LONG
-        self._until = now + (LONGEST_S if is_long else min(LONGEST_S, self._chance.expovariate(1 / MEAN_LONG_S)))
+        pace = self._pace
+        is_long = self._chance.random() < pace.share_long
+        drawn = self._chance.expovariate(1 / pace.mean_s)
+        self._until = now + (pace.longest_s if is_long else min(pace.longest_s, drawn))
         self.phase = Phase.ILL
 
     def _end(self, now: float) -> None:
         self._theatre.obey(f"end {self.name} {self._troubles[-1]}")
         self.phase, self._ended = Phase.RECOVERING, now
-        if not self.is_over and self._chance.random() < AGAIN:
+        if not self.is_over and self._chance.random() < self._pace.share_again:
             self._begin(now)
 
     def _recover(self, now: float) -> None:
@@ -179,4 +198,4 @@ class Patient:
                 )
             )
             self.phase = Phase.WELL
-            self._until = now + self._chance.expovariate(1 / MEAN_GAP_S)
+            self._until = now + self._chance.expovariate(1 / self._pace.gap_s)

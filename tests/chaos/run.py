@@ -8,7 +8,7 @@ from board.description import Hardware
 from drivers.sim.trouble import BOARD, TROUBLES
 from firmware.user.table import Table
 from tests.chaos import limits
-from tests.chaos.patient import Episode, Patient, Phase, Theatre
+from tests.chaos.patient import LIVELY, Episode, Pace, Patient, Phase, Theatre
 
 TICK_S = 0.25
 
@@ -24,7 +24,9 @@ class Goal(NamedTuple):
 class Run:
     """Gives trouble to the board and to every module that a board file has."""
 
-    def __init__(self, theatre: Theatre, hardware: Hardware, seed: int) -> None:
+    def __init__(self, theatre: Theatre, hardware: Hardware, seed: int, pace: Pace = LIVELY) -> None:
+        self.began = theatre.now()
+        self._pace = pace
         self.board = self._patient(theatre, hardware, BOARD, seed)
         is_disturbed: Callable[[], bool] = lambda: self.board.phase is Phase.ILL  # noqa: E731
         names = [name for name, slot in hardware.slots.items() if slot.ids]
@@ -33,8 +35,8 @@ class Run:
             *(self._patient(theatre, hardware, name, seed, is_disturbed, limits.SWITCH_S) for name in names),
         ]
 
-    @staticmethod
     def _patient(
+        self,
         theatre: Theatre,
         hardware: Hardware,
         name: str,
@@ -44,7 +46,8 @@ class Run:
     ) -> Patient:
         words = list(TROUBLES[name if name == BOARD else hardware.slots[name].ids[0]])
         limit_s, settle_s = limits.limit_s(hardware, name), limits.settle_s(hardware, name)
-        return Patient(theatre, name, words, limit_s, settle_s, random.Random(f"{seed} {name}"), is_disturbed, switch_s)
+        chance = random.Random(f"{seed} {name}")
+        return Patient(theatre, name, words, limit_s, settle_s, chance, is_disturbed, switch_s, self._pace)
 
     def tick(self) -> None:
         for patient in self.patients:
