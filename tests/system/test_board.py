@@ -51,8 +51,7 @@ class Bench:
 
     def workers(self) -> dict[str, int]:
         """Process id of each child, by the name of the worker that it is."""
-        assert self.station.child is not None
-        pid = self.station.child.pid
+        pid = self.station.status()["pid"]  # frozen into one file, it is a child of what unpacked it
         children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
         words = {int(child): Path(f"/proc/{child}/cmdline").read_text().split("\0") for child in children}
         return {line[line.index("--worker") + 1]: child for child, line in words.items() if "--worker" in line}
