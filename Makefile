@@ -3,7 +3,7 @@
 
 .DEFAULT_GOAL := help
 .PHONY: help setup run codec import-check docs test test-binary check portable fuzz truth \
-	bench bench-station bench-messages lab binary lock proof clean
+	bench bench-station bench-messages lab chaos binary lock proof clean
 
 PYTEST := .venv/bin/python -m pytest
 
@@ -63,6 +63,10 @@ lab: setup-test ## ten messages at 10 Hz for 60 s between two stations: UDP, raw
 	@.venv/bin/captain lab --capture build/lab-udp.pcap --decode $(ARGS)
 	@.venv/bin/captain lab --capture build/lab-ethernet.pcap --decode --veth $(ARGS)
 	@.venv/bin/captain lab --capture build/lab-radio.pcap --decode --radio $(ARGS)
+
+chaos: setup-test ## everything that is simulated fails at random: MINUTES=30 of virtual time, then DURATION=600 real seconds
+	@.venv/bin/python -m tests.chaos.virtual --minutes $(or $(MINUTES),30) --seeds 1 2 3
+	@.venv/bin/python -m tests.chaos --duration $(or $(DURATION),600) $(ARGS)
 
 binary: setup-freeze setup ## one file to copy by hand and one directory for the image, in build/binary
 	@.ci/freeze

@@ -5,7 +5,13 @@ from collections.abc import Callable, Sequence
 from enum import Enum, auto
 from typing import NamedTuple, Protocol
 
+from drivers.sim.trouble import BOARD
+
 PULLED_S = 1.0  # that who clears a fault needs to pull a module out and put it back
+
+
+# Beside what drivers/sim/trouble.py has: somebody kills the board's worker process.
+WORKER = f"{BOARD} worker"
 
 
 class Pace(NamedTuple):
@@ -33,7 +39,7 @@ class Theatre(Protocol):
 
     def now(self) -> float: ...
     def obey(self, text: str) -> None:
-        """As drivers/sim/trouble.py has it."""
+        """As drivers/sim/trouble.py has it; and `begin` WORKER."""
 
     def is_up(self, name: str) -> bool:
         """Whether all of a module works, or of the board."""

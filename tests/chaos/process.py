@@ -8,12 +8,14 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from drivers.sim.radio import VARIABLE
 from drivers.sim.trouble import BOARD, TROUBLE
 from firmware import board_file
+from tests.chaos.patient import WORKER
 from tests.chaos.stage import INTERFACES
 
 ROOT = Path(__file__).parents[2]
@@ -134,8 +136,7 @@ class StationProcess:
         return (self.folder / "journal").read_text(errors="replace")
 
     def sample(self) -> Sample:
-        pid = self.child.pid
-        children = [int(text) for text in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+        pid, children = self.child.pid, self._children()
         descriptors = len(os.listdir(f"/proc/{pid}/fd"))
         return Sample(time.monotonic(), _memory_kb(pid), sum(map(_memory_kb, children)), descriptors, len(children))
 
@@ -145,6 +146,10 @@ class StationProcess:
         return time.monotonic()
 
     def obey(self, text: str) -> None:
+        if text.endswith(WORKER):
+            if text.startswith("begin"):
+                self._kill_worker()
+            return
         (door,) = self.folder.glob(f"captain-sim-*/{TROUBLE}")
         self._voice.sendto(text.encode(), str(door))
         answer = self._voice.recv(1000).decode()
@@ -161,6 +166,16 @@ class StationProcess:
 
     def is_in_fault(self, name: str) -> bool:
         return name != BOARD and bool(self._look()["board"]["slots"][name]["state"] == "fault")
+
+    def _children(self) -> list[int]:
+        pid = self.child.pid
+        return [int(text) for text in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+    def _kill_worker(self) -> None:
+        for pid in self._children():
+            with suppress(OSError):  # it has just ended
+                if b"sim-board" in Path(f"/proc/{pid}/cmdline").read_bytes().split(b"\0"):
+                    os.kill(pid, signal.SIGKILL)
 
     def _answers(self) -> bool:
         try:

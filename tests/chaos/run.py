@@ -8,7 +8,7 @@ from board.description import Hardware
 from drivers.sim.trouble import BOARD, TROUBLES
 from firmware.user.table import Table
 from tests.chaos import limits
-from tests.chaos.patient import LIVELY, Episode, Pace, Patient, Phase, Theatre
+from tests.chaos.patient import LIVELY, WORKER, Episode, Pace, Patient, Phase, Theatre
 
 TICK_S = 0.25
 
@@ -45,6 +45,8 @@ class Run:
         switch_s: float = 0.0,
     ) -> Patient:
         words = list(TROUBLES[name if name == BOARD else hardware.slots[name].ids[0]])
+        if name == BOARD:
+            words.append(WORKER.rpartition(" ")[2])
         limit_s, settle_s = limits.limit_s(hardware, name), limits.settle_s(hardware, name)
         chance = random.Random(f"{seed} {name}")
         return Patient(theatre, name, words, limit_s, settle_s, chance, is_disturbed, switch_s, self._pace)

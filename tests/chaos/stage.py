@@ -28,6 +28,7 @@ from firmware.interface import Interface
 from firmware.slots import State
 from firmware.station import Station
 from firmware.supervisor import Supervised
+from tests.chaos.patient import WORKER
 from tests.chaos.processes import PlayedChild, PlayedRadio
 from tests.virtual import VirtualLoop
 
@@ -162,14 +163,24 @@ class Stage:
         logging.getLogger("captain").setLevel(logging.INFO)
         self.station.start()
 
+    @property
+    def folder(self) -> Path:
+        """Of the simulated board."""
+        assert self.station._simulation.board is not None
+        return self.station._simulation.board.machine.sys.parent
+
     # patient.Theatre
 
     def now(self) -> float:
         return self.loop.now
 
     def obey(self, text: str) -> None:
-        assert self.station._simulation.board is not None
-        self.station._simulation.board.troubles.obey(text)
+        if text == f"begin {WORKER}":
+            for child in [child for child in PlayedChild.running if child.name == "sim-board"]:
+                child.crash()
+        elif text != f"end {WORKER}":
+            assert self.station._simulation.board is not None
+            self.station._simulation.board.troubles.obey(text)
 
     def is_up(self, name: str) -> bool:
         carrier = self.station._carrier

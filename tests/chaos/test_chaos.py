@@ -1,18 +1,23 @@
 """Everything fails at random for minutes of virtual time, and a station stays what it is."""
 
 import os
+import re
+import socket
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from drivers.sim.trouble import BOARD
+from drivers.sim.modules import MODEM, RADIO, RECEIVER
+from drivers.sim.trouble import BOARD, TROUBLE
+from tests.chaos import limits
 from tests.chaos.stage import INTERFACES, Stage
 from tests.chaos.virtual import VirtualRun
 
 # `make chaos` runs 30 minutes of each of many.
 MINUTES = float(os.environ.get("CHAOS_MINUTES", "2"))
 SEEDS = range(1, 1 + int(os.environ.get("CHAOS_COUNT", "3")))
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -23,6 +28,22 @@ def test_a_station_routes_on_and_brings_every_module_back(seed: int, tmp_path: P
     finally:
         run.stage.close()
     assert [f"{goal.what}: {goal.seen}" for goal in goals if not goal.is_met] == []
+
+
+@pytest.mark.parametrize(
+    ("what", "seconds"),
+    [
+        ("GNSS receiver", limits.MODULES_S[RECEIVER]),
+        ("SOM301-E", limits.MODULES_S[RADIO]),
+        ("SIM8202G", limits.MODULES_S[MODEM]),
+        ("the board's readings", limits.BOARD_S),
+    ],
+)
+def test_the_documented_times_are_those_of_the_code(what: str, seconds: float) -> None:
+    rows = [line.split("|") for line in (ROOT / "board/README.md").read_text().splitlines() if line.startswith("| ")]
+    (row,) = [row for row in rows if row[1].strip() == what]
+    assert row[2].strip() == f"{seconds:.0f} s"
+    assert sum(map(float, re.findall(r"(\d+) s", row[3]))) == pytest.approx(seconds)
 
 
 @pytest.fixture
@@ -38,3 +59,24 @@ def test_from_power_on_the_time_line_names_what_each_module_waits_for(stage: Sta
     told = {(note["who"], str(note["what"]).partition(":")[0]) for note in stage.station.timeline.status()}
     for slot in INTERFACES:
         assert {(f"slot {slot}", word) for word in ("powering", "starting", "running")} <= told
+
+
+def test_trouble_from_outside_is_answered(stage: Stage) -> None:
+    stage.start()
+    door = stage.folder / TROUBLE
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as voice:
+        voice.bind("")  # a name of the kernel's
+        answers = []
+        for text in ("begin cellular silent", "end cellular silence"):
+            voice.sendto(text.encode(), str(door))
+            stage.loop.run_for(0.01)
+            answers.append(voice.recv(1000).decode())
+    assert answers[0] == "ok"
+    assert answers[1].startswith("'end cellular silence' is no trouble")
+    assert "garbage, silent, refusing, uncovered, cardless" in answers[1]
+
+
+def test_a_real_board_listens_to_nobody_who_brings_trouble() -> None:
+    files = (path for folder in ("board", "drivers", "firmware") for path in (ROOT / folder).rglob("*.py"))
+    users = [path for path in files if "sim.trouble" in path.read_text()]
+    assert [str(path.relative_to(ROOT)) for path in users] == ["drivers/sim/board.py"]
