@@ -173,7 +173,16 @@ class Slot:
             why = f"{self._cause}; given up after {CYCLES} power cycles"
         self.state, self._why, self._since = state, why, self._loop.clock()
         self._journal.say(LEVELS.get(state, logging.INFO), "slot %s: %s: %s", self.name, state.value, why)
-        self._noted(f"slot {self.name}", f"{state.value}: {why}")
+        self._noted(f"slot {self.name}", f"{state.value}: {why}{self._awaited()}")
+
+    def _awaited(self) -> str:
+        """What it waits for now, for the time line."""
+        described = self._sequencer.description
+        if self.state is State.POWERING and described.usb:
+            return f"; waits for {' or '.join(described.ids) or 'a device'} at {described.usb}"
+        if self.state is State.RUNNING and self._interface is not None and not self._interface.interface.is_up:
+            return "; waits for its link"
+        return ""
 
     def _failed(self, error: StationError) -> bool:
         """Whether the driver is to be started again, the device being there and nothing else to be tried first."""

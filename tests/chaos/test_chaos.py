@@ -56,9 +56,18 @@ def stage(tmp_path: Path, monkeypatch) -> Iterator[Stage]:
 def test_from_power_on_the_time_line_names_what_each_module_waits_for(stage: Stage) -> None:
     stage.start()
     stage.loop.run_until(lambda: all(stage.is_up(name) for name in (*INTERFACES, BOARD)), 30.0)
-    told = {(note["who"], str(note["what"]).partition(":")[0]) for note in stage.station.timeline.status()}
-    for slot in INTERFACES:
-        assert {(f"slot {slot}", word) for word in ("powering", "starting", "running")} <= told
+    told = [(str(note["who"]), str(note["what"])) for note in stage.station.timeline.status()]
+    for slot, described in stage.station.config.board.slots.items():
+        if described.ids:
+            waits = f"powering: the station has started; waits for {described.ids[0]} at {described.usb}"
+            assert [what for who, what in told if who == f"slot {slot}"] == [
+                waits,
+                f"starting: {described.ids[0]}",
+                "running: driver started; waits for its link",
+            ]
+    steps = [what for who, what in told if who == "cellular"]
+    waited = ("port", "identity", "sim", "sim: busy", "configuration", "registration", "registration: searching")
+    assert steps == [*(f"down: {step}" for step in (*waited, "attach", "bearer")), "up: 10.64.1.2"]
 
 
 def test_trouble_from_outside_is_answered(stage: Stage) -> None:

@@ -66,7 +66,11 @@ def test_identity_rails_temperatures_and_fan_are_in_the_status(running: WholeBoa
 
 def test_the_time_line_says_what_each_module_waited_for(running: WholeBoard) -> None:
     told = [what for who, what in running.notes if who == "slot gnss"]
-    assert told == ["powering: the station has started", "starting: 1546:01a9", "running: driver started"]
+    assert told == [
+        "powering: the station has started; waits for 1546:01a9 at 1-1.1",
+        "starting: 1546:01a9",
+        "running: driver started; waits for its link",
+    ]
 
 
 def test_a_module_that_is_pulled_out_and_put_back_comes_up_again(running: WholeBoard) -> None:

@@ -154,7 +154,7 @@ def test_power_comes_first_then_the_device_then_the_driver(bench: Bench) -> None
     bench.loop.run_for(BOOT_S)
     assert (bench.state, bench.driver.starts) == (State.RUNNING, 1)
     assert bench.notes == [
-        "powering: the station has started",
+        "powering: the station has started; waits for a device at 1-1.3",
         "starting: 1e0e:9001",
         "running: driver started",
     ]
