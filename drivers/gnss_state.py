@@ -14,7 +14,9 @@ ANTENNA = ("starting", "unknown", "ok", "short circuit", "open")
 POWER = ("off", "on", "unknown")
 LEAP_SOURCES = ("firmware", "glonass", "gps", "sbas", "beidou", "galileo")
 
-LATE_S = 60  # that a receiver may be late in counting a leap second
+# A receiver may stop announcing a leap second so long before it counts it: a little before the event, as its last
+# epoch may be older than that, and some time behind it.
+EARLY_S, LATE_S = 2, 60
 
 # What is worth a line in the journal when it changes.
 _QUIET = ("unknown", "none", "ok", "starting")
@@ -82,10 +84,15 @@ class ReceiverState:
 
     def _take_leap(self, message: NavTimeLs) -> None:
         self._leap_source = _word(LEAP_SOURCES, message.source)
-        before, leap = self.leap, leap_of(message, self._unix_now())
-        if before and leap and before.event and leap == Leap(before.seconds) and message.to_event_s > -LATE_S:
-            return  # the event has passed, and the receiver does not count it yet
-        self.leap = leap
+        before, now = self.leap, self._unix_now()
+        leap = leap_of(message, now)
+        if before is None or before.event is None or leap != Leap(before.seconds):
+            self.leap = leap
+        elif now is None:  # a date that is lost places no event, and withdraws none that is announced all the same
+            self.leap = before if message.is_event_known and message.change == before.change else leap
+        else:  # withdrawn, unless it has just passed and is not counted yet
+            since_event_s = now - before.unix(before.event - 1) - 1
+            self.leap = before if -EARLY_S <= since_event_s <= LATE_S else leap
 
     def _unix_now(self) -> int | None:
         pvt = self.pvt

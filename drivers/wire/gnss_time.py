@@ -97,7 +97,8 @@ class Pulses:
     """Finds the second of each TIM-TP; TIM-TP speaks of the pulse that comes next.
 
     Where it counts UTC, a leap second and the second behind it have one number, and firmware is free to give the
-    leap second that of the second before. There alone the seconds that went by since the last pulse decide.
+    leap second that of the second before. There alone the seconds that went by since the last pulse decide; without
+    such a pulse the second is not known, for a second that is wrong is worse than none.
 
     epoch_s  between two messages; the same pulse may be announced several times.
     """
@@ -108,7 +109,8 @@ class Pulses:
 
     def pulse(self, message: TimTp, leap: Leap | None, now: float) -> Pulse:
         """The second of an announced pulse, now in seconds of a monotonic clock."""
-        count = message.week * WEEK + round(message.tow_ms / 1000)
+        # An announced event stands in weeks that were put back, so the count has to as well.
+        count = resolved(GPS_EPOCH + message.week * WEEK + round(message.tow_ms / 1000)) - GPS_EPOCH
         if not message.is_utc:
             # GLONASS and BeiDou count from elsewhere; no receiver is configured to follow them.
             gps = count if message.system in (GPS, GALILEO) else None
@@ -121,13 +123,13 @@ class Pulses:
             return Pulse(None, None)
         if self._last is None or self._last[0] != gps:
             self._last = (gps, now)
-        return Pulse(gps, resolved(leap.unix(gps)) if leap is not None else None)
+        return Pulse(gps, leap.unix(gps) if leap is not None else None)
 
-    def _of_utc(self, count: int, leap: Leap, now: float) -> int:
+    def _of_utc(self, count: int, leap: Leap, now: float) -> int | None:
         before, after = count + leap.seconds, count + leap.seconds + leap.change
         if leap.event is None or before < leap.event - 2:
             return before
         if before > leap.event + 2:
             return after
         expected = None if self._last is None else self._last[0] + int(now - self._last[1] + self._slack)
-        return expected if expected in (before, after) else before
+        return expected if expected in (before, after) else None

@@ -144,7 +144,8 @@ def test_a_pulse_of_utc_without_leap_seconds_is_not_known():
 
 
 def test_a_pulse_of_gps_without_leap_seconds_has_no_unix_time():
-    assert Pulses(1.0).pulse(tim_tp(1000, 2, 0), None, 0.0) == (1000, None)
+    count = NOW - GPS_EPOCH
+    assert Pulses(1.0).pulse(tim_tp(count, 2, 0), None, 0.0) == (count, None)
 
 
 @pytest.mark.parametrize("flags", [UTC | UTC_AVAILABLE, UTC_AVAILABLE])
@@ -189,3 +190,26 @@ def test_the_weeks_that_old_firmware_leaves_out_are_put_back():
     assert utc_ns(pvt(year=2006, month=10, day=16)) == NOW * 10**9
     count = NOW - GPS_EPOCH - ROLLOVER
     assert pulses_of([tim_tp(count)], Leap(18)) == [NOW]
+
+
+@pytest.mark.parametrize("label", range(-1, 2))
+def test_a_first_pulse_beside_a_leap_second_is_not_known_rather_than_a_second_wrong(label):
+    count = MIDNIGHT - GPS_EPOCH + label
+    assert Pulses(1.0).pulse(tim_tp(count), LEAP_2016, 0.0) == (None, None)
+
+
+def test_a_receiver_that_began_beside_a_leap_second_knows_its_pulses_behind_it():
+    pulses = Pulses(1.0)
+    found = [pulses.pulse(tim_tp(MIDNIGHT - GPS_EPOCH + step), LEAP_2016, step).unix for step in range(6)]
+    assert found[0] is None
+    assert found[3:] == [MIDNIGHT + 3, MIDNIGHT + 4, MIDNIGHT + 5]
+
+
+@pytest.mark.parametrize("flags", [UTC | UTC_AVAILABLE, UTC_AVAILABLE])
+def test_an_announced_leap_second_is_met_by_firmware_that_leaves_weeks_out(flags):
+    event = NOW + 3600 * 16  # the end of its day
+    leap = leap_of(timels(3600 * 16, change=1), NOW)
+    assert leap == Leap(18, event - GPS_EPOCH + 18, 1)
+    for after in (-10, 10):
+        count = event + after - GPS_EPOCH - ROLLOVER + (0 if flags & UTC else 18 + (after > 0))
+        assert pulses_of([tim_tp(count, flags, 0)], leap) == [event + after]
