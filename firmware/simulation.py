@@ -1,5 +1,6 @@
 """What plays the world for a board file that asks for it: stations in the neighbourhood, and the board's own parts."""
 
+import os
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -44,6 +45,7 @@ class Simulation:
             self._neighbours.start()
         if self.board is not None:
             self.board.start()
+            os.environ.update(self.board.environment)  # of this process and those that it starts
 
     def finish(self) -> None:
         """The neighbours fall silent: what they say is not taken any more. Idempotent."""

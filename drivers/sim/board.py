@@ -14,8 +14,9 @@ from board.loop import Loop, Timer
 from board.topology import parse
 from drivers.sim.chips import World
 from drivers.sim.machine import SimulatedMachine
-from drivers.sim.modules import MODULES, Module, Place
+from drivers.sim.modules import MODULES, Module, Place, Radio
 from drivers.sim.neighbours import NeighboursOptions
+from drivers.sim.radio import VARIABLE
 from drivers.sim.trouble import Door, Troubles
 
 # How often it is looked at what was switched: a module then boots for a second.
@@ -55,6 +56,13 @@ class SimulatedBoard:
                 self._simulated.sit(slot.usb, self.modules[name].supplied, _missing(slot))
         self._door = Door(self._loop, self._folder, self.troubles)
         self._poll()
+
+    @property
+    def environment(self) -> dict[str, str]:
+        """What processes of drivers must find in theirs, once the modules sit in their slots."""
+        radios = (module.plays for module in self.modules.values() if isinstance(module.plays, Radio))
+        settings = next((radio.settings for radio in radios), "")
+        return {VARIABLE: settings} if settings else {}
 
     def unplug(self, slot: str) -> None:
         """Pull the module out of a slot."""

@@ -11,7 +11,7 @@ from board.loop import Loop, Timer
 from board.time import LEAPS
 from drivers.sim.machine import SimulatedDevice, SimulatedInterface, SimulatedMachine
 from drivers.sim.neighbours import NeighboursOptions
-from drivers.sim.radio import Control
+from drivers.sim.radio import VARIABLE, Control
 
 # Vendor and product. The SOM301-E is a network on USB; its ids are not public: these are those of Linux' own gadget.
 RECEIVER, RADIO, MODEM = "1546:01a9", "0525:a4a2", "1e0e:9001"
@@ -95,20 +95,18 @@ class Radio:
     """For the kernel a network device. What it hears and says comes and goes by the library of drivers/sim/radio, which
     runs in a process of the driver's, reads its settings from the environment and is told more at its control port.
 
-    control  address of that port. Where the environment has settings already, they are those of who runs the program.
+    settings  that the environment must have: those that it has already are of who runs the program.
+    control   address of that port.
     """
-
-    VARIABLE = "CAPTAIN_SIM_RADIO"
 
     def __init__(self, loop: Loop, place: Place) -> None:
         self._loop = loop
         self._place = place
         self._boot: Timer | None = None
         self.control = _free_address()
-        if place.air is not None:
-            words = f"listen={place.air.to} peers={place.air.listen} control={self.control}"
-            os.environ.setdefault(self.VARIABLE, words)
-        given = dict(word.partition("=")[::2] for word in os.environ.get(self.VARIABLE, "").split())
+        own = f"listen={place.air.to} peers={place.air.listen} control={self.control}" if place.air else ""
+        self.settings = os.environ.get(VARIABLE, own)
+        given = dict(word.partition("=")[::2] for word in self.settings.split())
         if "control" in given:
             self.control = address(given["control"])
 

@@ -2,6 +2,7 @@
 
 import errno
 import json
+import os
 from collections.abc import Iterator
 from contextlib import closing
 
@@ -9,6 +10,7 @@ import pytest
 
 from board import topology
 from drivers.sim.chips import Fault
+from drivers.sim.radio import VARIABLE
 from firmware import carrier as carrier_module
 from firmware.carrier import Carrier
 from firmware.selftest import Selftest
@@ -197,6 +199,11 @@ def test_a_self_test_names_what_does_not_work_with_a_remedy(running: WholeBoard)
     assert all(row["remedy"] for row in wrong.values())
     assert wrong["rail slots_3v3"]["is_present"] is False
     assert rows["slot cellular"]["works"]
+
+
+def test_a_simulated_board_leaves_the_environment_to_who_starts_it(running: WholeBoard) -> None:
+    assert VARIABLE not in os.environ
+    assert running.simulated.environment[VARIABLE].startswith("listen=127.0.0.1:8947 peers=127.0.0.1:8949 control=")
 
 
 def test_every_slot_of_the_simulated_board_is_a_port_of_one_hub(board: WholeBoard) -> None:
