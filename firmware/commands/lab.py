@@ -17,7 +17,7 @@ from board.errors import StationError
 from firmware.lab import dissection
 from firmware.lab.copies import Count
 from firmware.lab.dissection import Dissected
-from firmware.lab.laboratory import Bench, Link, bench, vectors
+from firmware.lab.laboratory import Bench, Device, Link, bench, vectors
 from firmware.lab.pcap import Pcap
 from firmware.user.arguments import HIGHEST_RATE, number, seconds
 from firmware.user.table import Screen, Table
@@ -29,13 +29,15 @@ more messages go each way once. Nothing leaves this machine.
 
 The stations hear each other as whole Ethernet frames in UDP datagrams; with --veth as frames on a virtual cable
 between two network namespaces, where root is not needed if the kernel lets users make namespaces; with --radio by
-simulated SOM301-E radios, whose air may lose messages: then the test is passed when exactly those are missing.
+simulated SOM301-E radios, whose air may lose messages: then the test is passed when exactly those are missing; with
+--devices by two network devices of this machine that hear each other, each in a network namespace of its own.
 """
 EPILOG = """\
 examples:
   captain lab                                     60 s at 10 Hz over UDP
   captain lab --veth --duration 10                over raw Ethernet
   captain lab --radio 0.1 --short                 by radio, and the air loses a tenth
+  captain lab --devices a:wlan0 b:wlan1           between two 802.11p cards
   captain lab --capture lab.pcap --decode         and let tshark decode every frame
 
 exit codes:
@@ -69,9 +71,24 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         type=number("losses per message", 1.0, is_zero_allowed=True),
         help="simulated SOM301-E radios, whose air loses this share (default 0)",
     )
+    links.add_argument(
+        "--devices",
+        metavar="NETNS:DEVICE",
+        nargs=2,
+        type=_device,
+        default=(),
+        help="raw Ethernet on two devices, each in a namespace of `ip netns` (as root)",
+    )
     parser.add_argument("--capture", metavar="FILE", type=Path, help="every frame, as a pcap file")
     parser.add_argument("--decode", action="store_true", help="let tshark decode every frame of the capture")
     parser.add_argument("--json", action="store_true", help="one JSON object in place of tables")
+
+
+def _device(text: str) -> Device:
+    namespace, colon, name = text.partition(":")
+    if not (colon and namespace and name):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a namespace and a device: a:wlan0")
+    return Device(namespace, name)
 
 
 def main(arguments: argparse.Namespace) -> int:
@@ -95,7 +112,8 @@ def _run(arguments: argparse.Namespace, path: Path | None, ending: ExitStack) ->
         except OSError as error:
             raise StationError(f"{path}: {error.strerror}", "name another file with --capture") from error
         ending.callback(capture.close)
-    with bench(_link(arguments), arguments.radio or 0.0, capture) as made, Screen(sys.stderr) as screen:
+    laboratory = bench(_link(arguments), arguments.radio or 0.0, capture, arguments.devices)
+    with laboratory as made, Screen(sys.stderr) as screen:
         count = Count(vectors(), [seat.name for seat in made.seats])
         test = Test(made, count, screen if screen.is_terminal and not arguments.json else None)
         test.run(round(arguments.duration * arguments.rate), 1.0 / arguments.rate)
@@ -109,6 +127,8 @@ def _run(arguments: argparse.Namespace, path: Path | None, ending: ExitStack) ->
 def _link(arguments: argparse.Namespace) -> Link:
     if arguments.veth:
         return "veth"
+    if arguments.devices:
+        return "devices"
     return "udp" if arguments.radio is None else "radio"
 
 

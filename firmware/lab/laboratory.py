@@ -18,22 +18,24 @@ from firmware.lab.pcap import Pcap
 from firmware.lab.program import Program
 from firmware.user import client
 from firmware.user.received import Message, Pairing
-from firmware.user.untrusted import text, within
+from firmware.user.untrusted import number, text, within
 
-Link = Literal["udp", "veth", "radio"]
+Link = Literal["udp", "veth", "radio", "devices"]
 
 HOST = "127.0.0.1"
 GEONETWORKING = 0x8947
 ETH_P_ALL = 3  # linux/if_ether.h: with the EtherType alone, what leaves is not seen
-DEVICES = ("captain-a", "captain-b")
-UP_S = 5.0
+CABLE = ("captain-a", "captain-b")  # the names of its ends
+UP_S = 15.0
 RECORD_BUFFER = 8 << 20  # octets
 
 # Neither is decoded by Debian's tshark beyond BTP: a message of 8 octets, and a type that it does not know.
 BESIDE = (("mapem", 8), ("vam", 34))
 
 UDP = '[interfaces.air]\ndriver = "udp"\nframing = "ethernet"\nlisten = "{own}"\npeers = ["{recorder}", "{other}"]\n'
-VETH = '[interfaces.air]\ndriver = "ethernet"\ndevice = "{device}"\n'
+# Linux takes nothing from an 802.11p neighbour that it does not know: of the first frame it only learns the address.
+# Beacons come first, so that this is none of the messages.
+ETHERNET = '[interfaces.air]\ndriver = "ethernet"\ndevice = "{device}"\nbeacon_s = 0.5\n'
 
 
 class Vector(NamedTuple):
@@ -107,6 +109,13 @@ class Recorder:
                 self._capture.write(frame, time.time_ns())
 
 
+class Device(NamedTuple):
+    """A network device in a namespace of `ip netns`."""
+
+    namespace: str
+    name: str
+
+
 class Bench(NamedTuple):
     """Seats at A and B, the recorder between them, and the radios where the air is theirs."""
 
@@ -119,24 +128,26 @@ class Bench(NamedTuple):
 
 
 @contextmanager
-def bench(link: Link, loss: float, capture: Pcap | None) -> Iterator[Bench]:
+def bench(link: Link, loss: float, capture: Pcap | None, devices: Sequence[Device] = ()) -> Iterator[Bench]:
     """Start everything; users have joined and links are up. Raises StationError when anything is missing.
 
-    loss  share of messages that the radios' air loses.
+    loss     share of messages that the radios' air loses.
+    devices  two that hear each other, with link `devices`.
     """
     with ExitStack() as ending:
         folder = Path(ending.enter_context(tempfile.TemporaryDirectory(prefix="captain-lab-")))
         spaces: list[Callable[[], AbstractContextManager[None]]] = [nullcontext, nullcontext]
         radios: Sequence[radio.Radio] = ()
         environments: list[Mapping[str, str]] = [{}, {}]
-        if link == "veth":
-            ends = netns.cable(*DEVICES)
+        if link in ("veth", "devices"):
+            names = [device.name for device in devices] or CABLE
+            ends = [netns.named(device.namespace) for device in devices] or netns.cable(*CABLE)
             for end in ends:
                 ending.callback(end.close)
             spaces = [end.inside for end in ends]
-            seeing = ending.enter_context(socket.socket(socket.AF_PACKET, socket.SOCK_RAW))
-            seeing.bind((DEVICES[0], ETH_P_ALL))
-            boards = [VETH.format(device=device) for device in DEVICES]
+            with spaces[0]():
+                seeing = ending.enter_context(_seeing(names[0]))
+            boards = [ETHERNET.format(device=name) for name in names]
         else:
             seeing = ending.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
             seeing.bind((HOST, 0))
@@ -155,16 +166,28 @@ def bench(link: Link, loss: float, capture: Pcap | None) -> Iterator[Bench]:
                 child = _station(name, board, place, folder, environment)
                 ending.callback(child.stop)
                 child.wait_until_ready()
-                _wait_for_link(folder / f"{name}.sock", link)
+                _wait_for_link(_control(folder, name), link)
                 # The threads of a context are made with its first socket, in the namespace of this moment.
                 seats.append(Seat(name, ending.enter_context(client.session()), place, child))
         for seat in seats:
             seat.join()
+            if link == "devices":
+                _wait_for_neighbour(_control(folder, seat.name))
         yield Bench(seats, recorder, radios)
 
 
+def _seeing(device: str) -> socket.socket:
+    """A socket that sees what comes and goes by a network device of this namespace."""
+    try:
+        seeing = socket.socket(socket.AF_PACKET, socket.SOCK_RAW)
+        seeing.bind((device, ETH_P_ALL))
+    except OSError as error:
+        raise StationError(f"network device {device}: {error.strerror}", "`ip -n NETNS link` lists them") from error
+    return seeing
+
+
 def _station(name: str, board: str, place: client.Address, folder: Path, environment: Mapping[str, str]) -> Program:
-    options = {"station.name": f"lab-{name}", "endpoint.control": str(folder / f"{name}.sock")}
+    options = {"station.name": f"lab-{name}", "endpoint.control": str(_control(folder, name))}
     options |= {f"endpoint.{key}": str(getattr(place, key)) for key in ("from_users", "to_users", "pull", "report")}
     given = ["run", "--board", "/dev/stdin", "--log", "warning"]
     for key, value in options.items():
@@ -172,14 +195,27 @@ def _station(name: str, board: str, place: client.Address, folder: Path, environ
     return Program(f"station {name}", given, f'name = "lab"\n{board}'.encode(), environment)
 
 
+def _control(folder: Path, name: str) -> Path:
+    """The control socket of a station."""
+    return folder / f"{name}.sock"
+
+
 def _wait_for_link(control: Path, link: Link) -> None:
+    def is_up(air: Mapping[str, object]) -> bool:
+        return text(air, "state") == "up" and (link != "radio" or radio.is_complete(within(air, "details")))
+
+    _wait_for(control, is_up, "the link did not come up")
+
+
+def _wait_for_neighbour(control: Path) -> None:
+    _wait_for(control, lambda air: number(air, "neighbours") > 0, "the other station is not heard")
+
+
+def _wait_for(control: Path, is_so: Callable[[Mapping[str, object]], bool], failure: str) -> None:
     deadline = time.monotonic() + UP_S
-    while True:
-        air = within(within(client.station_status(control), "interfaces"), "air")
-        if text(air, "state") == "up" and (link != "radio" or radio.is_complete(within(air, "details"))):
-            return
+    while not is_so(air := within(within(client.station_status(control), "interfaces"), "air")):
         if time.monotonic() > deadline:
-            raise StationError(f"the link did not come up: {text(air, 'why')}")
+            raise StationError(f"{failure}: {text(air, 'why')}")
         time.sleep(0.02)  # this is a command's own process, no station's loop
 
 

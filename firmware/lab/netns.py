@@ -1,4 +1,4 @@
-"""Network namespaces joined by a virtual Ethernet cable, made without root where the kernel lets users do so."""
+"""Network namespaces: two joined by a virtual Ethernet cable, made without root where allowed; or named ones."""
 
 import ctypes
 import os
@@ -12,16 +12,17 @@ from board.errors import StationError
 CLONE_NEWUSER = 0x10000000  # unshare(2)
 CLONE_NEWNET = 0x40000000
 HERE = Path("/proc/thread-self/ns/net")
+NAMED = Path("/run/netns")  # ip-netns(8)
 HINT = "user namespaces may be off here (sysctl kernel.unprivileged_userns_clone); try as root, or without --veth"
 
 _libc = ctypes.CDLL(None, use_errno=True)
 
 
 class Namespace:
-    """The network namespace that the calling thread was in when this was made."""
+    """A network namespace by its path; unless that is given, the one that the calling thread was in at this moment."""
 
-    def __init__(self) -> None:
-        self._descriptor = os.open(HERE, os.O_RDONLY | os.O_CLOEXEC)
+    def __init__(self, path: Path = HERE) -> None:
+        self._descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
 
     @contextmanager
     def inside(self) -> Iterator[None]:
@@ -40,6 +41,14 @@ class Namespace:
 
     def close(self) -> None:
         os.close(self._descriptor)
+
+
+def named(name: str) -> Namespace:
+    """A namespace of `ip netns`. Raises StationError when there is none of that name, or it is not ours to enter."""
+    try:
+        return Namespace(NAMED / name)
+    except OSError as error:
+        raise StationError(f"network namespace {name}: {error.strerror}", "`ip netns` lists them") from error
 
 
 def cable(first: str, second: str) -> tuple[Namespace, Namespace]:

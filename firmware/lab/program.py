@@ -15,7 +15,7 @@ import firmware
 from board.child import die_with_parent, program
 from board.errors import StationError
 
-READY_S = 10.0  # a station is ready after 0.2 s; a machine that swaps takes longer
+READY_S = 30.0  # a station is ready after 0.2 s; a machine that swaps or is emulated takes longer
 STOP_S = 3.0  # a station drains within 1 s
 LAST_LINES = 20
 

@@ -100,9 +100,18 @@ def test_a_capture_that_cannot_be_written_is_explained() -> None:
     assert "Traceback" not in done.stderr
 
 
-@pytest.mark.parametrize("wrong", [("--duration", "-1"), ("--rate", "0"), ("--duration", "long"), ("--nonsense",)])
+@pytest.mark.parametrize(
+    "wrong",
+    [("--duration", "-1"), ("--rate", "0"), ("--duration", "long"), ("--nonsense",), ("--devices", "a:wlan0", "wlan1")],
+)
 def test_wrong_use_is_exit_code_2(wrong: tuple[str, ...]) -> None:
     assert lab(*wrong).returncode == 2
+
+
+def test_a_network_namespace_that_is_not_there_is_explained() -> None:
+    done = lab("--short", "--devices", "no-such:wlan0", "no-such-either:wlan1")
+    assert done.returncode == 1
+    assert done.stderr.startswith("captain: network namespace no-such: No such file or directory")
 
 
 def test_a_message_that_is_cut_short_counts_as_malformed(tmp_path: Path, vectors: list[dict[str, Any]]) -> None:
