@@ -68,6 +68,10 @@ chaos: setup-test ## everything that is simulated fails at random: MINUTES=30 of
 	@.venv/bin/python -m tests.chaos.virtual --minutes $(or $(MINUTES),30) --seeds 1 2 3
 	@.venv/bin/python -m tests.chaos --duration $(or $(DURATION),600) $(ARGS)
 
+kernel: setup-kernel ## our code on Debian's kernel in an emulated computer: 802.11p, GPIO, I2C, USB; ARGS='--only air'
+	@.ci/kernel
+	@.venv/bin/python -m tests.kernel $(ARGS)
+
 binary: setup-freeze setup ## one file to copy by hand and one directory for the image, in build/binary
 	@.ci/freeze
 

@@ -1,0 +1,50 @@
+"""The checks' side of the bench: what was seen goes to the other side as it is seen, one JSON object a line."""
+
+import json
+import os
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+RESULTS = os.environ.get("CAPTAIN_RESULTS", "/dev/stdout")
+
+_seconds: dict[str, float] = {}
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--lab-s", type=float, default=5.0)
+
+
+@pytest.fixture
+def seen(record_property: Callable[[str, object], None]) -> Callable[[str], None]:
+    """Tells what a check saw; the words of several calls are joined."""
+    return lambda words: record_property("seen", words)
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
+    _tell(promised=[_title(item.nodeid) for item in session.items])
+
+
+def pytest_runtest_logreport(report: pytest.TestReport) -> None:
+    """One row a check: when it is torn down, or with what broke it."""
+    seconds = _seconds[report.nodeid] = _seconds.get(report.nodeid, 0.0) + report.duration
+    if not report.passed or report.when == "teardown":
+        words = "; ".join(str(value) for name, value in report.user_properties if name == "seen")
+        trouble = "" if report.passed else report.longreprtext or report.outcome
+        _tell(check=_title(report.nodeid), seen=words, seconds=round(seconds, 1), trouble=trouble)
+
+
+def pytest_sessionfinish(exitstatus: int) -> None:
+    _tell(exit=int(exitstatus))
+
+
+def _title(nodeid: str) -> str:
+    """`modem: the kernel binds option` of .../check_modem.py::test_the_kernel_binds_option."""
+    file, _, name = nodeid.partition("::")
+    return f"{file.rpartition('check_')[2].removesuffix('.py')}: {name.removeprefix('test_').replace('_', ' ')}"
+
+
+def _tell(**what: Any) -> None:
+    with open(RESULTS, "w") as results:
+        results.write(json.dumps(what) + "\n")

@@ -1,0 +1,86 @@
+"""The guest: an emulated computer that boots Debian's kernel and has this machine's files, which it cannot change."""
+
+import os
+import subprocess
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+PROJECT = Path(__file__).resolve().parents[2]
+BENCH = PROJECT / "build/kernel"
+CONSOLE = BENCH / "console.log"
+
+# Where the guest is virtualised itself, a kernel may never get past its boot loader, whatever /dev/kvm promises: it is
+# given this long for its first word, and what came of it is written down.
+KVM_S = 10.0
+ACCELERATOR = BENCH / "accelerator"
+KVM = ("-accel", "kvm", "-cpu", "host,-arch-capabilities")
+EMULATED = ("-accel", "tcg,thread=multi", "-cpu", "max")
+
+
+class Guest(NamedTuple):
+    """A running guest: what it says, line by line, and how to end it."""
+
+    process: subprocess.Popen[str]
+
+    def lines(self) -> Iterator[str]:
+        """What comes out of its second serial port, until it is off."""
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            yield line.strip()
+
+    def kill(self) -> None:
+        """Take away its power; idempotent."""
+        self.process.kill()
+        self.process.wait()
+
+
+@contextmanager
+def booted(checks: Sequence[str], limit_s: float) -> Iterator[Guest]:
+    """A guest that runs checks, options of pytest; without power after so many seconds at the latest."""
+    guest = Guest(_start(_accelerator(), checks))
+    alarm = threading.Timer(limit_s, guest.kill)
+    alarm.start()
+    try:
+        yield guest
+    finally:
+        alarm.cancel()
+        guest.kill()
+
+
+def _accelerator() -> Sequence[str]:
+    """KVM where a guest was seen to start with it, else emulation."""
+    if not ACCELERATOR.exists():
+        ACCELERATOR.write_text("kvm" if _starts_with_kvm() else "emulated")
+    return KVM if ACCELERATOR.read_text() == "kvm" else EMULATED
+
+
+def _starts_with_kvm() -> bool:
+    if not os.access("/dev/kvm", os.R_OK | os.W_OK):
+        return False
+    guest = Guest(_start(KVM, ["--collect-only"]))
+    alarm = threading.Timer(KVM_S, guest.kill)
+    alarm.start()
+    try:
+        return next(guest.lines(), "") != ""
+    finally:
+        alarm.cancel()
+        guest.kill()
+
+
+def _start(accelerator: Sequence[str], checks: Sequence[str]) -> subprocess.Popen[str]:
+    # What the kernel does not know itself it hands to the first program, as its environment.
+    given = {"PROJECT": str(PROJECT), "CHECKS": " ".join(checks)}
+    words = ["console=ttyS0", "quiet", "panic=-1", *(f'{name}="{value}"' for name, value in given.items())]
+    command = [
+        *("qemu-system-x86_64", "-nodefaults", "-no-user-config", "-display", "none", "-no-reboot"),
+        *(*accelerator, "-smp", "2", "-m", "1024"),
+        *("-kernel", str(BENCH / "vmlinuz"), "-initrd", str(BENCH / "initrd"), "-append", " ".join(words)),
+        *("-serial", f"file:{CONSOLE}", "-serial", "stdio"),
+        *("-virtfs", "local,path=/,mount_tag=host,security_model=none,readonly=on,multidevs=remap"),
+    ]
+    return subprocess.Popen(
+        command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace"
+    )
