@@ -25,6 +25,7 @@ LONGEST = 200  # octets of a datagram
 
 BABBLE_S = 0.1  # between two pieces of garbage
 BABBLE = 100  # octets of one
+FLAP_S = 3.0  # between two crashes: long enough to be seen in between
 SEED = 20  # garbage is the same in every run
 
 STUCK_S = 1.0  # the kernel's own patience with a bus that is held
@@ -54,7 +55,7 @@ class Seat:
     hardware: Hardware
     name: str
     chance: random.Random = field(default_factory=lambda: random.Random(SEED))
-    babble: Timer | None = None
+    again: Timer | None = None
 
     @property
     def plays(self) -> Any:
@@ -89,14 +90,22 @@ def _say(words: str) -> Act:
     return lambda seat: seat.plays.say(words)
 
 
+def _again(what: Act, every_s: float) -> Trouble:
+    """Something that is done again and again."""
+
+    def begin(seat: Seat) -> None:
+        what(seat)
+        seat.again = seat.loop.after(every_s, lambda: begin(seat))
+
+    def end(seat: Seat) -> None:
+        if seat.again is not None:
+            seat.again.cancel()
+
+    return Trouble(begin, end)
+
+
 def _garbage(seat: Seat) -> None:
     seat.plays.say(seat.chance.randbytes(BABBLE))
-    seat.babble = seat.loop.after(BABBLE_S, lambda: _garbage(seat))
-
-
-def _no_garbage(seat: Seat) -> None:
-    if seat.babble is not None:
-        seat.babble.cancel()
 
 
 def _crash(seat: Seat) -> None:
@@ -144,9 +153,10 @@ HELD = Fault(errno.ETIMEDOUT, seconds=HELD_S)
 _OF_ALL = {
     "unplugged": Trouble(lambda seat: seat.bench.unplug(seat.name), lambda seat: seat.bench.plug(seat.name)),
     "crash": Trouble(_crash),
+    "flapping": _again(_crash, FLAP_S),
     "stranger": Trouble(lambda seat: seat.bench.plug(seat.name, stranger), lambda seat: seat.bench.plug(seat.name)),
 }
-_GARBAGE = {"garbage": Trouble(_garbage, _no_garbage)}
+_GARBAGE = {"garbage": _again(_garbage, BABBLE_S)}
 
 # By what belongs in the slot, as in drivers/sim/modules.py.
 TROUBLES: Mapping[str, Mapping[str, Trouble]] = {
