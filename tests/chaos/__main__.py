@@ -11,7 +11,7 @@ import statistics
 import subprocess
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from drivers.sim.trouble import BOARD
@@ -36,6 +36,8 @@ DELAY_S = 1.0  # that a message over the interface beside may take on a busy mac
 FLAT_KB_PER_MIN = 100.0
 SETTLED_S = 300.0  # a shorter run shows how tables fill, not what grows
 
+Act = Callable[[], None]
+
 
 class RealRun:
     """One run."""
@@ -44,21 +46,25 @@ class RealRun:
         self.samples: list[Sample] = []
         self._station = station
         self._traffic = traffic
+        self._seed = seed
         self._duration = duration
-        self.run = Run(station, station.hardware, seed, QUICK if duration < SHORT_S else LIVELY)
 
     def play(self) -> None:
         """Trouble for the whole duration, then until everything is back."""
-        self._turn(lambda: False, self._duration)
-        self.run.finish()
-        self._turn(lambda: self.run.is_well or bool(self.run.overdue), RECOVER_S)
-        self._turn(lambda: False, QUIET_S)
+        self._turn(lambda: None, QUIET_S)
+        pace = QUICK if self._duration < SHORT_S else LIVELY
+        run = self.run = Run(self._station, self._station.hardware, self._seed, pace)
+        self._turn(run.tick, self._duration)
+        run.finish()
+        self._turn(run.tick, RECOVER_S, lambda: run.is_well or bool(run.overdue))
+        self._turn(lambda: None, QUIET_S)
         self._traffic.listen(DELAY_S)
 
-    def _turn(self, is_over, longest_s: float) -> None:
+    def _turn(self, tick: Act, longest_s: float, is_over: Callable[[], bool] = lambda: False) -> None:
+        """Messages, samples and tick, each at its pace, for so long."""
         end = time.monotonic() + longest_s
-        due = {self._traffic.send: 0.0, self.run.tick: 0.0, self._sample: 0.0}
-        every = {self._traffic.send: 1 / RATE_HZ, self.run.tick: TICK_S, self._sample: SAMPLE_S}
+        every = {self._traffic.send: 1 / RATE_HZ, tick: TICK_S, self._sample: SAMPLE_S}
+        due = dict.fromkeys(every, 0.0)
         while (now := time.monotonic()) < end and not is_over():
             for act, at in due.items():
                 if now >= at:
@@ -128,6 +134,7 @@ class RealRun:
     def _flat(self) -> list[Goal]:
         samples, run = self.samples, self.run
         first, last = samples[0], samples[-1]
+        before, after = _held(samples[: int(QUIET_S)]), _held(samples[-int(QUIET_S) :])
         slope = _slope(samples[len(samples) // 2 :])
         is_long = self._duration >= SETTLED_S
         journal = self._station.journal()
@@ -147,9 +154,8 @@ class RealRun:
             ),
             Goal(
                 "as many descriptors and workers as before",
-                f"{first.descriptors} and {first.children}, {last.descriptors} and {last.children}; "
-                f"at most {max(one.descriptors for one in samples)}",
-                (first.descriptors, first.children) == (last.descriptors, last.children),
+                f"{before}, {after}; at most {max(one.descriptors for one in samples)} descriptors",
+                before == after,
             ),
             Goal(
                 f"at most {LINES_PER_TROUBLE} lines of the journal for each trouble, no traceback",
@@ -162,6 +168,11 @@ class RealRun:
                 self._station.slowest_answer_s < 1.0,
             ),
         ]
+
+
+def _held(samples: Sequence[Sample]) -> tuple[int, int]:
+    """Descriptors and workers, most of the time: each question has one of its own."""
+    return statistics.mode((one.descriptors, one.children) for one in samples)
 
 
 def _slope(samples: Sequence[Sample]) -> float:
