@@ -236,6 +236,12 @@ class Slot:
         if self._steady is not None:
             self._steady.cancel()
 
+    def excuse(self) -> None:
+        """What its driver said of a device that was just leaving is not why it is gone."""
+        self._failures = 0
+        if not self._cycled:
+            self._cause = ""
+
     def forgive(self) -> None:
         self._failures = self._cycled = 0
         self._cause = ""
@@ -253,7 +259,7 @@ _OFF = Rule(State.OFF, (Slot.hold, Slot.cut))
 _CYCLE = Rule(State.CYCLING, (Slot.hold, Slot.cycle))
 _FAULT = Rule(State.FAULT, (Slot.hold,))
 _LAUNCH = Rule(State.STARTING, (Slot.launch,))
-_AWAIT = Rule(State.POWERING, (Slot.hold,))
+_AWAIT = Rule(State.POWERING, (Slot.hold, Slot.excuse))
 
 RULES: dict[tuple[State, Event], Rule] = {
     (State.STOPPED, Event.START): _POWER,
@@ -269,6 +275,7 @@ RULES: dict[tuple[State, Event], Rule] = {
     (State.POWERING, Event.CYCLE): _CYCLE,
     (State.STARTING, Event.STARTED): Rule(State.RUNNING, (Slot.watch,)),
     (State.STARTING, Event.UNPLUGGED): _AWAIT,
+    (State.STARTING, Event.ABSENT): _CYCLE,
     (State.STARTING, Event.STUCK): _CYCLE,
     (State.STARTING, Event.EXHAUSTED): _FAULT,
     (State.STARTING, Event.OFF): _OFF,
@@ -276,6 +283,7 @@ RULES: dict[tuple[State, Event], Rule] = {
     (State.RUNNING, Event.FAILED): Rule(State.STARTING, (Slot.unwatch,)),
     (State.RUNNING, Event.STEADY): Rule(State.RUNNING, (Slot.forgive,)),
     (State.RUNNING, Event.UNPLUGGED): _AWAIT,
+    (State.RUNNING, Event.ABSENT): _CYCLE,
     (State.RUNNING, Event.STUCK): _CYCLE,
     (State.RUNNING, Event.EXHAUSTED): _FAULT,
     (State.RUNNING, Event.OFF): _OFF,

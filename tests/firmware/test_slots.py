@@ -8,107 +8,12 @@ from contextlib import closing
 
 import pytest
 
-from board.description import SlotDescription
-from board.errors import BlockedError, InterfaceError, StationError, StuckError
-from board.slot import Slot as Sequencer
-from board.usb import Device
+from board.errors import BlockedError, InterfaceError, StuckError
 from drivers.contract import Host
 from firmware.journal import BURST, EVERY_S
-from firmware.slots import CYCLES, RULES, STARTS, STEADY_S, Event, Slot, State
-from firmware.supervisor import Supervised
-from tests.firmware.doubles import NotingStation, ScriptedDriver, interface_of
+from firmware.slots import CYCLES, RULES, STARTS, STEADY_S, Event, State
+from tests.firmware.slot_bench import BOOT_S, DEAF, OFF_S, SETTLE_S, WAIT_S, Bench
 from tests.virtual import VirtualLoop
-
-DEAF = InterfaceError("/dev/ttyUSB2: no answer to AT within 3 s", "is it an AT port?")
-SETTLE_S, BOOT_S, WAIT_S, OFF_S = 0.1, 8.0, 30.0, 5.0
-
-
-class FakePlace:
-    """A slot's switch and the module behind it: it shows itself BOOT_S after power, when there is one.
-
-    refusal  why the switch cannot be set; None: it can.
-    """
-
-    def __init__(self, loop: VirtualLoop) -> None:
-        self.is_on = False
-        self.has_module = True
-        self.refusal: StationError | None = None
-        self.switched: list[tuple[float, bool]] = []
-        self.changed: Callable[[], None] = lambda: None
-        self._loop = loop
-        self._device: Device | None = None
-        self._booting = loop.after(0.0, lambda: None)
-        self._number = 0
-
-    @property
-    def cuts(self) -> int:
-        return sum(not is_on for _, is_on in self.switched)
-
-    def switch(self, kind: str, on: bool, done: Callable[[StationError | None], None]) -> None:
-        if self.refusal is not None:
-            done(self.refusal)
-            return
-        if on is not self.is_on:
-            self.switched.append((self._loop.now, on))
-            self.is_on, self._device = on, None
-            self._booting.cancel()
-            if on:
-                self._booting = self._loop.after(BOOT_S, self._boot)
-        done(None)
-        self.changed()
-
-    def look(self) -> Device | None:
-        return self._device
-
-    def plug(self) -> None:
-        self.has_module = True
-        self._boot()
-
-    def unplug(self) -> None:
-        self.has_module, self._device = False, None
-        self.changed()
-
-    def _boot(self) -> None:
-        if self.is_on and self.has_module and self._device is None:
-            self._number += 1
-            self._device = Device("1-1.3", self._number, "1e0e", "9001")
-            self.changed()
-
-
-class Bench:
-    def __init__(self, loop: VirtualLoop, has_interface: bool = True) -> None:
-        self.loop = loop
-        self.power = FakePlace(loop)
-        self.driver = ScriptedDriver()
-        self.interface = interface_of(loop, NotingStation(), self.driver)
-        self.interface.link(False, "not started")
-        self.driver.starts = 0
-        life = Supervised(loop, self.interface, lambda: 0.5) if has_interface else None
-        self.notes: list[str] = []
-        description = SlotDescription(
-            "ITS-G5", "1-1.3", power="v2x_power", settle_s=SETTLE_S, wait_s=WAIT_S, off_s=OFF_S
-        )
-        sequencer = Sequencer(
-            loop, "v2x", description, self.power.switch, self.power.look, lambda _: self.slot.changed()
-        )
-        self.slot = Slot(loop, sequencer, life, lambda who, what: self.notes.append(what))
-        self.power.changed = sequencer.device_changed
-
-    @property
-    def state(self) -> State:
-        return self.slot.state
-
-    def break_driver(self, error: StationError = DEAF) -> None:
-        def start(host: Host) -> None:
-            raise error
-
-        self.driver.on_start = start
-
-    def mend_driver(self) -> None:
-        self.driver.on_start = lambda host: host.link(True, "answers")
-
-    def until(self, state: State, within: float = 600.0) -> None:
-        self.loop.run_until(lambda: self.slot.state is state, within)
 
 
 @pytest.fixture
@@ -324,6 +229,13 @@ def test_an_unplugged_device_is_waited_for_and_its_driver_stopped(running: Bench
     running.loop.run_for(WAIT_S / 2)
     running.power.plug()
     assert (running.state, running.power.cuts) == (State.RUNNING, 0)
+
+
+def test_a_device_that_stays_away_is_its_own_cause_and_not_what_its_driver_said_last(running: Bench) -> None:
+    running.interface.fail(InterfaceError("/dev/ttyACM0 is gone: hung up"))
+    running.power.unplug()
+    running.until(State.FAULT)
+    assert running.slot.status()["cause"] == "no USB device at 1-1.3 within 30 s"
 
 
 def test_a_device_that_leaves_while_its_driver_is_started_is_waited_for(bench: Bench) -> None:
