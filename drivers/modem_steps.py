@@ -28,9 +28,8 @@ from drivers.modem_script import (
     lines,
     refusal,
 )
-from drivers.wire.at_fields import fields
 from drivers.wire.at_forms import TIMEOUT
-from drivers.wire.modem_answers import Sim, attempts, sim, sim_error, usb_id
+from drivers.wire.modem_answers import PacketContext, Sim, attempts, packet_contexts, sim, sim_error, usb_id
 
 # Step -> seconds. A module takes 18 to 30 s from power to its first answer, and as long to leave USB in a reset.
 LIMITS_S = {
@@ -218,12 +217,11 @@ class Steps:
         """The packet context, before the network is attached to: LTE sets it up with that."""
         if not self._options.apn:
             return
-        wanted = [IP_TYPES[self._options.ip_type], self._options.apn]
-        for line in (yield from lines("AT+CGDCONT?")):
-            columns = fields(line, "+CGDCONT")
-            if columns[0] == "1" and [columns[1].upper(), *columns[2:3]] == wanted:
-                return
-        yield from lines('AT+CGDCONT=1,"{}","{}"'.format(*wanted))
+        wanted = PacketContext(1, IP_TYPES[self._options.ip_type], self._options.apn)
+        there = yield from self.questions.optional("AT+CGDCONT?", packet_contexts)
+        if there is not None and wanted in there:
+            return
+        yield from lines(f'AT+CGDCONT=1,"{wanted.ip_type}","{wanted.apn}"')
         yield from ask("AT+CGATT=0")
 
     def _registration(self) -> Script[None]:

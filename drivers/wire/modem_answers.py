@@ -152,6 +152,23 @@ def temperature_c(line: str) -> int:
     return celsius
 
 
+class PacketContext(NamedTuple):
+    """Of AT+CGDCONT? (clause 10.1.1). ip_type is IP, IPV6 or IPV4V6; what the line does not say is empty."""
+
+    number: int
+    ip_type: str = ""
+    apn: str = ""
+
+
+def packet_contexts(lines: Iterable[str]) -> list[PacketContext]:
+    """`+CGDCONT: 1,"IP","internet","0.0.0.0",0,0`; every column but the first may be missing."""
+    found = []
+    for line in lines:
+        columns = [*fields(line, "+CGDCONT"), "", ""]
+        found.append(PacketContext(number(columns[0], line), columns[1].upper(), columns[2]))
+    return found
+
+
 def addresses(lines: Iterable[str]) -> list[Address]:
     """`+CGPADDR: 1,"10.1.2.3","..."` (clause 10.1.14); what is unspecified is no address."""
     found: list[Address] = []

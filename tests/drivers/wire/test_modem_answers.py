@@ -11,6 +11,7 @@ from drivers.wire.modem_answers import (
     Attempts,
     ExtendedSignal,
     Operator,
+    PacketContext,
     Registration,
     RegistrationState,
     Sim,
@@ -19,6 +20,7 @@ from drivers.wire.modem_answers import (
     extended_signal,
     flag,
     operator,
+    packet_contexts,
     registration,
     signal_dbm,
     sim,
@@ -112,10 +114,17 @@ def test_attempts_flags_and_usb_ids_are_read():
     assert usb_id(["USBADB: 0", "USBID: 0X1E0E,0X9078"]) == (0x1E0E, 0x9078)
 
 
+def test_a_packet_context_has_what_its_line_says_of_it():
+    assert packet_contexts(['+CGDCONT: 1,"ip","internet","0.0.0.0",0,0', "+CGDCONT: 2", "+CGDCONT: 3,"]) == [
+        PacketContext(1, "IP", "internet"), PacketContext(2), PacketContext(3),
+    ]  # fmt: skip
+
+
 PARSERS = [
     (registration, "+CREG: "), (operator, "+COPS: "), (signal_dbm, "+CSQ: "), (extended_signal, "+CESQ: "),
     (system_mode, "+CNSMOD: "), (temperature_c, "+CPMUTEMP: "), (sim, "+CPIN: "), (attempts, "+SPIC: "),
-    (lambda line: addresses([line]), "+CGPADDR: "), (lambda line: usb_id([line]), "USBID: "),
+    (lambda line: addresses([line]), "+CGPADDR: "), (lambda line: packet_contexts([line]), "+CGDCONT: "),
+    (lambda line: usb_id([line]), "USBID: "),
 ]  # fmt: skip
 
 
