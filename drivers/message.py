@@ -23,6 +23,7 @@ class Ego(NamedTuple):
     position   WGS84.
     is_known   whether position is more than a default.
     speed      in 0.01 m/s, signed. heading in 0.1 degree from north.
+    is_accurate  whether position is within itsGnPaiInterval / 2 of the truth; False: nobody knows how exact it is.
     """
 
     its_ms: int
@@ -30,6 +31,7 @@ class Ego(NamedTuple):
     is_known: bool
     speed: int = 0
     heading: int = 0
+    is_accurate: bool = True
 
 
 class Shape(IntEnum):

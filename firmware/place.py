@@ -1,10 +1,11 @@
 """Where the station is, and when: the most certain receiver's fix while it is fresh, else what is configured."""
 
-import time
 from collections.abc import Callable
+from typing import NamedTuple
 
-from board.time import EPOCH, Fix, FixKind, TimeMark, its_time_ms, leap_seconds
+from board.time import Fix, FixKind, TimeMark
 from drivers.message import Ego, Position
+from firmware.own_time import OwnTime
 from firmware.tables import Place as PlaceOptions
 
 FRESH_S = 2.0  # receivers say one a second at least; a car drives 60 m meanwhile
@@ -14,12 +15,27 @@ MOST_UNCERTAIN = 40_000
 PLACES = frozenset({FixKind.DEAD_RECKONING, FixKind.FLAT, FixKind.FULL, FixKind.COMBINED})
 
 
-class Place:
-    """Own position. Drivers believe no jump of their receiver; what they give is taken."""
+class Fallback(NamedTuple):
+    """Where the station is while no fix is fresh."""
 
-    def __init__(self, clock: Callable[[], float], configured: PlaceOptions | None) -> None:
+    position: Position
+    is_known: bool
+    source: str
+
+
+class Place:
+    """Own position. Drivers believe no jump of their receiver; what they give is taken.
+
+    configured  where the station is until a receiver says something else. One that is not mobile is there again
+                while no receiver says anything, or where it was last; a mobile one is then at a place that is unknown.
+    """
+
+    def __init__(self, clock: Callable[[], float], configured: PlaceOptions | None, is_mobile: bool) -> None:
         self._clock = clock
-        self._position, self._is_configured = _position(configured), configured is not None
+        self._time = OwnTime(clock)
+        self._is_mobile = is_mobile
+        is_configured = configured is not None
+        self._fallback = Fallback(_position(configured), is_configured, "configured" if is_configured else "")
         self._fixes: dict[str, Fix] = {}
         self._source = ""
         self._best: Fix | None = None
@@ -28,15 +44,21 @@ class Place:
 
     def fix(self, source: str, fix: Fix) -> None:
         """A receiver's solution; source is the interface that it is on."""
+        self._time.fix(fix)
         if not _is_usable(fix):
             return
         self._fixes[source] = fix
         fresh = {name: one for name, one in self._fixes.items() if self._is_fresh(one)}
         self._source = min(fresh, key=lambda name: _uncertainty(fresh[name]), default=source)
         self._best = self._fixes[self._source]
+        if self._is_mobile:
+            self._fallback = Fallback(_place(self._best), False, "")
+        elif self._fallback.source != "configured":
+            self._fallback = Fallback(_place(self._best), True, "last fix")
 
     def time_mark(self, source: str, mark: TimeMark) -> None:
         """What a receiver says of its next pulse; the last one is kept."""
+        self._time.time_mark(mark)
         self._marks[source] = mark
         self._marked = source
 
@@ -46,27 +68,26 @@ class Place:
         return found if found is not None and self._is_fresh(found) else None
 
     def mark_of(self, source: str) -> TimeMark | None:
-        """The last time mark of one receiver."""
-        return self._marks.get(source)
+        """The last time mark of one receiver, while it is fresh."""
+        found = self._marks.get(source)
+        return found if found is not None and self._is_fresh(found) else None
 
     def ego(self) -> Ego:
         """Own state.
 
-        A box without a clock of its own starts in 1970: it routes all the same, and calls its position unknown,
-        because a position vector without a time is none. The time of a fix is the moment that it came at.
+        A position has the time of its fix. Where nobody knows the time, as in a box without a clock before its
+        receiver sees the sky, the station routes all the same, and calls its position unknown, because a position
+        vector without a time is none.
         """
-        utc_s = time.time()
         best = self._best
         if best is None or not self._is_fresh(best):
-            if utc_s < EPOCH:
-                return Ego(0, self._position, False)
-            return Ego(its_time_ms(utc_s, leap_seconds(utc_s)), self._position, self._is_configured)
-        then = utc_s - (self._clock() - best.monotonic)
-        position = Position(best.latitude or 0, best.longitude or 0)
-        if then < EPOCH:
-            return Ego(0, position, False)
+            its_ms = self._time.its_ms(self._clock())
+            return Ego(its_ms or 0, self._fallback.position, self._fallback.is_known and its_ms is not None)
+        its_ms = self._time.its_ms(best.monotonic)
+        if its_ms is None:
+            return Ego(0, _place(best), False)
         speed, heading = round((best.speed or 0) / 10), round((best.heading or 0) / 10_000) % 3600
-        return Ego(its_time_ms(then, leap_seconds(then)), position, True, speed, heading)
+        return Ego(its_ms, _place(best), True, speed, heading, best.horizontal is not None)
 
     def status(self) -> dict[str, object]:
         """Position and time mark as the status has them: degrees, metres, seconds."""
@@ -74,8 +95,8 @@ class Place:
         if best is not None and self._is_fresh(best):
             said = _told(best) | {"source": self._source, "age_s": round(self._clock() - best.monotonic, 2)}
         else:
-            latitude, longitude = self._position if self._is_configured else (None, None)
-            said = _degrees(latitude, longitude) | {"source": "configured" if self._is_configured else ""}
+            latitude, longitude = self._fallback.position if self._fallback.is_known else (None, None)
+            said = _degrees(latitude, longitude) | {"source": self._fallback.source}
         return said | {"time_mark": self._time_mark()}
 
     def _time_mark(self) -> dict[str, object] | None:
@@ -85,8 +106,8 @@ class Place:
         told = mark._asdict()
         return {"source": self._marked, "age_s": round(self._clock() - told.pop("monotonic"), 2), **told}
 
-    def _is_fresh(self, fix: Fix) -> bool:
-        return self._clock() - fix.monotonic <= FRESH_S
+    def _is_fresh(self, said: Fix | TimeMark) -> bool:
+        return self._clock() - said.monotonic <= FRESH_S
 
 
 def _is_usable(fix: Fix) -> bool:
@@ -96,6 +117,10 @@ def _is_usable(fix: Fix) -> bool:
 
 def _uncertainty(fix: Fix) -> int:
     return MOST_UNCERTAIN if fix.horizontal is None else fix.horizontal
+
+
+def _place(fix: Fix) -> Position:
+    return Position(fix.latitude or 0, fix.longitude or 0)
 
 
 def _position(configured: PlaceOptions | None) -> Position:

@@ -60,7 +60,7 @@ class Station:
         is_legacy = tables.station.profile == "legacy"
         self.topics = _topics(tables)
         self.drops = Drops()
-        self.place = Place(loop.clock, tables.station.position)
+        self.place = Place(loop.clock, tables.station.position, tables.station.is_mobile)
         self.timeline = Timeline(loop.clock)
         self.router = Router(loop, self.topics, self.drops, self.place.ego)
         self.duplicates = Duplicates(0.0 if is_legacy else tables.reception.duplicate_window_s, self.drops)

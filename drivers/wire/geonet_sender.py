@@ -138,7 +138,7 @@ class Sender:
         (latitude, longitude), speed = ego.position, ego.speed
         if not -0x4000 <= speed <= 0x3FFF:  # 15 bits: 164 m/s
             speed = max(-0x4000, min(0x3FFF, speed))
-        bits = ego.is_known << 15 | speed & 0x7FFF
+        bits = (ego.is_known and ego.is_accurate) << 15 | speed & 0x7FFF
         return self._address, gn_timestamp(ego.its_ms), latitude, longitude, bits, ego.heading % 3600
 
     def _next_silence(self) -> float:

@@ -42,7 +42,7 @@ class Bench:
             loop,
             self.interfaces,
             lambda: board.carrier if board else None,
-            Place(loop.clock, None),
+            Place(loop.clock, None, is_mobile=True),
             Timeline(loop.clock),
         )
         self.answers: list[dict[str, object]] = []

@@ -7,6 +7,7 @@ import pytest
 
 from board.time import EPOCH, Carrier, Fix, FixKind, TimeMark, its_time_ms
 from drivers.message import Position
+from firmware.own_time import HOLDOVER_S
 from firmware.place import FRESH_S, Place
 from firmware.tables import Place as PlaceOptions
 
@@ -38,13 +39,13 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Iterator[Clock]:
     clock = Clock()
-    monkeypatch.setattr("firmware.place.time.time", lambda: NOW + clock.now - 100.0)
+    monkeypatch.setattr("firmware.own_time.time.time", lambda: NOW + clock.now - 100.0)
     return clock
 
 
 @pytest.fixture
 def place(clock: Clock) -> Place:
-    return Place(clock, CONFIGURED)
+    return Place(clock, CONFIGURED, is_mobile=False)
 
 
 def test_without_a_receiver_it_is_the_configured_position(place: Place) -> None:
@@ -55,7 +56,7 @@ def test_without_a_receiver_it_is_the_configured_position(place: Place) -> None:
 
 
 def test_without_either_it_is_unknown(clock: Clock) -> None:
-    place = Place(clock, None)
+    place = Place(clock, None, is_mobile=False)
     assert not place.ego().is_known
     assert (place.status()["source"], place.status()["latitude"]) == ("", None)
 
@@ -76,6 +77,14 @@ def test_the_time_of_a_position_is_that_of_its_fix(place: Place, clock: Clock) -
 def test_what_a_receiver_does_not_know_is_nothing(place: Place) -> None:
     place.fix("gnss", Fix(100.0, FixKind.FULL, 487_668_616, 114_320_680))
     assert (place.ego().speed, place.ego().heading, place.ego().is_known) == (0, 0, True)
+
+
+def test_a_position_of_unknown_accuracy_is_known_and_not_called_accurate(place: Place) -> None:
+    assert place.ego().is_accurate
+    place.fix("gnss", INGOLSTADT._replace(horizontal=None))
+    assert (place.ego().is_known, place.ego().is_accurate) == (True, False)
+    place.fix("gnss", INGOLSTADT)
+    assert place.ego().is_accurate
 
 
 @pytest.mark.parametrize("heading", [35_999_999, 36_000_000])
@@ -120,8 +129,92 @@ def test_of_two_receivers_the_more_certain_is_used_while_it_is_fresh(place: Plac
 def test_before_the_clock_is_set_the_position_counts_as_unknown(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
     place.fix("gnss", INGOLSTADT)
     for utc_s in (12.0, EPOCH - 1.0):
-        monkeypatch.setattr("firmware.place.time.time", lambda utc_s=utc_s: utc_s)
+        monkeypatch.setattr("firmware.own_time.time.time", lambda utc_s=utc_s: utc_s)
         assert (place.ego().its_ms, place.ego().is_known) == (0, False)
+
+
+def test_a_mobile_station_that_lost_its_receiver_is_not_at_the_configured_place(clock: Clock) -> None:
+    place = Place(clock, CONFIGURED, is_mobile=True)
+    assert place.ego().is_known
+    place.fix("gnss", INGOLSTADT)
+    clock.now += FRESH_S + 0.1
+    ego = place.ego()
+    assert (ego.position, ego.is_known, ego.speed) == (Position(487_668_616, 114_320_680), False, 0)
+    assert (place.status()["source"], place.status()["latitude"]) == ("", None)
+
+
+def test_a_station_that_never_moves_is_where_it_was_when_it_loses_its_receiver(clock: Clock) -> None:
+    place = Place(clock, None, is_mobile=False)
+    place.fix("gnss", INGOLSTADT)
+    clock.now += 3600.0
+    assert (place.ego().position, place.ego().is_known) == (Position(487_668_616, 114_320_680), True)
+    assert (place.status()["source"], place.status()["latitude"]) == ("last fix", 48.7668616)
+
+
+TIMED = INGOLSTADT._replace(utc_ns=round((NOW + 7200.25) * 1e9), utc_accuracy_ns=22)  # by which the clock is wrong
+
+
+@pytest.mark.parametrize("system_s", [12.0, NOW, NOW * 4])
+def test_a_position_has_the_time_of_its_receiver_whatever_the_clock_of_the_system_says(
+    place: Place, clock: Clock, monkeypatch: pytest.MonkeyPatch, system_s: float
+) -> None:
+    monkeypatch.setattr("firmware.own_time.time.time", lambda: system_s)
+    place.fix("gnss", TIMED)
+    clock.now += 0.8
+    assert (place.ego().its_ms, place.ego().is_known) == (its_time_ms(NOW + 7200.25, 5), True)
+
+
+def test_a_receivers_time_goes_on_by_the_monotonic_clock_for_an_hour(place: Place, clock: Clock) -> None:
+    place.fix("gnss", TIMED)
+    place.fix("gnss", Fix(101.0))  # it has lost its satellites
+    clock.now += HOLDOVER_S
+    assert place.ego().its_ms == its_time_ms(NOW + 7200.25 + HOLDOVER_S, 5)
+    clock.now += 1.0
+    assert place.ego().its_ms == its_time_ms(NOW + HOLDOVER_S + 1.0, 5)
+
+
+def test_where_the_clock_of_the_system_is_not_set_a_receivers_time_goes_on_as_long_as_it_has_to(
+    place: Place, clock: Clock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("firmware.own_time.time.time", lambda: clock.now)
+    place.fix("gnss", TIMED)
+    clock.now += 86_400.0
+    assert (place.ego().its_ms, place.ego().is_known) == (its_time_ms(NOW + 7200.25 + 86_400.0, 5), True)
+
+
+def test_a_receiver_without_a_position_gives_its_time(place: Place) -> None:
+    place.fix("gnss", Fix(100.0, FixKind.TIME_ONLY, utc_ns=TIMED.utc_ns, utc_accuracy_ns=100))
+    assert place.ego().its_ms == its_time_ms(NOW + 7200.25, 5)
+
+
+def test_a_time_of_unknown_accuracy_stands_in_for_a_clock_that_is_not_set_alone(
+    place: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    place.fix("nmea", TIMED._replace(utc_accuracy_ns=None))
+    assert place.ego().its_ms == its_time_ms(NOW, 5)
+    monkeypatch.setattr("firmware.own_time.time.time", lambda: 12.0)
+    assert (place.ego().its_ms, place.ego().is_known) == (its_time_ms(NOW + 7200.25, 5), True)
+
+
+@pytest.mark.parametrize("year_s", [0.0, EPOCH - 1.0, 1e10])
+def test_a_time_that_cannot_be_is_not_taken(place: Place, year_s: float) -> None:
+    place.fix("gnss", INGOLSTADT._replace(utc_ns=round(year_s * 1e9), utc_accuracy_ns=22))
+    assert place.ego().its_ms == its_time_ms(NOW, 5)
+
+
+@pytest.mark.parametrize(("told", "counted"), [(None, 5), (18, 5), (19, 6), (17, 4)])
+def test_leap_seconds_are_those_that_satellites_tell(place: Place, told: int | None, counted: int) -> None:
+    place.time_mark("gnss", TimeMark(100.0, None, 25, None, False, told))
+    place.time_mark("gnss", TimeMark(100.5, None, 25, None, False, None))
+    assert place.ego().its_ms == its_time_ms(NOW, counted)
+
+
+def test_an_old_time_mark_is_none(place: Place, clock: Clock) -> None:
+    place.time_mark("gnss", TimeMark(100.0, 1_795_182_427, 25, -312, True, 18))
+    assert place.mark_of("gnss") is not None
+    clock.now += FRESH_S + 0.1
+    assert place.mark_of("gnss") is None
+    assert place.status()["time_mark"] is None
 
 
 def test_the_status_is_in_degrees_metres_and_seconds(place: Place, clock: Clock) -> None:

@@ -59,7 +59,7 @@ class WholeBoard:
         self.board = board_file.load("sim")
         self.simulated = SimulatedBoard(loop, self.board, self.board.neighbours)
         self.above = NotingStation()
-        self.place = Place(loop.clock, None)
+        self.place = Place(loop.clock, None, is_mobile=True)
         self.notes: list[tuple[str, str]] = []
         shared = Shared(MAC, machine=self.simulated.machine)
         self.gnss = self._supervised("gnss", ZedF9p(GnssOptions(usb="1-1.1"), shared))

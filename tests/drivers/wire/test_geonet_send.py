@@ -77,6 +77,11 @@ def test_an_unknown_position_is_marked_as_inaccurate():
     assert (source.is_accurate, source.latitude, source.longitude) == (False, 0, 0)
 
 
+def test_a_position_of_unknown_accuracy_is_sent_and_marked_as_inaccurate():
+    source = parse(station().encode(REQUEST, 0.0, HERE._replace(is_accurate=False))).extended.source
+    assert (source.latitude, source.is_accurate) == (HERE.position.latitude, False)
+
+
 @pytest.mark.parametrize(
     ("speed", "sent"), [(0, 0), (1389, 1389), (-500, -500), (16383, 16383), (99999, 16383), (-99999, -16384)]
 )
