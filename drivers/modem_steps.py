@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Protocol
 
 from board.errors import InterfaceError, ProtocolError
-from drivers.modem_bearer import COMPOSITIONS, Bearer
+from drivers.modem_bearer import Bearer
+from drivers.modem_composition import Composition
 from drivers.modem_known import Known
 from drivers.modem_options import IP_TYPES, NETWORK_MODES, ModemOptions
 from drivers.modem_pin import PinGuard, read_pin
@@ -69,19 +70,26 @@ class Ground(Protocol):
 class Steps:
     """The scripts of all steps.
 
-    bearer     that of the options.
-    questions  those to this modem.
+    questions    those to this modem.
+    bearer       that of the options.
+    composition  what it needs of USB.
     """
 
     def __init__(
-        self, ground: Ground, options: ModemOptions, known: Known, questions: Questions, bearer: Bearer
+        self,
+        ground: Ground,
+        options: ModemOptions,
+        known: Known,
+        questions: Questions,
+        bearer: Bearer,
+        composition: Composition,
     ) -> None:
         self._ground = ground
         self.questions = questions
         self._options = options
         self._known = known
         self._bearer = bearer
-        self._switches = 0  # of the USB composition, in a row
+        self._composition = composition
         self._guard = PinGuard(Path(options.state_dir) / f"{options.usb or Path(options.port).name}-pin.json")
         self._scripts: dict[str, Callable[[], Script[None]]] = {
             "port": self._port,
@@ -140,28 +148,19 @@ class Steps:
         known = self._known
         known.model = _plain((yield from lines("AT+CGMM")), "+CGMM")
         known.firmware = _plain((yield from lines("AT+CGMR")), "+CGMR")
-        wanted = COMPOSITIONS.get(self._options.bearer)
         answer = yield from ask("AT+CUSBCFG?")
         try:
             vendor, product = usb_id(answer.lines)
         except ProtocolError:
             return  # firmware without it: the bearer will say if its device is missing
         known.composition = f"{vendor:04x}:{product:04x}"
-        if wanted is None or (vendor, product) == wanted:
-            self._switches = 0
-            return
-        self._switches += 1
-        if self._switches > 2:
-            raise BlockedError(
-                f"the modem stays {known.composition}, and bearer {self._options.bearer} needs "
-                f"{wanted[0]:04x}:{wanted[1]:04x}",
-                "choose the bearer of the composition that it has",
-            )
-        self._ground.say(f"identity: switches from {known.composition} to {wanted[0]:04x}:{wanted[1]:04x}")
         # It has been seen to fall back after a hard reset, so this is looked at in every bring-up.
-        yield from self.reenumerate(f"AT+CUSBCFG=usbid,{wanted[0]:04x},{wanted[1]:04x}")
-        yield from self._step("port")
-        yield from self._step("identity")
+        switch = self._composition.switch(vendor, product)
+        if switch is not None:
+            self._ground.say(f"identity: {known.composition} is not that of the bearer: {switch}")
+            yield from self.reenumerate(switch)
+            yield from self._step("port")
+            yield from self._step("identity")
 
     def _sim(self) -> Script[None]:
         while (state := (yield from self._ask_sim())) is not Sim.READY:

@@ -25,6 +25,7 @@ from board.errors import InterfaceError, ProtocolError, StationError
 from drivers.contract import BUSY, Answer, Can, Capabilities, Host, Sent, Shared
 from drivers.message import Request
 from drivers.modem_bearer import AT_INTERFACE, AT_INTERFACES, BEARERS
+from drivers.modem_composition import Composition
 from drivers.modem_known import Known
 from drivers.modem_life import Life, ResetAskedError
 from drivers.modem_operator import Operations
@@ -58,6 +59,7 @@ class Sim8202g:
         self._known = Known()
         # Kept: a modem that resets itself leaves USB, and the supervisor may start this driver again for it.
         self._ladder = Ladder()
+        self._composition = Composition(options.bearer)
         self._port: AtPort | None = None
         self._runner: Runner | None = None
         self._life: Life | None = None
@@ -75,7 +77,7 @@ class Sim8202g:
         known.forget_network()
         bearer = self._bearer = BEARERS[options.bearer](options, self._system)
         questions = Questions(known)
-        steps = Steps(self, options, known, questions, bearer)
+        steps = Steps(self, options, known, questions, bearer, self._composition)
         watch = Watch(questions, known, bearer, self._system, host.loop.clock, options.poll_s)
         self._life = Life(host.name, host.loop, self, known, steps, bearer, watch, self._ladder)
         self._runner = Runner(host.loop, self, self._life.run(), self._failed)
