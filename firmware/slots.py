@@ -31,7 +31,8 @@ from firmware.supervisor import Supervised
 STARTS = 15
 CYCLES = 3  # without steady running in between; a fourth has never helped
 RESWITCH_S = 30.0  # between two tries to give power to a slot in fault, after a switch has failed
-STEADY_S = 60.0  # of running, after which an older failure has nothing to do with the next
+STEADY_S = 60.0  # with its link up, after which an older failure has nothing to do with the next
+LOOK_S = 1.0  # at least, between two looks at how long its link has been up
 
 log = logging.getLogger("captain.slots")
 
@@ -230,7 +231,15 @@ class Slot:
             self._interface.hold(f"slot {self.name}: {self.state.value}: {self._why}")
 
     def watch(self) -> None:
-        self._steady = self._loop.after(STEADY_S, lambda: self.tell(Event.STEADY))
+        """A driver that runs says nothing of its module: the time counts from when its link came up."""
+        is_up, since = True, self._since
+        if self._interface is not None:
+            is_up, since = self._interface.interface.is_up, self._interface.interface.since
+        missing_s = STEADY_S - (self._loop.clock() - since) if is_up else STEADY_S
+        if missing_s <= 0.0:
+            self.tell(Event.STEADY)
+        else:
+            self._steady = self._loop.after(max(missing_s, LOOK_S), self.watch)
 
     def unwatch(self) -> None:
         if self._steady is not None:

@@ -5,9 +5,11 @@ from contextlib import closing
 
 import pytest
 
+from board.errors import StuckError
 from board.presence import FLAPS
-from firmware.slots import CYCLES, State
-from tests.firmware.slot_bench import Bench
+from drivers.contract import Host
+from firmware.slots import CYCLES, STEADY_S, State
+from tests.firmware.slot_bench import DEAF, Bench
 from tests.virtual import VirtualLoop
 
 
@@ -49,3 +51,36 @@ def test_a_device_that_comes_and_goes_after_each_power_cycle_is_a_fault_at_last(
         running.power.flap()
         running.power.has_module = True
     assert (running.state, running.slot.cycles, running.driver.stops) == (State.FAULT, CYCLES, running.driver.starts)
+
+
+def test_a_module_that_stays_silent_is_a_fault_although_its_driver_runs_for_longer_than_steadily(bench: Bench) -> None:
+    def start(host: Host) -> None:
+        host.link(False, "port: no answer to AT")
+        bench.loop.after(1.5 * STEADY_S, lambda: host.fail(StuckError("no answer to AT within 90 s")))
+
+    bench.driver.on_start = start
+    bench.until(State.FAULT)
+    assert (bench.slot.cycles, bench.slot.status()["cause"]) == (CYCLES, "no answer to AT within 90 s")
+
+
+def test_only_with_its_link_up_it_runs_steadily(running: Bench) -> None:
+    running.interface.fail(DEAF)
+    running.until(State.RUNNING)
+    running.interface.link(False, "no network")
+    running.loop.run_for(10 * STEADY_S)
+    running.interface.link(True, "registered")
+    running.loop.run_for(STEADY_S - 1)
+    assert running.slot.status()["cause"] == DEAF.message
+    running.loop.run_for(2)
+    assert running.slot.status()["cause"] == ""
+
+
+def test_a_link_that_comes_and_goes_is_not_steady(running: Bench) -> None:
+    running.interface.fail(DEAF)
+    running.until(State.RUNNING)
+    for _ in range(100):
+        running.loop.run_for(STEADY_S - 1)
+        running.interface.link(False, "no network")
+        running.loop.run_for(1)
+        running.interface.link(True, "registered")
+    assert running.slot.status()["cause"] == DEAF.message
