@@ -61,9 +61,10 @@ class ZedF9p:
         self._withheld = 0
         self._journal = Journal(log, host.name, host.loop.clock)
         self._timer = host.loop.after(LOOK_S, self._look)
+        # First, for a receiver that fails while it starts stops all there is.
+        self._corrections = corrections(self._options.corrections, host, self._receiver.correct)
         try:
             self._receiver.start()
-            self._corrections = corrections(self._options.corrections, host, self._receiver.correct)
         except InterfaceError:
             self.stop()
             raise

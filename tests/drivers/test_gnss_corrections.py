@@ -1,14 +1,18 @@
 """Corrections reach the receiver whole, from a file and from a server, whatever becomes of either."""
 
+import errno
 import os
 import socket
+from itertools import pairwise
 
 import pytest
 
 from board.errors import InterfaceError, ProtocolError
 from board.time import Carrier
-from drivers import gnss_corrections
+from drivers import gnss_rtcm_file, gnss_rtcm_tcp
 from drivers.gnss_corrections import corrections
+from drivers.gnss_port import SerialLine
+from drivers.gnss_rtcm import SETTLED_S
 from drivers.reason import Reason
 from drivers.sim.receiver import RTK_FIXED_S
 from drivers.wire import rtcm
@@ -106,9 +110,68 @@ def test_a_pipe_without_a_writer_is_not_waited_for(loop, host, tmp_path):
     one.source.close()
 
 
-def test_a_file_that_is_not_there_is_named(host, tmp_path):
-    with pytest.raises(InterfaceError, match=r"base\.rtcm3: No such file"):
-        corrections(str(tmp_path / "base.rtcm3"), host, print)
+def test_a_file_that_is_not_there_is_said_once_and_read_when_it_comes(loop, host, tmp_path, caplog):
+    path = tmp_path / "base.rtcm3"
+    one = Source(str(path), host)
+    loop.run_for(3600)
+    assert one.details["state"] == "no such file or directory"
+    assert caplog.text.count("base.rtcm3: no such file or directory") == len(caplog.records) == 1
+    path.write_bytes(EPOCH[0])
+    loop.run_until(lambda: one.frames, within=61)
+    assert one.details["state"] == "open"
+    one.source.close()
+
+
+@pytest.mark.parametrize("number", [errno.EIO, errno.ESTALE, errno.EISDIR])
+def test_a_file_that_cannot_be_read_any_more_goes_on_where_it_was(loop, host, tmp_path, monkeypatch, caplog, number):
+    path = tmp_path / "base.rtcm3"
+    path.write_bytes(EPOCH[0])
+    one = Source(str(path), host)
+    loop.run_until(lambda: one.frames)
+
+    def failing(*_):
+        raise OSError(number, os.strerror(number))
+
+    with monkeypatch.context() as broken:
+        broken.setattr(gnss_rtcm_file.os, "preadv", failing)
+        loop.run_until(lambda: one.details["state"] == os.strerror(number).lower())
+    with path.open("ab") as file:
+        file.write(EPOCH[1])
+    loop.run_until(lambda: len(one.frames) == 2)
+    assert one.frames == EPOCH[:2]
+    assert len(caplog.records) == 1
+    one.source.close()
+
+
+def test_a_file_that_is_on_its_way_from_the_disk_is_not_waited_for(loop, host, tmp_path, monkeypatch):
+    path = tmp_path / "base.rtcm3"
+    path.write_bytes(EPOCH[0])
+    asked = []
+    monkeypatch.setattr(gnss_rtcm_file.os, "posix_fadvise", lambda *arguments: asked.append(arguments[1:3]))
+    one = Source(str(path), host)
+    with monkeypatch.context() as cold:
+        cold.setattr(gnss_rtcm_file.os, "preadv", blocking)
+        loop.run_for(1)
+    assert asked[0] == (0, 1024)
+    assert one.frames == []
+    loop.run_until(lambda: one.frames)
+    one.source.close()
+
+
+def blocking(*_):
+    raise BlockingIOError(errno.EAGAIN, "")
+
+
+def test_a_filesystem_that_cannot_say_whether_it_waits_is_read_all_the_same(loop, host, tmp_path, monkeypatch):
+    def unable(*_):
+        raise OSError(errno.EOPNOTSUPP, "")
+
+    monkeypatch.setattr(gnss_rtcm_file.os, "preadv", unable)
+    path = tmp_path / "base.rtcm3"
+    path.write_bytes(b"".join(EPOCH))
+    one = Source(str(path), host)
+    loop.run_until(lambda: len(one.frames) == 5)
+    one.source.close()
 
 
 def test_a_server_is_heard_in_any_cuts(loop, host, server):
@@ -137,17 +200,34 @@ def test_a_damaged_frame_is_dropped_and_counted(loop, host, server):
     one.source.close()
 
 
-def test_a_server_that_hangs_up_is_called_again(loop, host, server, caplog):
+def test_a_server_that_hangs_up_after_each_frame_is_called_again_ever_later_and_said_seldom(loop, host, server, caplog):
     one = Source(server.url, host)
-    for _ in range(3):
+    times = []
+    for _ in range(5):
         server.accept()
+        times.append(loop.now)
         before = len(one.frames)
         server.client.sendall(EPOCH[0])
         loop.run_until(lambda before=before: len(one.frames) > before)
         server.hang_up()
         loop.run_until(lambda: "closed" in one.details["state"])
         loop.run_until(lambda: one.details["state"] != "not connected: the server closed the connection")
-    assert caplog.text.count("trying again") == 3
+    assert [round(later - before) for before, later in pairwise(times)] == [1, 2, 4, 8]
+    assert caplog.text.count("trying again") == 1
+    one.source.close()
+
+
+def test_a_server_that_was_well_for_a_while_is_called_again_at_once(loop, host, server):
+    one = Source(server.url, host)
+    for _ in range(4):
+        server.accept()
+        server.client.sendall(EPOCH[0])
+        loop.run_for(SETTLED_S)
+        server.hang_up()
+        hung_up = loop.now
+        loop.run_until(lambda: "closed" in one.details["state"])
+        loop.run_until(lambda: one.details["state"] != "not connected: the server closed the connection")
+        assert loop.now - hung_up < 1.5
     one.source.close()
 
 
@@ -174,7 +254,7 @@ def test_what_sends_something_else_is_hung_up_on(loop, host, server):
 def test_a_server_that_says_nothing_is_called_again(loop, host, server):
     one = Source(server.url, host)
     server.accept()
-    loop.run_for(gnss_corrections.SILENT_S - 1)
+    loop.run_for(gnss_rtcm_tcp.SILENT_S - 1)
     assert one.details["state"] == "connected"
     loop.run_for(1.5)
     assert "no RTCM for 60 s" in one.details["state"]
@@ -227,10 +307,23 @@ def test_messages_of_another_source_are_framed_and_checked(loop):
     one.close()
 
 
-def test_a_file_that_is_missing_keeps_the_receiver_from_starting_and_leaves_it_closed(loop, tmp_path):
-    one = Bench(loop, corrections=str(tmp_path / "none"))
+def test_a_file_that_is_missing_costs_no_position(loop, tmp_path):
+    one = Bench(loop, corrections=str(tmp_path / "none")).up()
+    assert one.details()["corrections"]["state"] == "no such file or directory"
+    one.close()
+    assert loop.delay() is None
+
+
+def test_a_receiver_that_fails_while_it_starts_leaves_no_corrections_behind(loop, server, monkeypatch):
+    one = Bench(loop, corrections=server.url)
     before = len(os.listdir("/proc/self/fd"))
-    with pytest.raises(InterfaceError, match="No such file"):
+    monkeypatch.setattr(one.host, "fail", lambda error: one.driver.stop())
+    with monkeypatch.context() as broken:
+        broken.setattr(SerialLine, "write", lambda line, frame: line._broken(InterfaceError("input/output error")))
         one.start()
     assert len(os.listdir("/proc/self/fd")) == before
+    one.start()
+    one.driver.stop()
+    assert len(os.listdir("/proc/self/fd")) == before
     one.close()
+    assert loop.delay() is None
