@@ -3,12 +3,12 @@
 import logging
 from typing import Protocol
 
-from board.errors import StationError, StuckError
+from board.errors import BlockedError, StationError, StuckError
 from board.loop import Loop, Timer
 from drivers.modem_bearer import Bearer
 from drivers.modem_known import Known
 from drivers.modem_recovery import STEADY_S, Ladder, Rung, climb
-from drivers.modem_script import Begin, BlockedError, LostError, Pause, Script
+from drivers.modem_script import Begin, LostError, Pause, Script
 from drivers.modem_steps import Steps
 from drivers.modem_watch import Watch
 

@@ -10,7 +10,7 @@ The runner does what is yielded on the loop and resumes the generator with the r
 from collections.abc import Callable, Generator
 from typing import Any, NamedTuple, Protocol, TypeAlias, TypeVar
 
-from board.errors import InterfaceError, StationError
+from board.errors import BlockedError, InterfaceError, StationError
 from board.loop import Loop, Timer
 from drivers.wire.at import Answer
 from drivers.wire.at_forms import SILENT, Command, Final, command
@@ -74,10 +74,6 @@ class NoAnswerError(StepError):
 
 class LostError(StepError):
     """What was there is gone: the network, or the bearer. It is looked for again before anything is reset."""
-
-
-class BlockedError(InterfaceError):
-    """Nothing that is tried again can help before somebody has changed something: a SIM, a PIN, an option."""
 
 
 class Program(Protocol):

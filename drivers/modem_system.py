@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 from board import usb
-from board.errors import InterfaceError, StationError
+from board.errors import BlockedError, InterfaceError, StationError
 from board.loop import Loop
 from board.machine import Machine
-from drivers.modem_script import BlockedError, Ended, Program, Run, StepError
+from drivers.modem_script import Ended, Program, Run, StepError
 from drivers.modem_tool import Tool
 
 SIOCGIFADDR = 0x8915  # linux/sockios.h

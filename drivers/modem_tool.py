@@ -8,9 +8,8 @@ import subprocess
 from collections.abc import Callable, Sequence
 
 from board.child import die_with_parent
-from board.errors import InterfaceError
+from board.errors import BlockedError, InterfaceError
 from board.loop import Loop, Timer
-from drivers.modem_script import BlockedError
 
 MAX_OUTPUT = 64 * 1024  # octets that are kept; what is said beyond is read and thrown away
 BATCH = 4096

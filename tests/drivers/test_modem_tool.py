@@ -5,9 +5,10 @@ import time
 
 import pytest
 
+from board.errors import BlockedError
 from board.loop import Loop
 from board.machine import Machine
-from drivers.modem_script import BlockedError, Ended, Run, StepError
+from drivers.modem_script import Ended, Run, StepError
 from drivers.modem_system import System
 from drivers.modem_tool import MAX_OUTPUT, Tool
 
