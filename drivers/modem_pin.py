@@ -1,19 +1,23 @@
 """The PIN of a SIM: read from a file that nobody else may read, and never tried where it could lock the card.
 
-Three rules. A PIN that this card refused is never tried again, across restarts. None is tried with fewer than two
-attempts left, so that a person has one. None is tried where the try cannot be written down first.
+Four rules. A PIN that a card refused is never tried at it again, across restarts. None is tried with fewer than two
+attempts left, so that a person has one. None is tried at a card that does not say which it is. None is tried where the
+try cannot be written down first.
 """
 
 import hashlib
 import json
 import os
 import stat
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
-from drivers.modem_script import BlockedError
+from board.describe import read
+from board.errors import BlockedError, ConfigurationError
 
 LEAST_ATTEMPTS = 2
-MAX_FILE = 4096  # octets
+MAX_FILE = 64 * 1024  # octets; a refused PIN takes 68 of them, and a person who corrects pin_file
 
 
 class PinError(BlockedError):
@@ -23,69 +27,109 @@ class PinError(BlockedError):
 def read_pin(path: str) -> str:
     """The digits in a file. Raises PinError."""
     try:
-        with open(path, encoding="ascii", errors="replace") as file:
-            mode = stat.S_IMODE(os.fstat(file.fileno()).st_mode)
+        # A FIFO would keep the loop waiting for who writes into it.
+        with open(path, encoding="ascii", errors="replace", opener=_open_at_once) as file:
+            mode = os.fstat(file.fileno()).st_mode
+            if not stat.S_ISREG(mode):
+                raise PinError(f"pin_file {path}: is no regular file", "write the PIN into one, mode 0600")
             pin = file.read(64).strip()
     except OSError as error:
         raise PinError(f"pin_file {path}: {error.strerror}", "write the PIN into it, mode 0600") from error
     if mode & 0o077:
-        raise PinError(f"pin_file {path}: mode {mode:04o} lets others read it", f"chmod 600 {path}")
-    if not (pin.isdecimal() and 4 <= len(pin) <= 8):
+        raise PinError(f"pin_file {path}: mode {stat.S_IMODE(mode):04o} lets others read it", f"chmod 600 {path}")
+    if not (pin.isascii() and pin.isdecimal() and 4 <= len(pin) <= 8):
         raise PinError(f"pin_file {path}: holds no PIN", "4 to 8 digits, and nothing else")
     return pin
 
 
-class PinGuard:
-    """What was tried, in a file.
+@dataclass(frozen=True)
+class _Card:
+    """What one card has been tried with: digests of PINs.
 
-    path  of it; its folder must exist.
+    begun  a try whose end nobody has written down; empty for none.
+    left   attempts that there were before it.
+    """
+
+    refused: tuple[str, ...] = ()
+    begun: str = ""
+    left: int = 0
+
+
+@dataclass(frozen=True)
+class _Record:
+    """The file. Whoever may read it may read pin_file as well: the salt only keeps digests of two stations apart."""
+
+    salt: str = ""
+    cards: dict[str, _Card] = field(default_factory=dict)
+
+    def digest(self, *parts: str) -> str:
+        return hashlib.sha256(" ".join((self.salt, *parts)).encode()).hexdigest()
+
+    def card(self, iccid: str) -> _Card:
+        return self.cards.get(self.digest(iccid), _Card())
+
+
+class PinGuard:
+    """What was tried, in a file that survives a loss of power.
+
+    path  of it; its folder must exist. It is written twice for a try, and waited for: a card is worth that.
     """
 
     def __init__(self, path: Path) -> None:
         self._path = path
 
-    def begin(self, pin: str, card: str, left: int) -> None:
+    def begin(self, pin: str, iccid: str, left: int) -> None:
         """Write down that a PIN is about to be tried at a card. Raises PinError where it must not be.
 
-        card  what tells it from others. left: attempts that it has.
+        iccid  what tells the card from others. left: attempts that it has.
         """
-        before = self._load()
-        if before.get("key") == _key(before.get("salt"), card, pin):
-            # Without a word of how it ended (the power may have failed), the attempts that are left tell.
-            is_refused = before.get("is_refused") or left < _number(before.get("left"))
-            if is_refused:
-                raise PinError("the SIM has refused this PIN before: it is not tried again", "correct pin_file")
+        record = self._load()
+        card, key = record.card(iccid), record.digest(iccid, pin)
+        # Without a word of how the last try ended (the power may have failed) the attempts that are left tell.
+        has_cost = bool(card.begun) and left < card.left
+        refused = (*card.refused, card.begun) if has_cost else card.refused
+        if key in refused:
+            if has_cost:
+                self._keep(record, iccid, _Card(refused))
+            raise PinError("the SIM has refused this PIN before: it is not tried again", "correct pin_file")
         if left < LEAST_ATTEMPTS:
             raise PinError(
                 f"the SIM leaves {left} attempts for its PIN: none is used",
                 "enter it once in a telephone, which gives all attempts back",
             )
-        salt = os.urandom(8).hex()
-        self._keep({"salt": salt, "key": _key(salt, card, pin), "left": left, "is_refused": False})
+        self._keep(record, iccid, _Card(refused, key, left))
 
-    def refused(self) -> None:
-        """The card did not take it."""
-        self._keep({**self._load(), "is_refused": True})
+    def refused(self, iccid: str) -> None:
+        """The card did not take what was begun."""
+        record = self._load()
+        card = record.card(iccid)
+        self._keep(record, iccid, _Card((*card.refused, card.begun)))
 
-    def accepted(self) -> None:
-        """The card took it."""
-        self._path.unlink(missing_ok=True)
+    def accepted(self, iccid: str) -> None:
+        """The card took it: what it refused before it may be given now."""
+        with suppress(PinError):  # what stays written is a try that has cost no attempt
+            self._keep(self._load(), iccid, _Card())
 
-    def _load(self) -> dict[str, object]:
+    def _load(self) -> _Record:
         try:
             found = json.loads(self._path.read_bytes()[:MAX_FILE])
+            return read(_Record, found if isinstance(found, dict) else {"": found}, "it")
         except FileNotFoundError:
-            return {}
-        except (OSError, ValueError) as error:
+            return _Record(os.urandom(8).hex())
+        except (OSError, ValueError, ConfigurationError) as error:
             raise PinError(f"{self._path}: cannot be read: {error}", "remove it when the PIN is right") from error
-        return found if isinstance(found, dict) else {}
 
-    def _keep(self, record: dict[str, object]) -> None:
+    def _keep(self, record: _Record, iccid: str, card: _Card) -> None:
+        cards = {**record.cards, record.digest(iccid): card}
+        kept = _Record(record.salt, {key: value for key, value in cards.items() if value != _Card()})
         new = self._path.with_suffix(".new")
         try:
-            new.touch(mode=0o600)
-            new.write_text(json.dumps(record))
+            with open(new, "w", encoding="ascii", opener=lambda path, flags: os.open(path, flags, 0o600)) as file:
+                json.dump(asdict(kept), file)
+                file.flush()
+                os.fsync(file.fileno())
             new.rename(self._path)
+            _sync_folder(self._path.parent)
         except OSError as error:
             raise PinError(
                 f"{self._path}: cannot be written: {error.strerror}; without it no PIN is tried",
@@ -93,10 +137,14 @@ class PinGuard:
             ) from error
 
 
-def _key(salt: object, card: str, pin: str) -> str:
-    """What is kept in place of the PIN. Whoever may read it may read pin_file as well."""
-    return hashlib.sha256(f"{salt} {card} {pin}".encode()).hexdigest()
+def _open_at_once(path: str, flags: int) -> int:
+    return os.open(path, flags | os.O_NONBLOCK | os.O_NOCTTY)
 
 
-def _number(value: object) -> int:
-    return value if isinstance(value, int) else 0
+def _sync_folder(folder: Path) -> None:
+    """A file that was renamed is there after a loss of power only when its folder has been written."""
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -12,25 +12,14 @@ from typing import Protocol
 
 from board.errors import InterfaceError, ProtocolError
 from drivers.modem_bearer import Bearer
+from drivers.modem_card import Card
 from drivers.modem_composition import Composition
 from drivers.modem_known import Known
 from drivers.modem_options import IP_TYPES, NETWORK_MODES, ModemOptions
-from drivers.modem_pin import PinGuard, read_pin
-from drivers.modem_questions import DOMAINS, Questions, one
-from drivers.modem_script import (
-    Begin,
-    BlockedError,
-    LostError,
-    NoAnswerError,
-    Pause,
-    Script,
-    StepError,
-    ask,
-    lines,
-    refusal,
-)
-from drivers.wire.at_forms import TIMEOUT
-from drivers.wire.modem_answers import PacketContext, Sim, attempts, packet_contexts, sim, sim_error, usb_id
+from drivers.modem_pin import PinGuard
+from drivers.modem_questions import DOMAINS, Questions
+from drivers.modem_script import Begin, LostError, NoAnswerError, Pause, Script, ask, lines, refusal
+from drivers.wire.modem_answers import PacketContext, packet_contexts, usb_id
 
 # Step -> seconds. A module takes 18 to 30 s from power to its first answer, and as long to leave USB in a reset.
 LIMITS_S = {
@@ -90,11 +79,12 @@ class Steps:
         self._known = known
         self._bearer = bearer
         self._composition = composition
-        self._guard = PinGuard(Path(options.state_dir) / f"{options.usb or Path(options.port).name}-pin.json")
+        guard = PinGuard(Path(options.state_dir) / f"{options.usb or Path(options.port).name}-pin.json")
+        self._card = Card(options, known, questions, guard, ground.say)
         self._scripts: dict[str, Callable[[], Script[None]]] = {
             "port": self._port,
             "identity": self._identity,
-            "sim": self._sim,
+            "sim": self._card.ready,
             "configuration": self._configuration,
             "registration": self._registration,
             "attach": self._attach,
@@ -162,46 +152,6 @@ class Steps:
             yield from self._step("port")
             yield from self._step("identity")
 
-    def _sim(self) -> Script[None]:
-        while (state := (yield from self._ask_sim())) is not Sim.READY:
-            self._ground.say(f"sim: {state.value}")
-            if state is Sim.PIN:
-                yield from self._enter_pin()
-            elif state is Sim.PUK:
-                raise BlockedError("sim: it asks for its PUK", "enter PUK and a new PIN in a telephone")
-            elif state is Sim.ABSENT:
-                raise BlockedError("sim: there is none", "is it in its holder, the right way round?")
-            elif state is Sim.LOCKED:
-                raise BlockedError("sim: locked to another device or network", "use the card that belongs to it")
-            else:
-                yield Pause(2.0, wakes=True)
-
-    def _ask_sim(self) -> Script[Sim]:
-        answer = yield from ask("AT+CPIN?")
-        try:
-            found = sim(one(answer.lines)) if answer.final.is_ok else sim_error(answer.final.code, answer.final.detail)
-        except ProtocolError:
-            found = Sim.BUSY  # asked again
-        self._known.sim = found
-        return found
-
-    def _enter_pin(self) -> Script[None]:
-        if not self._options.pin_file:
-            raise BlockedError("sim: it asks for a PIN", "name a file with it as pin_file")
-        pin = read_pin(self._options.pin_file)
-        left = yield from self.questions.read("AT+SPIC", lambda found: attempts(one(found)))
-        self._known.pin_attempts = left.pin
-        card = yield from ask("AT+CICCID")  # a locked card may not say it: all of them are one then
-        self._guard.begin(pin, " ".join(card.lines), left.pin)
-        answer = yield from ask(f'AT+CPIN="{pin}"')
-        if answer.final.is_ok:
-            self._guard.accepted()
-            return
-        if answer.final is TIMEOUT:  # nobody knows: the attempts that are left will tell
-            raise StepError("sim: no answer to the PIN")
-        self._guard.refused()
-        raise BlockedError("sim: it refused the PIN", "correct pin_file; the same PIN is not tried again")
-
     def _configuration(self) -> Script[None]:
         if (yield from self.questions.number("+CFUN")) != 1:
             yield from lines("AT+CFUN=1")
@@ -228,7 +178,7 @@ class Steps:
             self._ground.say(f"registration: {self._known.registration_text}")
             yield from self.questions.look_at_cell()
             yield Pause(5.0, wakes=True)
-            yield from self._sim()  # the card may have been taken out
+            yield from self._card.ready()  # the card may have been taken out
 
     def _attach(self) -> Script[None]:
         if (yield from self.questions.number("+CGATT")) != 1:

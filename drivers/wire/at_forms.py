@@ -77,6 +77,7 @@ FORMS: dict[str, Form] = {
     # Unasked it also says NOT READY and NOT INSERTED; asked, a missing SIM is a +CME ERROR.
     "+CPIN?": Form(_prefix("+CPIN", "(?!NOT )"), timeout_s=10.0),
     "+CPIN=": Form(_NEVER, timeout_s=20.0),
+    "+CICCID": Form(re.compile(r"(?:\+C?ICCID: ?)?\"?\d{18}"), timeout_s=10.0),
     "+SPIC": Form(_prefix("+SPIC", r"\d")),
     "+CPSI?": Form(_prefix("+CPSI"), most=8, timeout_s=9.0),
     "+COPS?": Form(_prefix("+COPS", r"\d"), timeout_s=10.0),

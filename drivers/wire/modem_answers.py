@@ -201,16 +201,26 @@ class Sim(Enum):
     BUSY = "busy"
     FAILED = "failed"
     LOCKED = "locked to a device or network"
+    REFUSED = "refused the PIN"
 
 
-_SIM_STATES = {"READY": Sim.READY, "SIM PIN": Sim.PIN, "SIM PUK": Sim.PUK}
+# PIN2 guards services such as fixed dialling: what it is asked for changes nothing for packets.
+_SIM_STATES = {
+    "READY": Sim.READY, "SIM PIN2": Sim.READY, "SIM PUK2": Sim.READY, "SIM PIN": Sim.PIN, "SIM PUK": Sim.PUK,
+}  # fmt: skip
 _SIM_ERRORS = {
     10: Sim.ABSENT, 11: Sim.PIN, 12: Sim.PUK, 13: Sim.FAILED, 14: Sim.BUSY, 15: Sim.FAILED,
+    16: Sim.REFUSED, 17: Sim.READY, 18: Sim.READY,
 }  # fmt: skip
 _SIM_TEXTS = {
     "sim not inserted": Sim.ABSENT, "sim pin required": Sim.PIN, "sim puk required": Sim.PUK,
     "sim failure": Sim.FAILED, "sim busy": Sim.BUSY, "sim wrong": Sim.FAILED,
+    "incorrect password": Sim.REFUSED,
 }  # fmt: skip
+
+
+# What answers a wrong PIN: the second with the last attempt.
+PIN_REFUSED = (Sim.REFUSED, Sim.PUK)
 
 
 def sim(line: str) -> Sim:
@@ -218,12 +228,26 @@ def sim(line: str) -> Sim:
     code = line.partition(":")[2].strip()
     if not line.startswith("+CPIN:") or not code:
         raise ProtocolError(f"{line[:60]!r} is no state of a SIM")
-    return _SIM_STATES.get(code, Sim.LOCKED)
+    if code.startswith("PH-"):  # of the device, the network, its provider or a company
+        return Sim.LOCKED
+    if code not in _SIM_STATES:
+        raise ProtocolError(f"{line[:60]!r} is no state of a SIM that is known")
+    return _SIM_STATES[code]
 
 
 def sim_error(code: int | None, detail: str) -> Sim:
     """The state behind a +CME ERROR; one that is not of the SIM passes as BUSY: it is asked again."""
     return _SIM_ERRORS.get(code, Sim.BUSY) if code is not None else _SIM_TEXTS.get(detail.lower(), Sim.BUSY)
+
+
+_ICCID = re.compile(r"(?:\+C?ICCID: ?)?\"?(89\d{16,18}F?)\"?$")
+
+
+def iccid(line: str) -> str:
+    """The card's number of AT+CICCID, as it stands on it: ITU-T E.118, 89 and up to 20 digits."""
+    if match := _ICCID.match(line):
+        return match[1]
+    raise ProtocolError("AT+CICCID was answered without an ICCID")
 
 
 class Attempts(NamedTuple):

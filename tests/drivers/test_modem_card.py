@@ -1,0 +1,206 @@
+"""The modem's SIM: its PIN is given where that is safe, and tried nowhere else."""
+
+import os
+from contextlib import closing
+
+import pytest
+
+from drivers.sim.modem_commands import ICCID
+from tests.drivers.modem import Bench
+from tests.virtual import VirtualLoop
+
+OTHER_ICCID = ICCID[:-1] + "1"
+
+
+@pytest.fixture
+def locked(tmp_path):
+    with closing(VirtualLoop()) as loop:
+        made = []
+
+        def locked(pin="1234", **options):
+            bench = Bench(loop, tmp_path, pin_file=str(write(tmp_path, pin)), **options)
+            bench.modem.card.state = "SIM PIN"
+            made.append(bench)
+            return bench
+
+        yield locked
+        for bench in made:
+            bench.close()
+
+
+def write(folder, pin):
+    path = folder / "pin"
+    path.write_text(f"{pin}\n")
+    path.chmod(0o600)
+    return path
+
+
+def restart(bench):
+    """As when the station is started again."""
+    bench.driver.stop()
+    bench.station.begin()
+
+
+def lies(bench, command, *answers):
+    """Give these answers to a command, one after the other, and then the right one."""
+    left = list(answers)
+
+    def lie(text):
+        return f"\r\n{left.pop(0)}\r\n" if text.startswith(command) and left else None
+
+    bench.modem.lies = lie
+
+
+@pytest.mark.parametrize("final", ["+CME ERROR: 14", "+CME ERROR: SIM busy", "ERROR", "+CME ERROR: 100"])
+def test_a_pin_that_a_busy_card_did_not_look_at_is_given_again(locked, final):
+    bench = locked()
+    lies(bench, 'AT+CPIN="', final)
+    bench.up()
+    assert bench.modem.card.tries == ["1234"]
+
+
+@pytest.mark.parametrize("final", ["+CME ERROR: 14", "ERROR"])
+def test_an_error_that_cost_an_attempt_is_a_refusal_whatever_it_says(locked, final):
+    bench = locked(pin="0000")
+    card = bench.modem.card
+
+    def lie(text):
+        if not text.startswith('AT+CPIN="'):
+            return None
+        card.tries.append(text)
+        card.attempts -= 1
+        return f"\r\n{final}\r\n"
+
+    bench.modem.lies = lie
+    bench.start()
+    bench.loop.run_until(lambda: "refused" in bench.station.why)
+    bench.loop.run_for(600)
+    assert len(card.tries) == 1
+
+
+@pytest.mark.parametrize("state", ["SIM PIN2", "SIM PUK2"])
+def test_a_second_pin_is_none_that_packets_need(locked, state):
+    bench = locked()
+    bench.modem.card.state = "READY"
+    bench.modem.lies = lambda text: f"\r\n+CPIN: {state}\r\n\r\nOK\r\n" if text == "AT+CPIN?" else None
+    bench.up()
+
+
+@pytest.mark.parametrize(
+    "answer", ["ERROR", "\r\nOK", "+CME ERROR: 13", "+CICCID: garbled\r\n\r\nOK", "12345\r\n\r\nOK"]
+)
+def test_at_a_card_that_does_not_say_which_it_is_no_pin_is_tried(locked, answer):
+    bench = locked()
+    bench.modem.lies = lambda text: f"\r\n{answer}\r\n" if text == "AT+CICCID" else None
+    bench.start()
+    bench.loop.run_until(lambda: "which it is cannot be read" in bench.station.why)
+    bench.loop.run_for(300)
+    assert bench.modem.card.tries == []
+    assert not bench.station.failures
+    bench.modem.lies = lambda text: None
+    bench.loop.run_until(lambda: bench.station.is_up)
+
+
+def test_a_stray_line_beside_its_number_makes_no_other_card_of_it(locked):
+    bench = locked(pin="0000")
+    bench.start()
+    bench.loop.run_until(lambda: "refused" in bench.station.why)
+    bench.modem.lies = lambda text: (
+        f"\r\n*COPN: 3\r\n\r\n+ICCID: {ICCID}\r\n\r\nOK\r\n" if text == "AT+CICCID" else None
+    )
+    restart(bench)
+    bench.loop.run_for(600)
+    assert bench.modem.card.tries == ["0000"]
+
+
+def test_a_pin_that_was_refused_stays_refused_when_another_was_tried_since(locked, tmp_path):
+    bench = locked(pin="0000")
+    bench.modem.card.attempts = 10
+    bench.start()
+    for pin in ("0000", "1111", "0000", "1111"):
+        write(tmp_path, pin)
+        bench.loop.run_for(120)
+        restart(bench)
+        bench.loop.run_for(120)
+    assert bench.modem.card.tries == ["0000", "1111"]
+    assert bench.station.why.startswith("the SIM has refused this PIN before")
+
+
+def test_what_one_card_refused_another_is_given_and_the_first_never_again(locked):
+    bench = locked(pin="0000")
+    card = bench.modem.card
+    bench.start()
+    bench.loop.run_until(lambda: "refused" in bench.station.why)
+    bench.modem.lies = lambda text: f"\r\n+ICCID: {OTHER_ICCID}\r\n\r\nOK\r\n" if text == "AT+CICCID" else None
+    card.pin = "0000"
+    bench.loop.run_until(lambda: bench.station.is_up)
+    bench.modem.lies = lambda text: None
+    card.pin, card.state = "1234", "SIM PIN"
+    restart(bench)
+    bench.loop.run_for(300)
+    assert card.tries == ["0000", "0000"]
+
+
+def test_a_try_is_on_the_disk_before_it_is_made(locked, monkeypatch):
+    bench = locked()
+    done = []
+    for name in ("fsync", "rename"):
+        real = getattr(os, name)
+        monkeypatch.setattr(os, name, lambda *given, name=name, real=real: (done.append(name), real(*given)))
+    tries = bench.modem.card.tries
+    monkeypatch.setattr(bench.modem.card, "tries", Noting(tries, done))
+    bench.up()
+    assert done[:4] == ["fsync", "rename", "fsync", "tried"]
+
+
+class Noting(list):
+    """A list that notes when something is added."""
+
+    def __init__(self, start, done):
+        super().__init__(start)
+        self._done = done
+
+    def append(self, one):
+        self._done.append("tried")
+        super().append(one)
+
+
+def test_a_record_that_cannot_be_taken_back_harms_nothing(locked, tmp_path, monkeypatch):
+    bench = locked()
+
+    def lie(text):
+        if text.startswith('AT+CPIN="'):
+            (tmp_path / "1-1.2-pin.json").chmod(0o600)
+            (tmp_path / "1-1.2-pin.new").mkdir()  # so that nothing can be written there
+
+    bench.modem.lies = lie
+    bench.up()
+    assert bench.station.is_up
+
+
+def test_a_fifo_is_no_pin_file_and_is_not_waited_for(locked, tmp_path):
+    bench = locked()
+    (tmp_path / "pin").unlink()
+    os.mkfifo(tmp_path / "pin", 0o600)
+    bench.start()
+    bench.loop.run_until(lambda: "no regular file" in bench.station.why)
+    assert bench.modem.card.tries == []
+
+
+@pytest.mark.parametrize("text", ["[]", "7", "{", '{"salt": 1}', '{"salt": "x", "cards": {"a": {"refused": 1}}}'])
+def test_a_record_that_is_none_lets_no_pin_be_tried(locked, tmp_path, text):
+    bench = locked()
+    (tmp_path / "1-1.2-pin.json").write_text(text)
+    bench.start()
+    bench.loop.run_until(lambda: "cannot be read" in bench.station.why)
+    assert bench.modem.card.tries == []
+
+
+def test_a_refusal_that_is_looked_at_every_half_minute_is_not_written_every_time(locked, tmp_path):
+    bench = locked(pin="0000")
+    bench.start()
+    bench.loop.run_until(lambda: "refused" in bench.station.why)
+    path = tmp_path / "1-1.2-pin.json"
+    inode = path.stat().st_ino
+    bench.loop.run_for(600)
+    assert path.stat().st_ino == inode
