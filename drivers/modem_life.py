@@ -11,6 +11,7 @@ from drivers.modem_recovery import STEADY_S, Ladder, Rung, climb
 from drivers.modem_script import Begin, LostError, Pause, Script
 from drivers.modem_steps import Steps
 from drivers.modem_watch import Watch
+from drivers.wire.redact import redact
 
 BLOCKED_S = 30.0  # between two looks at what blocks
 FLAP_S = 60.0  # a bearer that was up for less is not lost, but faulty
@@ -99,12 +100,12 @@ class Life:
             return "sim"
         if step == "port":
             self._ladder.steady()
-            raise StuckError(error.message, POWER_HINT)
+            raise StuckError(redact(error.message), POWER_HINT)
         is_loss = step == "registration"
         rung, pause = self._ladder.loss() if is_loss else self._ladder.fault()
         if rung is Rung.POWER:
             self._ladder.steady()
-            raise StuckError(f"{error.message}; resets did not help", POWER_HINT)
+            raise StuckError(f"{redact(error.message)}; resets did not help", POWER_HINT)
         return (yield from self._use(error, rung, pause, is_loss))
 
     def _blocked(self, error: BlockedError, step: str) -> Script[str]:
@@ -117,7 +118,7 @@ class Life:
     def _use(self, error: StationError, rung: Rung, pause: float, is_loss: bool) -> Script[str]:
         """Use a means after a pause."""
         yield Begin("recovery", None)
-        log.warning("%s: %s; next, in %.0f s: %s", self._name, error.message, pause, rung.value)
+        log.warning("%s: %s; next, in %.0f s: %s", self._name, redact(error.message), pause, rung.value)
         yield from self._leave_bearer(f"{error.message}; next: {rung.value}")
         if not is_loss:
             yield Pause(pause)
@@ -143,4 +144,4 @@ class Life:
         try:
             yield from self._bearer.down()
         except StationError as error:
-            log.debug("%s: %s", self._name, error.message)
+            log.debug("%s: %s", self._name, redact(error.message))

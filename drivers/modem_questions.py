@@ -9,6 +9,7 @@ from drivers.modem_script import Script, StepError, ask, refusal
 from drivers.wire.at_forms import TIMEOUT
 from drivers.wire.cell import Access, cell_report
 from drivers.wire.modem_answers import flag, operator, registration, signal_dbm, system_mode, temperature_c
+from drivers.wire.redact import redact
 
 T = TypeVar("T")
 
@@ -43,7 +44,7 @@ class Questions:
                 return parse(answer.lines)
             except ProtocolError as error:
                 self._known.misread += 1
-                last = StepError(f"{text}: {error.message}")
+                last = StepError(redact(f"{text}: {error.message}"))
         raise last
 
     def number(self, name: str) -> Script[int]:

@@ -20,6 +20,7 @@ from drivers.modem_pin import PinGuard
 from drivers.modem_questions import DOMAINS, Questions
 from drivers.modem_script import Begin, LostError, NoAnswerError, Pause, Script, ask, lines, refusal
 from drivers.wire.modem_answers import PacketContext, packet_contexts, usb_id
+from drivers.wire.redact import redact
 
 # Step -> seconds. A module takes 18 to 30 s from power to its first answer, and as long to leave USB in a reset.
 LIMITS_S = {
@@ -197,5 +198,6 @@ class Steps:
 
 
 def _plain(found: tuple[str, ...], prefix: str) -> str:
-    """A word such as a model, with its prefix or without."""
-    return found[-1].removeprefix(f"{prefix}:").strip()[:40] if found else ""
+    """A word such as a model, with its prefix or without; never a line that says whose the modem is."""
+    words = [line.removeprefix(f"{prefix}:").strip() for line in found]
+    return next((word for word in reversed(words) if redact(word) == word), "")[:40]

@@ -40,7 +40,7 @@ from drivers.modem_watch import COLDEST_C, HOTTEST_C, Watch
 from drivers.wire import at
 from drivers.wire.at_forms import Command
 from drivers.wire.modem_answers import registration, system_mode
-from drivers.wire.redact import redact
+from drivers.wire.redact import redact, redact_garbage
 
 COMPLAIN_S = 600.0  # between two lines of the journal about garbage
 
@@ -135,7 +135,7 @@ class Sim8202g:
         self._returns = True
 
     def say(self, why: str) -> None:
-        self.why = why
+        self.why = why = redact(why)
         self._host.tell(self._known.details())
         self._host.link(False, why)
 
@@ -200,7 +200,7 @@ class Sim8202g:
         now = self._host.loop.clock()
         if self._complained is None or now >= self._complained + COMPLAIN_S:
             self._complained = now
-            sample = redact(garbage.sample.decode("ascii", "backslashreplace"))
+            sample = redact_garbage(garbage.sample)
             log.warning("%s: %d octets mean nothing at an AT port: %r", self._host.name, garbage.octets, sample)
 
     def _broken(self, error: InterfaceError) -> None:

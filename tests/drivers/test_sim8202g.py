@@ -489,6 +489,29 @@ def test_identifiers_are_in_no_line_of_the_journal_and_in_no_details(make, loop,
         assert secret not in shown
 
 
+@pytest.mark.parametrize(
+    ("command", "said"),
+    [
+        ("AT+CGMM", f"SIMCOM\r\nIMEI {IMEI}\r\n\r\nOK"),
+        ("AT+CGMR", f"x{IMEI}y\r\n\r\nOK"),
+        ("AT+CFUN?", f"+CFUN: {IMEI}x\r\n\r\nOK"),
+        ("AT+CPSI?", f"+CPSI: face{IMEI}\r\n\r\nOK"),
+        ("AT+CGPADDR=1", f'+CGPADDR: 1,"{IMSI}"\r\n\r\nOK'),
+        ("AT+CGACT?", f"+CGACT: 1,0\r\n{IMSI}A\r\n\r\nOK"),
+        ("AT+CGACT=1,1", f"+CME ERROR: {IMSI}A"),
+    ],
+)
+def test_an_identifier_in_the_wrong_answer_is_shown_nowhere(bench, loop, caplog, command, said):
+    bench.modem.network.is_context_up = False
+    bench.modem.lies = lambda text: f"\r\n{said}\r\n" if text == command else None
+    with caplog.at_level(logging.DEBUG):
+        bench.start()
+        loop.run_for(900)
+    shown = caplog.text + repr(bench.station.details) + repr(bench.station.links) + repr(bench.station.failures)
+    assert IMEI not in shown
+    assert IMSI not in shown
+
+
 # -- the operator
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from drivers.wire.redact import redact
+from drivers.wire.redact import redact, redact_garbage
 
 
 @pytest.mark.parametrize(
@@ -19,6 +19,12 @@ from drivers.wire.redact import redact
         ('+CLIP: "07712345678",129', "+CLIP:<personal>"),
         ("MISSED_CALL: 11:01AM 07712345678", "MISSED_CALL:<personal>"),
         ("0791947101670000040C91947112325476000022", "<40 digits>"),
+        ("face861234567890123", "<19 digits>"),
+        ("0861234567890123A", "<17 digits>"),
+        ("x861234567890123y", "x<15 digits>y"),
+        ("1.861234567890123", "1.<15 digits>"),
+        ("IMEI 861234567890123", "IMEI <15 digits>"),
+        ('PIN="1234"', "PIN=<secret>"),
         ('+CGEV: "+49151234"', '+CGEV: "<number>"'),
     ],
 )
@@ -39,3 +45,16 @@ def test_who_somebody_is_is_not_shown(line, shown):
 )
 def test_what_an_operator_needs_is_shown(line):
     assert redact(line) == line
+
+
+@pytest.mark.parametrize(
+    ("octets", "shown"),
+    [
+        (b"\xff8675840", "\\xff<7 digits>"),
+        (b"86123\x0045678", "86123\x0045678"),
+        (b'+CPIN="1234"', "+CPIN=<secret>"),
+        (b"garbage 12345", "garbage 12345"),
+    ],
+)
+def test_of_what_is_garbled_no_number_of_length_is_shown(octets, shown):
+    assert redact_garbage(octets) == shown
