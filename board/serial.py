@@ -4,9 +4,13 @@ import errno
 import os
 from collections.abc import Callable
 from contextlib import suppress
+from typing import TYPE_CHECKING
 
 from board.errors import BlockedError, InterfaceError
 from board.loop import READ, WRITE, Loop
+
+if TYPE_CHECKING:
+    from serial import Serial
 
 TAKEN = (errno.EAGAIN, errno.EBUSY, errno.EACCES, errno.EPERM)  # by another program, or kept from us
 
@@ -32,8 +36,6 @@ class SerialPort:
         rtscts: bool = False,
     ) -> None:
         """Open and serve. Raises InterfaceError when it is absent, taken, not permitted or no serial port."""
-        import serial  # 15 ms that a station without serial ports saves
-
         self._loop = loop
         self._path = path
         self._received = received
@@ -41,8 +43,7 @@ class SerialPort:
         self._drained = drained
         self._waiting = b""
         try:
-            # pyserial opens with O_NONBLOCK | O_NOCTTY, sets raw mode and locks the port (flock).
-            self._port = serial.Serial(path, baud, timeout=0, write_timeout=0, rtscts=rtscts, exclusive=True)
+            self._port = _opened(path, baud, rtscts)
         except (OSError, ValueError) as error:  # SerialException is an OSError
             kind = BlockedError if getattr(error, "errno", None) in TAKEN else InterfaceError
             raise kind(_why(path, error), _hint(error)) from error
@@ -120,6 +121,23 @@ class SerialPort:
     def _fail(self, why: str) -> None:
         self.close()
         self._broken(InterfaceError(f"{self._path} is gone: {why.lower()}"))
+
+
+def _opened(path: str, baud: int, rtscts: bool) -> "Serial":
+    """The port by pyserial, which opens with O_NONBLOCK | O_NOCTTY, sets raw mode and locks the port (flock)."""
+    import serial  # 15 ms that a station without serial ports saves
+
+    class Port(serial.Serial):
+        """With DTR and RTS as opening has made them: active (tty_port_block_til_ready of the kernel).
+
+        pyserial would set them once more, and not open a USB device that refuses that, as those may that have none.
+        """
+
+        def _update_dtr_state(self) -> None: ...
+
+        def _update_rts_state(self) -> None: ...
+
+    return Port(path, baud, timeout=0, write_timeout=0, rtscts=rtscts, exclusive=True)
 
 
 def _discard(descriptor: int) -> None:
