@@ -10,6 +10,7 @@ import pytest
 RESULTS = os.environ.get("CAPTAIN_RESULTS", "/dev/stdout")
 
 _seconds: dict[str, float] = {}
+_troubles: dict[str, str] = {}
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -27,11 +28,13 @@ def pytest_collection_finish(session: pytest.Session) -> None:
 
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
-    """One row a check: when it is torn down, or with what broke it."""
+    """One row a check, when it is torn down."""
     seconds = _seconds[report.nodeid] = _seconds.get(report.nodeid, 0.0) + report.duration
-    if not report.passed or report.when == "teardown":
+    if not report.passed:
+        _troubles.setdefault(report.nodeid, report.longreprtext or report.outcome)
+    if report.when == "teardown":
         words = "; ".join(str(value) for name, value in report.user_properties if name == "seen")
-        trouble = "" if report.passed else report.longreprtext or report.outcome
+        trouble = _troubles.get(report.nodeid, "")
         _tell(check=_title(report.nodeid), seen=words, seconds=round(seconds, 1), trouble=trouble)
 
 

@@ -1,7 +1,12 @@
 """What the checks ask of the guest's kernel itself."""
 
 import subprocess
+from collections.abc import Callable
 from pathlib import Path
+
+from board.loop import Loop
+from board.machine import REAL
+from board.uevent import Uevent, Uevents
 
 CONFIGFS = Path("/sys/kernel/config")
 
@@ -16,3 +21,28 @@ def run(*command: str) -> str:
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, f"{' '.join(command)}: {done.stderr.strip() or done.stdout.strip()}"
     return done.stdout
+
+
+def until(loop: Loop, is_so: Callable[[], object], within_s: float = 60.0) -> float:
+    """Turn a loop until something is so; returns the seconds that it took. Fails when it is not in time."""
+    began = loop.clock()
+    end = loop.after(within_s, lambda: None)
+    while not is_so():
+        assert end.is_pending, f"not so within {within_s} s"
+        loop.turn()
+    end.cancel()
+    return loop.clock() - began
+
+
+class Hotplug:
+    """Listens to the kernel's uevents: what has come and gone, as `add tty`, in its order."""
+
+    def __init__(self, loop: Loop) -> None:
+        self.told: list[str] = []
+        self._uevents = Uevents(loop, REAL, self._tell)
+
+    def close(self) -> None:
+        self._uevents.close()
+
+    def _tell(self, event: Uevent | None) -> None:
+        self.told.append(f"{event.action} {event.subsystem}" if event else "missed")
