@@ -31,6 +31,7 @@ class NmeaReceiver:
         self._talker = ""
         self._is_known = False
         self._garbage = self._unread = 0
+        self._heard_at = float("-inf")  # when the last sentence came
         port = SerialLine(host.loop, self._options, self._machine, self._received, self._above.failed)
         port.open(self._options.rate_baud)
         self._port = port
@@ -47,13 +48,7 @@ class NmeaReceiver:
         self._is_known = False
         self._above.host.link(False, f"{self._port.path}: no epoch for {SILENT_S:.0f} s")
         if seconds >= GIVE_UP_S:
-            what = "only garbage comes" if self._garbage else "nothing comes"
-            self._above.failed(
-                InterfaceError(
-                    f"{self._port.path}: {what} at {self._options.rate_baud} baud",
-                    "is baud that of the receiver? mostly 4800, 9600, 38400 or 115200",
-                )
-            )
+            self._above.failed(self._silence(self._port.path))
 
     def correct(self, frame: bytes) -> None:
         """A receiver that is not configured takes none."""
@@ -91,9 +86,20 @@ class NmeaReceiver:
         if message is None:
             return
         self._talker = sentence.body[:2]
+        self._heard_at = now
+        fix = self._epochs.take(message, now)
+        if fix is None:
+            return
         if not self._is_known:
             self._is_known = True
             self._above.configured(f"NMEA receiver, talker {self._talker}, at {port.path}")
-        fix = self._epochs.take(message, now)
-        if fix is not None:
-            self._above.epoch(fix)
+        self._above.epoch(fix)
+
+    def _silence(self, path: str) -> InterfaceError:
+        if self._loop.clock() - self._heard_at < SILENT_S:
+            return InterfaceError(f"{path}: its sentences tell no position", "configure it to send GGA, RMC or both")
+        what = "only garbage comes" if self._garbage else "nothing comes"
+        return InterfaceError(
+            f"{path}: {what} at {self._options.rate_baud} baud",
+            "is baud that of the receiver? mostly 4800, 9600, 38400 or 115200",
+        )

@@ -15,7 +15,7 @@ class Above(Protocol):
     host: Host
 
     def configured(self, why: str) -> None:
-        """It was found and brought up: epochs will follow."""
+        """It was found and brought up: epochs should follow, and the link is up with the first one."""
 
     def epoch(self, fix: Fix) -> None:
         """A solution, with a position or without."""

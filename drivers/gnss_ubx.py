@@ -28,6 +28,8 @@ log = logging.getLogger("captain.gnss")
 # CFG-RST by what an operator asks for. All but `full` keep the configuration.
 RESETS = {"hot": CfgRst(0, 2), "warm": CfgRst(1, 2), "cold": CfgRst(0xFFFF, 2), "full": CfgRst(0, 1)}
 
+IN_VAIN = 3  # bring-ups that a receiver acknowledges, and after which it sends no epoch
+
 FRESH_S = 2.0  # an epoch is no reason to trust a pulse for longer
 
 UNKNOWN_NS = 0xFFFF_FFFF  # as NAV-PVT says of a time that it does not know
@@ -49,7 +51,7 @@ class UbxReceiver:
         self._state = ReceiverState(Journal(log, host.name, host.loop.clock))
         self._version: MonVer | None = None
         self._refused: list[str] = []
-        self._bringups = self._garbage = 0
+        self._bringups = self._in_vain = self._garbage = 0
         self._epoch_at = float("-inf")  # when the last NAV-PVT came
         port = self._line()
         self._port = port
@@ -68,6 +70,9 @@ class UbxReceiver:
 
     def silent(self, seconds: float) -> None:
         if self._bringup is not None or self._port is None:
+            return
+        if self._in_vain == IN_VAIN:
+            self._above.failed(self._without_epochs(self._port.path))
             return
         self._above.host.link(False, f"{self._port.path}: no epoch for {SILENT_S:.0f} s; bringing it up anew")
         try:
@@ -122,7 +127,15 @@ class UbxReceiver:
                 ", ".join(self._bringup.refused),
             )
         self._refused, self._bringup, self._version = self._bringup.refused, None, version
+        self._in_vain += 1
         self._above.configured(f"{version.module or 'u-blox receiver'} {version.firmware} at {self._port.path}")
+
+    def _without_epochs(self, path: str) -> InterfaceError:
+        text = f"{path}: the receiver was brought up {IN_VAIN} times and sends no epochs"
+        if self._options.i2c:
+            return InterfaceError(text)
+        own = self._options.own_port
+        return InterfaceError(text, f"is it at its own port {own}, as receiver_port says, or at another of its ports?")
 
     def _received(self, octets: bytes) -> None:
         now = self._loop.clock()
@@ -151,6 +164,7 @@ class UbxReceiver:
         if self._bringup is not None or self._port is None:
             return
         if isinstance(message, NavPvt):
+            self._in_vain = 0
             self._above.epoch(fix_of(message, now))
         elif isinstance(message, TimTp):
             self._mark(message, now)

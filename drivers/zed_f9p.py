@@ -57,6 +57,7 @@ class ZedF9p:
         self.host = host
         self._fix = Fix(host.loop.clock())
         self._epoch_at = host.loop.clock()
+        self._ready = ""  # what the link is up with when the first epoch comes
         self._jumps = Jumps()
         self._withheld = 0
         self._journal = Journal(log, host.name, host.loop.clock)
@@ -99,11 +100,14 @@ class ZedF9p:
 
     def configured(self, why: str) -> None:
         self._epoch_at = self.host.loop.clock()
-        self.host.link(True, why)
+        self._ready = why
 
     def epoch(self, fix: Fix) -> None:
         self._failures = 0
         self._epoch_at = fix.monotonic
+        if self._ready:
+            self.host.link(True, self._ready)
+            self._ready = ""
         if fix.latitude is not None and not self._is_believed(fix):
             self._withheld += 1
             return

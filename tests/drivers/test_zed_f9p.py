@@ -10,6 +10,7 @@ from drivers.contract import Can, Operated
 from drivers.gnss_options import GnssOptions
 from drivers.sim.machine import SimulatedDevice, SimulatedInterface, SimulatedMachine
 from drivers.sim.receiver import Habits, Receiver
+from drivers.wire import nmea
 from drivers.wire.ubx import Kind
 from drivers.wire.ubx_health import MonVer
 from drivers.wire.ubx_messages import encode
@@ -78,7 +79,7 @@ def test_a_time_mark_comes_once_a_second_and_names_the_second_that_follows(bench
 
 def test_a_pulse_that_is_announced_before_the_first_epoch_is_not_trusted(bench, loop):
     one = bench().start()
-    loop.run_until(lambda: one.host.is_up)
+    loop.run_until(lambda: "module" in one.details())
     one.receiver.say(encode(TimTp(1000, 0, 0, 2400, 3, 0x30)))
     loop.run_until(lambda: one.host.time_marks)
     mark = one.host.time_marks[0]
@@ -260,7 +261,6 @@ def test_a_surveyed_position_is_told_every_second(loop, host):
     )
     assert driver.capabilities.can == Can.POSITION
     driver.start(host)
-    assert host.is_up
     loop.run_for(2.5)
     assert len(host.fixes) == 3
     fix = host.fixes[-1]
@@ -287,3 +287,13 @@ def test_a_receiver_of_nmea_gives_positions_and_the_time_of_day(bench, loop):
     one.receiver.is_mute = True
     loop.run_until(lambda: one.host.failures)
     assert "nothing comes at 38400 baud" in one.host.failures[0].message
+
+
+def test_a_receiver_of_nmea_whose_sentences_tell_no_position_is_never_up_and_soon_a_fault(bench, loop):
+    one = bench(Habits(speaks_ubx=False), kind="nmea").start()
+    one.receiver.is_mute = True
+    for _ in range(30):
+        one.receiver.say(nmea.encode("GPGSA,A,1,,,,,,,,,,,,,99.9,99.9,99.9"))
+        loop.run_for(0.6)
+    assert not any(is_up for is_up, _ in one.host.links)
+    assert "its sentences tell no position" in one.host.failures[0].message

@@ -162,6 +162,14 @@ def test_a_receiver_that_hangs_is_a_fault_with_a_name(bench, loop):
     loop.run_until(lambda: one.host.is_up)
 
 
+def test_one_that_acknowledges_everything_and_sends_no_epochs_is_never_up_and_soon_a_fault(bench, loop):
+    one = bench(receiver_port="uart2").start()  # it is at its USB port
+    loop.run_until(lambda: one.host.failures, within=20)
+    assert not any(is_up for is_up, _ in one.host.links)
+    assert "was brought up 3 times and sends no epochs" in one.host.failures[0].message
+    assert "its own port uart2, as receiver_port says" in one.host.failures[0].hint
+
+
 def test_one_that_sends_garbage_alone_is_a_fault_and_the_garbage_is_counted(bench, loop):
     one = bench().up()
     one.receiver.is_mute = True
