@@ -16,6 +16,7 @@ from drivers.sim.modem_network import AIRS, Access, SimulatedNetwork
 from drivers.sim.usb_tree import SimulatedDevice, SimulatedInterface
 
 BATCH = 4096
+KEPT = 1000
 BUFFER = 64 * 1024  # octets that wait for who does not read; what is said beyond is lost
 
 BOOT_S = 18.0  # from power to USB
@@ -48,7 +49,7 @@ class SimulatedModem:
     plug, unplug  what happens at USB: a device appears, and disappears.
     path          a tty that is the module's own end of its AT port, such as that of a USB gadget; empty: a pty.
     is_plugged    whether it is at USB.
-    boots         how often it has booted. asked: the command lines that it got.
+    boots         how often it has booted. asked: the last KEPT command lines that it got.
     answers       False: it takes everything and says nothing.
     octets_said, octets_heard  that its port has carried.
     lies          called with each command; what it returns is said in place of the answer, None lets it pass.
@@ -234,6 +235,7 @@ class SimulatedModem:
 
     def _obey(self, text: str) -> None:
         self.asked.append(text)
+        del self.asked[:-KEPT]
         if self.echo:
             self.say(text.encode() + b"\r")
         lie = self.lies(text)
