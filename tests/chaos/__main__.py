@@ -84,7 +84,8 @@ class RealRun:
         traffic = self._traffic
         sent, heard = traffic.of(BESIDE), traffic.heard["user"].keys() & traffic.of(BESIDE).keys()
         out, arrived = traffic.of(USER), traffic.heard["beside"]
-        slowest = max(at - traffic.sent[number] for at_end in traffic.heard.values() for number, at in at_end.items())
+        times = [at - sent[number] for number, at in traffic.heard["user"].items() if number in sent]
+        slowest = max([*times, *(at - out[number] for number, at in arrived.items())])
         confirms = traffic.confirms
         is_out = len(out) == len(arrived) == confirms["beside", "accepted", ""] == confirms["beside", "sent", ""]
         return [
@@ -93,7 +94,7 @@ class RealRun:
                 f"in {len(heard)} of {len(sent)}, out {len(arrived)} of {len(out)}",
                 len(heard) == len(sent) and is_out,
             ),
-            Goal(f"each message takes less than {DELAY_S:g} s", f"{slowest * 1000:.0f} ms", slowest < DELAY_S),
+            Goal(f"each of these takes less than {DELAY_S:g} s", f"{slowest * 1000:.0f} ms", slowest < DELAY_S),
             Goal("none is heard twice or by nobody's sending", str(traffic.strange), traffic.strange == 0),
         ]
 

@@ -36,7 +36,7 @@ INTERFACES = {"gnss": "gnss", "v2x": "g5", "cellular": "cellular"}  # by slot
 POLL_S = 0.25  # of the simulated board, which looks ten times a second in real time: files take time to read
 FLOW_S = 0.5  # between two messages each way over the interface beside
 DRAIN_S = 15.0  # longer than a CAM lives
-CAM = bytes.fromhex("0202")
+CAM = bytes.fromhex("020200000539")
 
 
 class Ptys:
@@ -237,10 +237,10 @@ class Stage:
 
         def step() -> None:
             if self.is_flowing:
-                pdu = CAM + next(self._numbers).to_bytes(4, "big") + b"body"
+                pdu = CAM + next(self._numbers).to_bytes(4, "big")
                 self._peer.sendto(pdu, tuple(address))
                 self.sent_in += 1
-                router.request(kind, CAM + next(self._numbers).to_bytes(4, "big") + b"body", "test")
+                router.request(kind, CAM + next(self._numbers).to_bytes(4, "big"), "test")
                 self.requested += 1
             self._hear()
 

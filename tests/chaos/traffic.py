@@ -15,13 +15,13 @@ from drivers.wire.geonet import GeoNetworking, Received
 from tests.chaos.process import Ports
 from tests.drivers.host import EGO, request
 
-CAM = bytes.fromhex("0202")
+CAM = bytes.fromhex("020200000539")  # of one station: each has a place in the table of neighbours
 TOPIC = b"v2x.cam."
 RATE_HZ = 10.0  # of each way: a vehicle's most
 JOIN_S = 5.0
 RECEIVE_BUFFER = 4 << 20
 
-# Who sends: in the upper octet of the number that the messages have in place of a station's.
+# Who sends: in the upper octet of the number that the messages have behind their header.
 USER, BESIDE, RADIO = 1, 2, 3
 MAC = bytes.fromhex("020000000042")
 
@@ -73,7 +73,7 @@ class Traffic:
         for who, leave in ((USER, self._from_user), (BESIDE, self._from_beside), (RADIO, self._from_radio)):
             number = who << 24 | self._count
             self.sent[number] = time.monotonic()
-            leave(CAM + number.to_bytes(4, "big") + b"body")
+            leave(CAM + number.to_bytes(4, "big"))
 
     def listen(self, seconds: float) -> None:
         """Take what comes for so long."""
@@ -106,7 +106,7 @@ class Traffic:
                 self._note("g5", event.pdu)
 
     def _note(self, where: str, pdu: bytes) -> None:
-        number = int.from_bytes(pdu[2:6], "big")
+        number = int.from_bytes(pdu[len(CAM) :], "big")
         heard = self.heard[where]
         if number in heard or number not in self.sent:
             self.strange += 1
