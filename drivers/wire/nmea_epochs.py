@@ -8,13 +8,19 @@ from drivers.wire.nmea import Clock, Gga, Gsa, Message, Rmc, Vtg, Zda
 _CARRIERS = {4: Carrier.FIXED, 5: Carrier.FLOAT}
 _DEAD_RECKONING = 6
 
+# What hdop multiplies, by GGA's quality: the range error of one standard deviation, mm. No standard has these: they
+# are what receivers reach between houses, autonomous, with differential corrections, and with the carrier phase. Of
+# other qualities nobody knows.
+_RANGE_ERROR_MM = {1: 5000, 2: 1500, 3: 5000, 4: 20, 5: 500}
+_NO_HDOP = 99.0  # 99.99 stands for none
+
 Timed = Gga | Rmc | Zda
 
 
 class NmeaEpochs:
     """Which sentences a receiver sends is its own choice: a moment is complete when it has those of the last moment.
 
-    NMEA gives no accuracy in metres, and does not say whether leap seconds are known.
+    NMEA gives no accuracy in metres: it is estimated from hdop. Nor does it say whether leap seconds are known.
     """
 
     def __init__(self) -> None:
@@ -23,12 +29,13 @@ class NmeaEpochs:
         self._wanted: set[type] = {Gga, Rmc}
         self._is_told = False
         self._is_flat = False
+        self._hdop: float | None = None  # of the last GSA
         self._vtg = Vtg(None, None)
 
     def take(self, message: Message, now: float) -> Fix | None:
         """The fix of the moment that a sentence completes."""
         if isinstance(message, Gsa):
-            self._is_flat = message.fix == 2
+            self._is_flat, self._hdop = message.fix == 2, message.hdop
             return None
         if isinstance(message, Vtg):
             self._vtg = message
@@ -62,6 +69,7 @@ class NmeaEpochs:
             latitude=place.latitude,
             longitude=place.longitude,
             altitude=_altitude(gga) if kind is not FixKind.FLAT else None,
+            horizontal=self._horizontal(gga),
             speed=motion.speed_mm_s,
             heading=None if motion.course is None else motion.course % 36_000_000,
             satellites=satellites,
@@ -75,6 +83,12 @@ class NmeaEpochs:
         if gga is not None and gga.quality == _DEAD_RECKONING:
             return FixKind.DEAD_RECKONING
         return FixKind.FLAT if self._is_flat or gga is None else FixKind.FULL
+
+    def _horizontal(self, gga: Gga | None) -> int | None:
+        """Estimated accuracy, mm. RMC alone has no quality: it counts as autonomous."""
+        hdop = self._hdop if gga is None or gga.hdop is None else gga.hdop
+        error_mm = _RANGE_ERROR_MM.get(1 if gga is None else gga.quality)
+        return None if hdop is None or error_mm is None or not 0 < hdop < _NO_HDOP else round(hdop * error_mm)
 
     def _utc_ns(self, rmc: Rmc | None) -> int | None:
         zda = self._parts.get(Zda)

@@ -121,7 +121,34 @@ def test_sentences_of_one_moment_become_one_fix():
     assert (fix.latitude, fix.longitude, fix.altitude) == motion[:3]
     assert abs(fix.speed - motion.speed_mm_s) <= 1
     assert abs(fix.heading - motion.heading) <= 1000
-    assert (fix.horizontal, fix.utc_ns) == (None, UTC_NS + 10**9)
+    assert (fix.horizontal, fix.utc_ns) == (12, UTC_NS + 10**9)
+
+
+@pytest.mark.parametrize(
+    ("quality", "hdop", "horizontal"),
+    [
+        (1, "1.2", 6000),
+        (2, "1.2", 1800),
+        (4, "0.8", 16),
+        (5, "0.8", 400),
+        (1, "99.99", None),
+        (1, "0", None),
+        (1, "", None),
+        (6, "1.2", None),
+        (8, "1.2", None),
+    ],
+)
+def test_how_exact_a_position_is_is_estimated_from_its_quality_and_dilution(quality, hdop, horizontal):
+    body = f"GPGGA,092725.00,4846.01170,N,01125.92330,E,{quality},08,{hdop},376.2,M,48.0,M,,"
+    epochs = NmeaEpochs()
+    found = fixes(nmea.encode(body) + nmea.encode(body.replace("25.00", "26.00")), epochs)
+    assert found[-1].horizontal == horizontal
+
+
+def test_the_dilution_may_stand_in_gsa_alone():
+    gsa = nmea.encode("GNGSA,A,3,05,12,,,,,,,,,,,1.94,1.50,1.00")
+    found = fixes(gsa + said(("RMC",), 1.0, 2.0))
+    assert found[-1].horizontal == 7500
 
 
 @pytest.mark.parametrize("names", [("GGA", "RMC"), ("RMC", "GGA"), ("RMC", "GSA", "GGA", "ZDA")])
