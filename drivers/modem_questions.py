@@ -26,10 +26,12 @@ class Questions:
     def __init__(self, known: Known) -> None:
         self._known = known
         self._unknown: set[str] = set()  # commands that this firmware does not have
+        self._understood: set[str] = set()  # those that it has answered: an ERROR is of the moment
 
     def forget(self) -> None:
         """Another modem may be at the port, or other firmware."""
         self._unknown.clear()
+        self._understood.clear()
 
     def read(self, text: str, parse: Parser[T]) -> Script[T]:
         """A question whose answer may be garbled or late once. Raises StepError."""
@@ -56,7 +58,9 @@ class Questions:
         if text in self._unknown:
             return None
         answer = yield from ask(text)
-        if answer.final.name in ("ERROR", "COMMAND NOT SUPPORT"):
+        if answer.final.is_ok:
+            self._understood.add(text)
+        elif answer.final.name in ("ERROR", "COMMAND NOT SUPPORT") and text not in self._understood:
             self._unknown.add(text)
         if not answer.final.is_ok:
             return None
@@ -67,11 +71,15 @@ class Questions:
             return None
 
     def ask_registration(self) -> Script[bool]:
-        """Ask every domain; whether one is registered."""
+        """Ask every domain; whether one is registered. Of one that does not answer nothing is known any more."""
         for domain in DOMAINS:
             found = yield from self.optional(f"AT+{domain}?", lambda found: registration(one(found)))
-            if found is not None:
+            if found is None:
+                self._known.registrations.pop(domain, None)
+            else:
                 self._known.registrations[domain] = found
+        if not self._known.registrations:  # every modem has one of them: it was not able to say so
+            self._unknown.difference_update(f"AT+{domain}?" for domain in DOMAINS)
         return self._known.is_registered
 
     def look_at_cell(self) -> Script[None]:

@@ -3,6 +3,7 @@
 import fcntl
 import socket
 import struct
+import sys
 from collections.abc import Callable
 from contextlib import suppress
 from ipaddress import IPv4Address, IPv6Address
@@ -17,6 +18,7 @@ from drivers.modem_script import Ended, Program, Run, StepError
 from drivers.modem_tool import Tool
 
 SIOCGIFADDR = 0x8915  # linux/sockios.h
+ANY = "00000000"  # address and mask of a default route in /proc/net/route, whose numbers are in the machine's order
 
 
 class Counters(NamedTuple):
@@ -24,6 +26,13 @@ class Counters(NamedTuple):
 
     received: int
     sent: int
+
+
+class Route(NamedTuple):
+    """A default route of version 4 through a network device."""
+
+    gateway: str
+    metric: int
 
 
 class System:
@@ -101,6 +110,18 @@ class System:
     def addresses(self, device: str) -> tuple[str, ...]:
         """Addresses of a network device, without those of the link alone."""
         return (*_addresses4(device), *_addresses6(self._machine.proc / "net/if_inet6", device))
+
+    def default_routes(self, device: str) -> list[Route]:
+        """Of a device, those with a gateway."""
+        try:
+            rows = [line.split() for line in (self._machine.proc / "net/route").read_text().splitlines()[1:]]
+            return [
+                Route(str(IPv4Address(int(row[2], 16).to_bytes(4, sys.byteorder))), int(row[6]))
+                for row in rows
+                if row[0] == device and (row[1], row[7]) == (ANY, ANY) and row[2] != ANY
+            ]
+        except (OSError, ValueError, IndexError):
+            return []
 
     def counters(self, device: str) -> Counters | None:
         folder = self._machine.sys / "class/net" / device / "statistics"

@@ -7,7 +7,7 @@ from board.errors import InterfaceError, StationError, StuckError
 from drivers.modem_options import ModemOptions
 from drivers.modem_port import AtPort
 from drivers.modem_script import Ended, Program, Run
-from drivers.modem_system import Counters, System
+from drivers.modem_system import Counters, Route, System
 from drivers.sim.machine import SimulatedMachine
 from drivers.sim.modem import SimulatedModem
 from drivers.sim8202g import Sim8202g
@@ -60,6 +60,7 @@ class FakeSystem(System):
     has       addresses of any device.
     fails     beginnings of command lines that end with status 1.
     counts    packets received and sent.
+    routes    default routes of any device.
     """
 
     def __init__(self, machine) -> None:
@@ -69,6 +70,7 @@ class FakeSystem(System):
         self.has: tuple[str, ...] = ("192.168.225.34",)
         self.fails: set[str] = set()
         self.counts: Counters | None = None
+        self.routes: list[Route] = []
         self.raw: list[str] = []
         self.keeps = False
         self.kept_ended: Callable[[], None] = lambda: None
@@ -92,6 +94,9 @@ class FakeSystem(System):
 
     def addresses(self, device: str) -> tuple[str, ...]:
         return self.has
+
+    def default_routes(self, device: str) -> list[Route]:
+        return self.routes
 
     def counters(self, device: str) -> Counters | None:
         return self.counts

@@ -9,7 +9,7 @@ from board.errors import BlockedError
 from board.loop import Loop
 from board.machine import Machine
 from drivers.modem_script import Ended, Run, StepError
-from drivers.modem_system import System
+from drivers.modem_system import Route, System
 from drivers.modem_tool import MAX_OUTPUT, Tool
 
 
@@ -131,3 +131,23 @@ def test_nothing_of_a_tool_stays_open(loop):
     _, said = run(loop, "true")
     until(loop, lambda: said)
     assert len(os.listdir("/proc/self/fd")) == before
+
+
+def test_default_routes_are_those_of_the_device_with_a_gateway(tmp_path):
+    head = "Iface\tDestination\tGateway\tFlags\tRefCnt\tUse\tMetric\tMask\tMTU\tWindow\tIRTT\n"
+    rows = [
+        ("wwan0", "00000000", "0101400A", "0003", 0, 0, 700, "00000000"),
+        ("wwan0", "0001400A", "00000000", "0001", 0, 0, 0, "00FFFFFF"),
+        ("eth0", "00000000", "0202000A", "0003", 0, 0, 0, "00000000"),
+        ("wwan0", "00000000"),
+    ]
+    (tmp_path / "net").mkdir()
+    table = tmp_path / "net/route"
+    table.write_text(head + "".join("\t".join(map(str, row)) + "\n" for row in rows[:3]))
+    system = System(Machine(proc=tmp_path))
+    assert system.default_routes("wwan0") == [Route("10.64.1.1", 700)]
+    assert system.default_routes("usb0") == []
+    table.write_text(head + "\t".join(rows[3]))
+    assert system.default_routes("wwan0") == []
+    table.unlink()
+    assert system.default_routes("wwan0") == []

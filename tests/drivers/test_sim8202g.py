@@ -11,7 +11,6 @@ from board.errors import ConfigurationError, InterfaceError, RequestError, Stuck
 from drivers.contract import Can
 from drivers.modem_options import ModemOptions
 from drivers.modem_steps import LIMITS_S
-from drivers.modem_system import Counters
 from drivers.sim.modem_commands import ICCID, IMEI, IMSI
 from drivers.sim.modem_network import ADDRESS, Access
 from drivers.sim8202g import Sim8202g
@@ -343,20 +342,6 @@ def test_a_modem_that_has_never_answered_is_stuck_and_says_of_what(bench, loop):
     loop.run_until(lambda: bench.station.failures, within=100)
     assert isinstance(bench.station.failures[0], StuckError)
     assert bench.station.failures[0].message == "port: no answer to AT: not done within 90 s"
-
-
-def test_packets_that_only_go_out_are_a_stall(make, loop):
-    bench = make(bearer="at")
-    bench.system.printed = {"udhcpc": "lease of 10.64.1.2 obtained"}
-    bench.system.counts = Counters(100, 100)
-    bench.up()
-    loop.run_for(300)
-    assert bench.station.is_up
-    for second in range(200):
-        bench.system.counts = Counters(100, 100 + second)
-        loop.run_for(1)
-    assert any("none has come" in why for why in bench.station.steps)
-    assert "AT+COPS=0" in bench.modem.asked
 
 
 def test_a_module_that_crashes_is_a_failure_and_comes_back_by_itself(bench, loop):
