@@ -40,7 +40,7 @@ class BusLine:
         self.dropped = 0
         self.path = options.i2c
         self._settings = json.dumps({"bus": options.i2c, "address": options.i2c_address}).encode()
-        self._early: deque[bytes] = deque(maxlen=EARLY)
+        self._early: deque[bytes] = deque()
         self._received = received
         self._broken = broken
         self._worker = Worker(loop, WORKER, self._message, self._changed, command=command)
@@ -52,6 +52,9 @@ class BusLine:
     def write(self, frame: bytes) -> None:
         if not self._worker.is_up:
             self._early.append(frame)
+            if len(self._early) > EARLY:
+                self._early.popleft()
+                self.dropped += 1
         elif not self._worker.send(frame):
             self.dropped += 1
 
@@ -67,9 +70,11 @@ class BusLine:
 
     def _changed(self, is_up: bool, why: str) -> None:
         if is_up:
-            for message in (self._settings, *self._early):
-                self._worker.send(message)
+            self._worker.send(self._settings)
+            early = list(self._early)
             self._early.clear()
+            for frame in early:
+                self.write(frame)
         else:
             self._broken(InterfaceError(f"{self.path}: the process that reads it has ended: {why}"))
 

@@ -7,7 +7,7 @@ import pytest
 
 from board.errors import InterfaceError
 from drivers import gnss_ubx
-from drivers.gnss_bus import BusLine
+from drivers.gnss_bus import EARLY, BusLine
 from drivers.gnss_options import GnssOptions
 from drivers.sim.receiver import Habits, Receiver
 from drivers.zed_f9p import ZedF9p
@@ -79,3 +79,14 @@ def test_a_bus_that_breaks_while_it_is_used_is_a_fault(driver, loop, host, recei
     receiver.unplug()
     loop.run_until(lambda: bool(host.failures))
     assert "the bus is stuck" in host.failures[0].message
+
+
+def test_what_is_written_before_the_process_runs_waits_and_the_oldest_of_too_much_is_counted(loop):
+    line = BusLine(loop, GnssOptions(i2c="/dev/i2c-1"), print, print)
+    for number in range(EARLY):
+        line.write(bytes((number,)))
+    assert line.dropped == 0
+    line.write(b"more")
+    line.write(b"and more")
+    assert line.dropped == 2
+    assert line.path == "/dev/i2c-1"
