@@ -51,11 +51,12 @@ MEANS: dict[Kind | None, str] = {
 
 
 class Passage(NamedTuple):
-    """A state of the past or the present: when it began, by the loop's clock, and why."""
+    """A state of the past or the present: when it began, by the loop's clock, why, and what to do about that."""
 
     state: State
     began_s: float
     why: str
+    hint: str = ""
 
 
 class Slot:
@@ -164,11 +165,11 @@ class Slot:
 
     def _enter(self, state: State, why: str | StationError) -> None:
         self._stop()
-        text = why.message if isinstance(why, StationError) else why
+        fault = why if isinstance(why, StationError) else InterfaceError(why)
         self.state = state
-        self.timeline.append(Passage(state, self._loop.clock(), text))
+        self.timeline.append(Passage(state, self._loop.clock(), fault.message, fault.hint))
         if state is State.FAULT:
-            self.cause = self.cause or (why if isinstance(why, StationError) else InterfaceError(text))
+            self.cause = self.cause or fault
 
     # The actions of the table.
 

@@ -10,8 +10,8 @@
 
 A fault stays, with its first cause, until something has changed: a device appears in the slot, or an operator asks.
 The power stays on in a fault, because a module without power could not be seen when it is plugged in; where it could
-not be switched on, that is tried again. It stays on when the station stops, so that a restart of the station is none of
-its modules.
+not be switched, that is tried again, and no power cycle. It stays on when the station stops, so that a restart of the
+station is none of its modules.
 """
 
 import logging
@@ -19,7 +19,7 @@ from collections.abc import Callable
 from enum import StrEnum
 from typing import NamedTuple
 
-from board.errors import BlockedError, StationError, StuckError
+from board.errors import BlockedError, InterfaceError, StationError, StuckError
 from board.loop import Loop, Timer
 from board.slot import Slot as Sequencer
 from board.slot import State as Sequence
@@ -30,7 +30,9 @@ from firmware.supervisor import Supervised
 # a minute: what has failed for so long fails for another reason.
 STARTS = 15
 CYCLES = 3  # without steady running in between; a fourth has never helped
-RESWITCH_S = 30.0  # between two tries to give power to a slot in fault, after a switch has failed
+# Between two tries of a switch that has failed: a bus that was disturbed once is soon tried, one that is stuck seldom.
+FIRST_RESWITCH_S = 2.0
+RESWITCH_S = 30.0
 STEADY_S = 60.0  # with its link up, after which an older failure has nothing to do with the next
 LOOK_S = 1.0  # at least, between two looks at how long its link has been up
 
@@ -59,8 +61,11 @@ class Event(StrEnum):
     CYCLE = "power cycle"
     PLUGGED = "device seen"
     UNPLUGGED = "device gone"
-    ABSENT = "no device"  # in time, or it went too often, or its power could not be switched
+    ABSENT = "no device"  # in time, or it went too often
     SUPPLIED = "power is on"
+    RELEASED = "out of reset"
+    UNSUPPLIED = "power is off"  # as it was asked for
+    UNSWITCHED = "its power could not be switched"
     STARTED = "driver started"
     FAILED = "driver failed"
     STUCK = "driver failed too often, or for good"
@@ -76,6 +81,9 @@ MEANINGS = {
     Sequence.FAULT: Event.ABSENT,
 }
 OPERATED = {"on": Event.ON, "off": Event.OFF, "cycle": Event.CYCLE}
+
+# What a power cycle may help against, and what keeps it from one.
+FAULTS = (Event.ABSENT, Event.STUCK, Event.UNSWITCHED)
 
 # Of a driver that starts again the interface's own supervisor has said why.
 LEVELS = {State.STARTING: logging.DEBUG, State.CYCLING: logging.WARNING, State.FAULT: logging.ERROR}
@@ -105,12 +113,14 @@ class Slot:
         self._noted = noted
         self._journal = Journal(log, loop.clock)
         self._why = "no interface is configured for it" if interface is None else "not started"
-        self._cause = ""
+        self._cause: StationError | None = None
         self._since = loop.clock()
         self._failures = 0  # since it last ran steadily
         self._cycled = 0  # likewise
         self._steady: Timer | None = None
         self._reswitch: Timer | None = None
+        self._reswitch_s = FIRST_RESWITCH_S
+        self._again = sequencer.cycle  # what is tried again
         if interface is not None:
             interface.on_start = lambda: self.tell(Event.STARTED)
             interface.on_failure = self._failed
@@ -133,23 +143,30 @@ class Slot:
 
     def changed(self) -> None:
         """The sequencer has entered another state."""
-        passage = self._sequencer.timeline[-1]
-        if self._sequencer.state in MEANINGS:
-            self.tell(MEANINGS[self._sequencer.state], passage.why)
+        event, passage = self._meaning(), self._sequencer.timeline[-1]
+        if event is not None:
+            self.tell(event, InterfaceError(passage.why, passage.hint))
         if self.state is State.FAULT and self._sequencer.is_unswitched:
             self._leave_switches()
-            self._reswitch = self._loop.after(RESWITCH_S, self._switch_again)
+            self._reswitch = self._loop.after(self._reswitch_s, self._switch_again)
+            self._reswitch_s = min(RESWITCH_S, 2.0 * self._reswitch_s)
 
-    def tell(self, event: Event, why: str = "") -> None:
+    def tell(self, event: Event, why: str | StationError = "") -> None:
         """What has happened; an event that the state has no rule for changes nothing."""
-        why = " ".join((why or event.value).split())
-        if (self.state, event) in RULES and event in (Event.ABSENT, Event.STUCK):
-            self._cause = self._cause or why
-            event = event if self._cycled < CYCLES else Event.EXHAUSTED
-            self._cycled += 1
+        error = why if isinstance(why, StationError) else InterfaceError(why or event.value)
+        text = " ".join(error.message.split())
+        if (self.state, event) in RULES and event in FAULTS:
+            self._cause = self._cause or error
+            if event is Event.UNSWITCHED:
+                text += f"; tried again, at most every {RESWITCH_S:.0f} s"
+            elif self._cycled < CYCLES:
+                self._cycled += 1
+            else:
+                event = Event.EXHAUSTED
+                text = f"{' '.join(self._cause.message.split())}; given up after {CYCLES} power cycles"
         rule = RULES.get((self.state, event))
         if rule is not None:
-            self._enter(rule.state, why)
+            self._enter(rule.state, text)
             for act in rule.acts:
                 act(self)
 
@@ -163,15 +180,14 @@ class Slot:
             "state": self.state.value,
             "since_s": round(self._loop.clock() - self._since, 3),
             "why": self._why,
-            "cause": self._cause,
+            "cause": self._cause.message if self._cause else "",
+            "hint": self._cause.hint if self._cause else "",
             "cycles": self.cycles,
         }
 
     def _enter(self, state: State, why: str) -> None:
         if state is self.state:
             return
-        if state is State.FAULT:
-            why = f"{self._cause}; given up after {CYCLES} power cycles"
         self.state, self._why, self._since = state, why, self._loop.clock()
         self._journal.say(LEVELS.get(state, logging.INFO), "slot %s: %s: %s", self.name, state.value, why)
         self._noted(f"slot {self.name}", f"{state.value}: {why}{self._awaited()}")
@@ -187,19 +203,30 @@ class Slot:
 
     def _failed(self, error: StationError) -> bool:
         """Whether the driver is to be started again, the device being there and nothing else to be tried first."""
-        self._cause = self._cause or error.message
+        self._cause = self._cause or error
         if isinstance(error, BlockedError):
-            self.tell(Event.FAILED, error.message)
+            self.tell(Event.FAILED, error)
             return self.state is State.STARTING
         self._failures += 1
         is_stuck = isinstance(error, StuckError) or self._failures >= STARTS
-        self.tell(Event.STUCK if is_stuck else Event.FAILED, error.message)
+        self.tell(Event.STUCK if is_stuck else Event.FAILED, error)
         return self.state is State.STARTING
+
+    def _meaning(self) -> Event | None:
+        """Of what the sequencer has entered."""
+        sequencer = self._sequencer
+        if sequencer.state is Sequence.FAULT and sequencer.is_unswitched:
+            return Event.UNSWITCHED
+        if sequencer.state is Sequence.OFF and sequencer.is_rested:
+            return Event.UNSUPPLIED
+        if sequencer.state is Sequence.RELEASED and sequencer.timeline[-2].state is Sequence.POWERED:
+            return Event.RELEASED
+        return MEANINGS.get(sequencer.state)
 
     def _switch_again(self) -> None:
         """Nothing could show itself in a slot without power, and the fault would be there for ever."""
         if self.state is State.FAULT and self._sequencer.is_unswitched:
-            self._sequencer.cycle()
+            self._again()
 
     def _leave_switches(self) -> None:
         if self._reswitch is not None:
@@ -208,15 +235,21 @@ class Slot:
     # What the rules do, in their order.
 
     def supply(self) -> None:
+        self._again = self._sequencer.cycle
         self._sequencer.power()
 
     def cut(self) -> None:
+        self._again = self._sequencer.cut
         self._sequencer.cut()
 
     def cycle(self) -> None:
-        self.cycles += 1
         self._failures = 0
+        self._again = self._sequencer.cycle
         self._sequencer.cycle()
+
+    def count(self) -> None:
+        """It was without power: one whose switch failed is no power cycle."""
+        self.cycles += 1
 
     def launch(self) -> None:
         if self._interface is None:
@@ -249,11 +282,12 @@ class Slot:
         """What its driver said of a device that was just leaving is not why it is gone."""
         self._failures = 0
         if not self._cycled:
-            self._cause = ""
+            self._cause = None
 
     def forgive(self) -> None:
         self._failures = self._cycled = 0
-        self._cause = ""
+        self._reswitch_s = FIRST_RESWITCH_S
+        self._cause = None
 
 
 class Rule(NamedTuple):
@@ -277,9 +311,11 @@ RULES: dict[tuple[State, Event], Rule] = {
     (State.UNUSED, Event.CYCLE): _CYCLE,
     (State.OFF, Event.ON): _POWER,
     (State.OFF, Event.CYCLE): _POWER,
+    (State.OFF, Event.UNSWITCHED): _FAULT,
     (State.POWERING, Event.PLUGGED): _LAUNCH,
     (State.POWERING, Event.ABSENT): _CYCLE,
     (State.POWERING, Event.EXHAUSTED): _FAULT,
+    (State.POWERING, Event.UNSWITCHED): _FAULT,
     (State.POWERING, Event.OFF): _OFF,
     (State.POWERING, Event.CYCLE): _CYCLE,
     (State.STARTING, Event.STARTED): Rule(State.RUNNING, (Slot.watch,)),
@@ -297,11 +333,14 @@ RULES: dict[tuple[State, Event], Rule] = {
     (State.RUNNING, Event.EXHAUSTED): _FAULT,
     (State.RUNNING, Event.OFF): _OFF,
     (State.RUNNING, Event.CYCLE): _CYCLE,
-    (State.CYCLING, Event.SUPPLIED): Rule(State.POWERING),
-    (State.CYCLING, Event.ABSENT): _CYCLE,
-    (State.CYCLING, Event.EXHAUSTED): _FAULT,
+    (State.CYCLING, Event.SUPPLIED): Rule(State.POWERING, (Slot.count,)),
+    (State.CYCLING, Event.UNSWITCHED): _FAULT,
     (State.CYCLING, Event.OFF): _OFF,
+    (State.CYCLING, Event.CYCLE): Rule(State.CYCLING, (Slot.cycle,)),
     (State.FAULT, Event.PLUGGED): Rule(State.STARTING, (Slot.forgive, Slot.launch)),
+    # Its switches obey again: in a fault nobody else has them tried.
+    (State.FAULT, Event.RELEASED): Rule(State.POWERING, (Slot.forgive,)),
+    (State.FAULT, Event.UNSUPPLIED): Rule(State.OFF, (Slot.forgive,)),
     (State.FAULT, Event.ON): _CYCLE,
     (State.FAULT, Event.OFF): _OFF,
     (State.FAULT, Event.CYCLE): _CYCLE,

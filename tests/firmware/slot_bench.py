@@ -21,12 +21,14 @@ class FakePlace:
     """A slot's switch and the module behind it: it shows itself BOOT_S after power, when there is one.
 
     refusal  why the switch cannot be set; None: it can.
+    tries    times that it was told to.
     """
 
     def __init__(self, loop: VirtualLoop) -> None:
         self.is_on = False
         self.has_module = True
         self.refusal: StationError | None = None
+        self.tries = 0
         self.switched: list[tuple[float, bool]] = []
         self.changed: Callable[[], None] = lambda: None
         self._loop = loop
@@ -39,6 +41,7 @@ class FakePlace:
         return sum(not is_on for _, is_on in self.switched)
 
     def switch(self, kind: str, on: bool, done: Callable[[StationError | None], None]) -> None:
+        self.tries += 1
         if self.refusal is not None:
             done(self.refusal)
             return
@@ -91,11 +94,11 @@ class Bench:
         description = SlotDescription(
             "ITS-G5", "1-1.3", power="v2x_power", settle_s=SETTLE_S, wait_s=WAIT_S, off_s=OFF_S
         )
-        sequencer = Sequencer(
+        self.sequencer = Sequencer(
             loop, "v2x", description, self.power.switch, self.power.look, lambda _: self.slot.changed()
         )
-        self.slot = Slot(loop, sequencer, life, lambda who, what: self.notes.append(what))
-        self.power.changed = sequencer.device_changed
+        self.slot = Slot(loop, self.sequencer, life, lambda who, what: self.notes.append(what))
+        self.power.changed = self.sequencer.device_changed
 
     @property
     def state(self) -> State:

@@ -1,15 +1,17 @@
 """A slot whose module comes and goes, stays silent, or cannot be switched: what the sequencer says, and who says it."""
 
-from collections.abc import Iterator
+import random
+from collections.abc import Callable, Iterator
 from contextlib import closing
 
 import pytest
 
-from board.errors import StuckError
+from board.errors import InterfaceError, StationError, StuckError
 from board.presence import FLAPS
+from board.slot import State as Sequence
 from drivers.contract import Host
-from firmware.slots import CYCLES, STEADY_S, State
-from tests.firmware.slot_bench import DEAF, Bench
+from firmware.slots import CYCLES, FIRST_RESWITCH_S, MEANINGS, RESWITCH_S, RULES, STEADY_S, Event, State
+from tests.firmware.slot_bench import BOOT_S, DEAF, OFF_S, SETTLE_S, Bench
 from tests.virtual import VirtualLoop
 
 
@@ -84,3 +86,143 @@ def test_a_link_that_comes_and_goes_is_not_steady(running: Bench) -> None:
         running.loop.run_for(1)
         running.interface.link(True, "registered")
     assert running.slot.status()["cause"] == DEAF.message
+
+
+def refuse(bench: Bench) -> None:
+    bench.power.refusal = InterfaceError("no answer from 0x20 on /dev/i2c-1", "is the carrier plugged on?")
+
+
+def test_a_switch_that_fails_at_the_start_is_a_fault_and_no_power_cycle(loop: VirtualLoop) -> None:
+    bench = Bench(loop)
+    refuse(bench)
+    bench.slot.start()
+    status = bench.slot.status()
+    assert (bench.state, bench.slot.cycles) == (State.FAULT, 0)
+    assert status["cause"] == "power on: no answer from 0x20 on /dev/i2c-1"
+    assert status["hint"] == "is the carrier plugged on?"
+    assert status["why"] == f"{status['cause']}; tried again, at most every {RESWITCH_S:.0f} s"
+
+
+def test_a_switch_that_fails_once_costs_seconds(loop: VirtualLoop) -> None:
+    bench = Bench(loop)
+    refuse(bench)
+    bench.slot.start()
+    bench.power.refusal = None
+    bench.until(State.RUNNING, within=FIRST_RESWITCH_S + OFF_S + SETTLE_S + BOOT_S + 1)
+    assert (bench.slot.status()["cause"], bench.slot.cycles) == ("", 0)
+
+
+def test_a_switch_that_fails_for_long_is_tried_seldom_and_said_once(
+    loop: VirtualLoop, caplog: pytest.LogCaptureFixture
+) -> None:
+    bench = Bench(loop)
+    refuse(bench)
+    bench.slot.start()
+    tries = bench.power.tries
+    loop.run_for(3600)
+    # Each try cuts first, goes on with what it failed at, and comes no sooner than the pause.
+    assert 3600 / (RESWITCH_S + 1) - 5 < bench.power.tries - tries < 3600 / RESWITCH_S + 5
+    assert [r.getMessage() for r in caplog.records if r.levelname == "ERROR"] == [
+        f"slot v2x: fault: {bench.slot.status()['why']}"
+    ]
+    bench.power.refusal = None
+    bench.until(State.RUNNING, within=RESWITCH_S + OFF_S + SETTLE_S + BOOT_S + 1)
+
+
+def test_what_is_absent_once_its_power_could_be_switched_may_use_all_power_cycles(loop: VirtualLoop) -> None:
+    bench = Bench(loop)
+    refuse(bench)
+    bench.power.has_module = False
+    bench.slot.start()
+    bench.power.refusal = None
+    bench.until(State.POWERING)
+    bench.until(State.FAULT)
+    assert bench.slot.cycles == CYCLES
+    assert bench.slot.status()["cause"] == "no USB device at 1-1.3 within 30 s"
+
+
+def test_a_slot_that_could_not_be_switched_off_does_not_say_that_it_is_off(running: Bench) -> None:
+    refuse(running)
+    running.slot.operate("off")
+    status = running.slot.status()
+    assert (running.state, running.power.is_on) == (State.FAULT, True)
+    assert status["cause"] == "power off: no answer from 0x20 on /dev/i2c-1"
+    assert status["hint"] == "is the carrier plugged on?"
+
+
+def test_a_slot_that_could_not_be_switched_off_is_as_soon_as_it_can(running: Bench) -> None:
+    refuse(running)
+    running.slot.operate("off")
+    running.loop.run_for(3600)
+    running.power.refusal = None
+    running.until(State.OFF, within=RESWITCH_S + OFF_S + 1)
+    running.loop.run_for(3600)
+    assert (running.state, running.power.is_on, running.slot.status()["cause"]) == (State.OFF, False, "")
+
+
+def test_a_power_cycle_that_is_asked_for_while_there_is_one_begins_again(running: Bench) -> None:
+    running.slot.operate("cycle")
+    running.loop.run_for(OFF_S - 1)
+    running.slot.operate("cycle")
+    running.loop.run_for(OFF_S - 0.5)
+    assert (running.state, running.power.is_on) == (State.CYCLING, False)
+    running.until(State.RUNNING)
+    assert (running.slot.cycles, running.power.cuts) == (1, 1)
+
+
+# What a slot that is told by its sequencer need not do anything about, and why.
+AS_IT_IS = {
+    (State.OFF, Event.UNSUPPLIED): "it is off already",
+    (State.POWERING, Event.SUPPLIED): "that is what it waits for",
+    (State.POWERING, Event.RELEASED): "its device is waited for",
+    (State.FAULT, Event.SUPPLIED): "whether reset can be released is not known yet",
+    (State.FAULT, Event.UNPLUGGED): "the fault stays until there is one again",
+    (State.FAULT, Event.ABSENT): "the fault stays",
+    (State.FAULT, Event.UNSWITCHED): "the fault stays, and it is tried again",
+}
+
+# How a slot and its sequencer may be at the same moment. In a fault, its device may be there or be waited for, and its
+# switches are tried.
+TOGETHER = {
+    State.UNUSED: {Sequence.OFF},
+    State.OFF: {Sequence.OFF},
+    State.POWERING: {Sequence.OFF, Sequence.POWERED, Sequence.RELEASED},
+    State.STARTING: {Sequence.PRESENT},
+    State.RUNNING: {Sequence.PRESENT},
+    State.CYCLING: {Sequence.OFF},
+    State.FAULT: set(Sequence),
+}
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_slot_and_its_sequencer_never_disagree(loop: VirtualLoop, seed: int) -> None:
+    """Days of a bad contact, a bus that fails, a driver that fails and an operator who tries everything."""
+    bench = Bench(loop, has_interface=seed != 0)
+    chance = random.Random(seed)
+    told: set[tuple[State, Event]] = set()
+    tell = bench.slot.tell
+
+    def note(event: Event, why: str | StationError = "") -> None:
+        told.add((bench.state, event))
+        tell(event, why)
+
+    bench.slot.tell = note  # type: ignore[method-assign]
+    bench.slot.start()
+    happens: list[Callable[[], None]] = [
+        bench.power.unplug,
+        bench.power.plug,
+        bench.power.flap,
+        lambda: refuse(bench),
+        lambda: setattr(bench.power, "refusal", None),
+        lambda: bench.slot.operate(chance.choice(["on", "off", "cycle"])),
+        lambda: bench.interface.fail(chance.choice([DEAF, StuckError("the modem answers nothing")])),
+        lambda: bench.interface.link(not bench.interface.is_up, "network"),
+    ]
+    for _ in range(2000):
+        chance.choice(happens)()
+        assert bench.sequencer.state in TOGETHER[bench.state]
+        loop.run_for(chance.expovariate(1 / 10))
+        assert bench.sequencer.state in TOGETHER[bench.state]
+    by_sequencer = {*MEANINGS.values(), Event.RELEASED, Event.UNSWITCHED, Event.UNSUPPLIED}
+    assert {passage for passage in told if passage[1] in by_sequencer} <= set(RULES) | set(AS_IT_IS)
+    assert not set(AS_IT_IS) & set(RULES)
