@@ -125,6 +125,8 @@ class SerialPort:
 
 def _opened(path: str, baud: int, rtscts: bool) -> "Serial":
     """The port by pyserial, which opens with O_NONBLOCK | O_NOCTTY, sets raw mode and locks the port (flock)."""
+    import termios
+
     import serial  # 15 ms that a station without serial ports saves
 
     class Port(serial.Serial):
@@ -137,7 +139,10 @@ def _opened(path: str, baud: int, rtscts: bool) -> "Serial":
 
         def _update_rts_state(self) -> None: ...
 
-    return Port(path, baud, timeout=0, write_timeout=0, rtscts=rtscts, exclusive=True)
+    try:
+        return Port(path, baud, timeout=0, write_timeout=0, rtscts=rtscts, exclusive=True)
+    except termios.error as error:  # which is no OSError: it was unplugged after it was opened, before it was set
+        raise OSError(*error.args) from error
 
 
 def _discard(descriptor: int) -> None:
