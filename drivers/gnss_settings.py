@@ -7,14 +7,14 @@ from typing import NamedTuple
 
 from drivers.gnss_options import GnssOptions
 from drivers.wire.ubx_keys import KEYS
-from drivers.wire.ubx_values import Items, Value
+from drivers.wire.ubx_values import Items
 
 # CFG-NAVSPG-DYNMODEL
 DYNAMICS = {"portable": 0, "stationary": 2, "pedestrian": 3, "automotive": 4, "sea": 5, "airborne": 6}
 
 # One pulse a second, its rising edge where a second of UTC begins, 100 ms long; without satellites none at all, which
 # is the simplest sign that it is worth nothing.
-PULSE: dict[str, Value] = {
+PULSE: dict[str, int] = {
     "CFG-TP-PULSE_DEF": 0,  # by period
     "CFG-TP-PULSE_LENGTH_DEF": 1,  # by length
     "CFG-TP-TP1_ENA": 1,
@@ -45,7 +45,7 @@ def groups(options: GnssOptions) -> list[Group]:
     """All that a receiver is told, in this order."""
     port = options.own_port.upper()
     once_a_second = options.rate_hz  # a message comes with every so many epochs
-    pulse: dict[str, Value] = {"CFG-TP-TP1_ENA": 0}
+    pulse: dict[str, int] = {"CFG-TP-TP1_ENA": 0}
     if options.pulse:
         pulse = {**PULSE, "CFG-TP-ANT_CABLEDELAY": options.antenna_delay_ns}
     return [
@@ -83,5 +83,5 @@ def baud(options: GnssOptions) -> Group | None:
     return _group("baud", {f"CFG-{options.own_port.upper()}-BAUDRATE": options.rate_baud}, is_needed=True)
 
 
-def _group(name: str, values: dict[str, Value], is_needed: bool = False) -> Group:
+def _group(name: str, values: dict[str, int], is_needed: bool = False) -> Group:
     return Group(name, tuple((KEYS[key].number, value) for key, value in values.items()), is_needed)

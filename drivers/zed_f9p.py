@@ -18,7 +18,6 @@ from drivers.gnss_static import StaticReceiver
 from drivers.gnss_ubx import UbxReceiver
 from drivers.message import Request
 from drivers.wire.gnss_fix import Jumps
-from drivers.wire.rtcm import framed
 
 log = logging.getLogger("captain.gnss")
 
@@ -84,10 +83,6 @@ class ZedF9p:
         if self._corrections is not None:
             self._corrections.close()
             self._corrections = None
-
-    def correct(self, message: bytes) -> None:
-        """An RTCM 3 message for the receiver, framed or bare. Raises ProtocolError for a damaged one."""
-        self._receiver.correct(framed(message))
 
     def operate(self, do: str, arguments: Mapping[str, object], answer: Answer) -> None:
         """`status`: the details of now; `reset` with `kind`: hot, warm, cold or full."""

@@ -196,7 +196,7 @@ class Receiver:
         return says.tim_tp(moment, self.memory.value("CFG-TP-TIMEGRID_TP1") == 0, self.habits.repeats)
 
     def _is_due(self, message: str, count: int) -> bool:
-        rate = int(self.memory.value(f"CFG-MSGOUT-{message}_{self._port}"))
+        rate = self.memory.value(f"CFG-MSGOUT-{message}_{self._port}")
         is_ubx = message.startswith("UBX")
         return bool(rate) and count % rate == 0 and (not is_ubx or self.habits.speaks_ubx)
 
@@ -298,10 +298,7 @@ class Receiver:
 _MESSAGES: dict[str, Callable[[Moment], Message]] = {
     "NAV_PVT": says.nav_pvt,
     "NAV_STATUS": says.nav_status,
-    "NAV_TIMEGPS": says.nav_timegps,
-    "NAV_TIMEUTC": says.nav_timeutc,
     "NAV_TIMELS": says.nav_timels,
     "MON_RF": says.mon_rf,
     "SEC_SIG": says.sec_sig,
-    "NAV_EOE": says.nav_eoe,
 }

@@ -4,14 +4,14 @@ from collections.abc import Collection
 from typing import Literal
 
 from drivers.wire.ubx_keys import KEYS, PORTS, key
-from drivers.wire.ubx_values import BBR, FLASH, GET_BBR, GET_DEFAULT, GET_FLASH, GET_RAM, RAM, ValGet, ValSet, Value
+from drivers.wire.ubx_values import BBR, FLASH, GET_BBR, GET_DEFAULT, GET_FLASH, GET_RAM, RAM, ValGet, ValSet
 
 NMEA = ("GGA", "GSA", "RMC", "VTG")
 PROTOCOLS = ("UBX", "NMEA", "RTCM3X")
 
 
-def _factory() -> dict[int, Value]:
-    values: dict[str, Value] = dict.fromkeys(KEYS, 0)
+def _factory() -> dict[int, int]:
+    values: dict[str, int] = dict.fromkeys(KEYS, 0)
     for port in PORTS[:4]:
         values |= {f"CFG-{port}INPROT-{protocol}": 1 for protocol in PROTOCOLS}
         values |= {f"CFG-{port}OUTPROT-{protocol}": 1 for protocol in PROTOCOLS[:2]}
@@ -29,8 +29,8 @@ class Memory:
 
     def __init__(self, unknown: Collection[str] = ()) -> None:
         self._factory = {number: value for number, value in _factory().items() if key(number).name not in unknown}
-        self._flash: dict[int, Value] = {}
-        self._battery: dict[int, Value] = {}
+        self._flash: dict[int, int] = {}
+        self._battery: dict[int, int] = {}
         self.flash_writes = 0
         self.boot()
 
@@ -38,17 +38,17 @@ class Memory:
         """RAM as the other layers have it."""
         self._ram = {**self._factory, **self._flash, **self._battery}
 
-    def value(self, name: str) -> Value:
+    def value(self, name: str) -> int:
         """Of a key in RAM; 0 for one that the firmware does not know."""
         return self._ram.get(KEYS[name].number, 0)
 
     @property
     def baud(self) -> int:
-        return int(self.value("CFG-UART1-BAUDRATE"))
+        return self.value("CFG-UART1-BAUDRATE")
 
     @property
     def period_ms(self) -> int:
-        return int(self.value("CFG-RATE-MEAS"))
+        return self.value("CFG-RATE-MEAS")
 
     def speaks(self, protocol: Literal["ubx", "nmea"], port: str) -> bool:
         return bool(self.value(f"CFG-{port}OUTPROT-{protocol.upper()}"))

@@ -10,8 +10,8 @@ from drivers.sim.track import Motion
 from drivers.wire import nmea
 from drivers.wire.gnss_time import GPS_EPOCH, WEEK, Leap
 from drivers.wire.ubx_health import MonRf, RfBlock, SecSig
-from drivers.wire.ubx_messages import NavEoe, NavPvt, NavStatus
-from drivers.wire.ubx_time import NavTimeGps, NavTimeLs, NavTimeUtc, TimTp
+from drivers.wire.ubx_messages import NavPvt, NavStatus
+from drivers.wire.ubx_time import NavTimeLs, TimTp
 
 
 @dataclass(frozen=True)
@@ -123,24 +123,6 @@ def nav_status(moment: Moment) -> NavStatus:
     return NavStatus(moment.itow_ms, moment.kind, 0x0C | has_fix, 0, flags2, moment.first_fix_ms, moment.since_boot_ms)
 
 
-def nav_timeutc(moment: Moment) -> NavTimeUtc:
-    pvt = nav_pvt(moment)
-    when = civil(moment.gps_ms // 1000, moment.counted)
-    return NavTimeUtc(moment.itow_ms, pvt.time_accuracy_ns, pvt.nano, *when, valid=0x37 if moment.is_resolved else 0x03)
-
-
-def nav_timegps(moment: Moment) -> NavTimeGps:
-    now = moment.counted
-    return NavTimeGps(
-        moment.itow_ms,
-        -412,
-        moment.gps_ms // 1000 // WEEK,
-        moment.gps_ms // 1000 + GPS_EPOCH - now.unix(moment.gps_ms // 1000),
-        7 if moment.is_resolved else 3,
-        22,
-    )
-
-
 def nav_timels(moment: Moment) -> NavTimeLs:
     gps, leap = moment.gps_ms // 1000, moment.leap
     if not moment.is_resolved:
@@ -175,10 +157,6 @@ def tim_tp(moment: Moment, is_utc: bool, repeats: bool) -> TimTp:
     # The error of the pulse by the grid of a 125 MHz clock walks through 8 ns.
     quantisation_ps = gps * 1733 % 8000 - 4000
     return TimTp(count % WEEK * 1000, 0, quantisation_ps, count // WEEK, flags, 0x30 if is_utc else 0xF0)
-
-
-def nav_eoe(moment: Moment) -> NavEoe:
-    return NavEoe(moment.itow_ms)
 
 
 def mon_rf(moment: Moment) -> MonRf:

@@ -63,17 +63,3 @@ def encode(message: bytes) -> bytes:
 def number(message: bytes) -> int | None:
     """A message's number, 0..4095; None where it is too short to have one."""
     return int.from_bytes(message[:2]) >> 4 if len(message) >= 2 else None
-
-
-def framed(octets: bytes) -> bytes:
-    """The frame of what may be a frame already: the messages of an RTCMEM come in both forms.
-
-    Raises ProtocolError for a frame that is damaged, and for a bare message that is too long.
-    """
-    if octets[:1] != PREAMBLE:
-        return encode(octets)
-    if len(octets) < OVERHEAD or len(octets) != int.from_bytes(octets[1:3]) + OVERHEAD:
-        raise ProtocolError(f"an RTCM frame of {len(octets)} octets says that it has another length")
-    if crc24q(octets):
-        raise ProtocolError(f"an RTCM frame of {len(octets)} octets has a wrong CRC")
-    return octets

@@ -24,10 +24,7 @@ class Kind(IntEnum):
 
     NAV_STATUS = 0x0103
     NAV_PVT = 0x0107
-    NAV_TIMEGPS = 0x0120
-    NAV_TIMEUTC = 0x0121
     NAV_TIMELS = 0x0126
-    NAV_EOE = 0x0161
     RXM_RTCM = 0x0232
     ACK_NAK = 0x0500
     ACK_ACK = 0x0501

@@ -1,15 +1,13 @@
-"""Configuration keys of u-blox receivers of generation 9 that this project sets, by their names.
+"""Configuration keys of u-blox receivers of generation 9 by name: those that are set here, or by the factory.
 
 Source: u-blox F9 HPG 1.32 interface description, clause 6.
 """
 
-from typing import Literal, NamedTuple
-
-Port = Literal["i2c", "uart1", "uart2", "usb"]
+from typing import NamedTuple
 
 
 class Key(NamedTuple):
-    """A key: its number, its name, and its value's type: L truth, U and E unsigned, I signed, X bits, R real."""
+    """A key: its number, its name, and its value's type: L truth, U and E unsigned, I signed."""
 
     number: int
     name: str
@@ -24,28 +22,17 @@ CFG-TP-PERIOD_TP1             40050002 U
 CFG-TP-PERIOD_LOCK_TP1        40050003 U
 CFG-TP-LEN_TP1                40050004 U
 CFG-TP-LEN_LOCK_TP1           40050005 U
-CFG-TP-USER_DELAY_TP1         40050006 I
 CFG-TP-TP1_ENA                10050007 L
 CFG-TP-SYNC_GNSS_TP1          10050008 L
 CFG-TP-USE_LOCKED_TP1         10050009 L
 CFG-TP-ALIGN_TO_TOW_TP1       1005000a L
 CFG-TP-POL_TP1                1005000b L
 CFG-TP-TIMEGRID_TP1           2005000c E
-CFG-TP-FREQ_TP1               40050024 U
-CFG-TP-FREQ_LOCK_TP1          40050025 U
-CFG-TP-DUTY_TP1               5005002a R
-CFG-TP-DUTY_LOCK_TP1          5005002b R
 CFG-RATE-MEAS                 30210001 U
 CFG-RATE-NAV                  30210002 U
 CFG-RATE-TIMEREF              20210003 E
 CFG-NAVSPG-DYNMODEL           20110021 E
-CFG-NAVSPG-FIXMODE            20110011 E
-CFG-NAVSPG-UTCSTANDARD        2011001c E
 CFG-ITFM-ENABLE               1041000d L
-CFG-HW-ANT_CFG_VOLTCTRL       10a3002e L
-CFG-HW-ANT_CFG_OPENDET        10a30031 L
-CFG-TMODE-MODE                20030001 E
-CFG-I2C-ADDRESS               20510001 U
 CFG-UART1-BAUDRATE            40520001 U
 CFG-UART2-BAUDRATE            40530001 U
 CFG-I2CINPROT-UBX             10710001 L
@@ -53,49 +40,34 @@ CFG-I2CINPROT-NMEA            10710002 L
 CFG-I2CINPROT-RTCM3X          10710004 L
 CFG-I2COUTPROT-UBX            10720001 L
 CFG-I2COUTPROT-NMEA           10720002 L
-CFG-I2COUTPROT-RTCM3X         10720004 L
 CFG-UART1INPROT-UBX           10730001 L
 CFG-UART1INPROT-NMEA          10730002 L
 CFG-UART1INPROT-RTCM3X        10730004 L
 CFG-UART1OUTPROT-UBX          10740001 L
 CFG-UART1OUTPROT-NMEA         10740002 L
-CFG-UART1OUTPROT-RTCM3X       10740004 L
 CFG-UART2INPROT-UBX           10750001 L
 CFG-UART2INPROT-NMEA          10750002 L
 CFG-UART2INPROT-RTCM3X        10750004 L
 CFG-UART2OUTPROT-UBX          10760001 L
 CFG-UART2OUTPROT-NMEA         10760002 L
-CFG-UART2OUTPROT-RTCM3X       10760004 L
 CFG-USBINPROT-UBX             10770001 L
 CFG-USBINPROT-NMEA            10770002 L
 CFG-USBINPROT-RTCM3X          10770004 L
 CFG-USBOUTPROT-UBX            10780001 L
 CFG-USBOUTPROT-NMEA           10780002 L
-CFG-USBOUTPROT-RTCM3X         10780004 L
 """
 
 # Output rate of a message at each port: the number at I2C, and behind it UART1, UART2, USB and SPI.
 _OUTPUTS = """
 UBX_NAV_PVT      20910006
 UBX_NAV_STATUS   2091001a
-UBX_NAV_TIMEGPS  20910047
-UBX_NAV_TIMEUTC  2091005b
 UBX_NAV_TIMELS   20910060
-UBX_NAV_SAT      20910015
-UBX_NAV_SIG      20910345
-UBX_NAV_EOE      2091015f
-UBX_NAV_COV      20910083
 UBX_TIM_TP       2091017d
 UBX_MON_RF       20910359
-UBX_MON_COMMS    2091034f
-UBX_MON_HW       209101b4
 UBX_SEC_SIG      20910634
 UBX_RXM_RTCM     20910268
-UBX_RXM_COR      209106b6
 NMEA_ID_GGA      209100ba
-NMEA_ID_GLL      209100c9
 NMEA_ID_GSA      209100bf
-NMEA_ID_GSV      209100c4
 NMEA_ID_RMC      209100ab
 NMEA_ID_VTG      209100b0
 NMEA_ID_ZDA      209100d8

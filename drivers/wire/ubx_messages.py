@@ -13,7 +13,7 @@ from board.errors import ProtocolError
 from drivers.wire import ubx
 from drivers.wire.ubx import Kind
 from drivers.wire.ubx_health import MonRf, MonVer, SecSig
-from drivers.wire.ubx_time import NavTimeGps, NavTimeLs, NavTimeUtc, TimTp
+from drivers.wire.ubx_time import NavTimeLs, TimTp
 from drivers.wire.ubx_values import ValGet, ValSet
 
 
@@ -113,12 +113,6 @@ class NavStatus(NamedTuple):
         return self.flags2 >> 3 & 3
 
 
-class NavEoe(NamedTuple):
-    """End of the messages of an epoch."""
-
-    itow_ms: int
-
-
 class RxmRtcm(NamedTuple):
     """An RTCM message came in."""
 
@@ -164,32 +158,14 @@ class CfgRst(NamedTuple):
 
 
 Message = (
-    NavPvt
-    | NavStatus
-    | NavTimeUtc
-    | NavTimeLs
-    | NavTimeGps
-    | NavEoe
-    | TimTp
-    | RxmRtcm
-    | Ack
-    | Nak
-    | CfgRst
-    | MonVer
-    | MonRf
-    | SecSig
-    | ValSet
-    | ValGet
+    NavPvt | NavStatus | NavTimeLs | TimTp | RxmRtcm | Ack | Nak | CfgRst | MonVer | MonRf | SecSig | ValSet | ValGet
 )
 
 # Messages whose payload has one shape.
 _LAYOUTS: dict[int, tuple[Struct, Callable[..., Message]]] = {
     Kind.NAV_PVT: (Struct("<IHBBBBBBIiBBBBiiiiIIiiiiiIIHH4xihH"), NavPvt),
     Kind.NAV_STATUS: (Struct("<IBBBBII"), NavStatus),
-    Kind.NAV_TIMEUTC: (Struct("<IIiHBBBBBB"), NavTimeUtc),
     Kind.NAV_TIMELS: (Struct("<IB3xBbBbiHH3xB"), NavTimeLs),
-    Kind.NAV_TIMEGPS: (Struct("<IihbBI"), NavTimeGps),
-    Kind.NAV_EOE: (Struct("<I"), NavEoe),
     Kind.TIM_TP: (Struct("<IIiHBB"), TimTp),
     Kind.RXM_RTCM: (Struct("<BBHHH"), RxmRtcm),
     Kind.ACK_ACK: (Struct("<BB"), Ack),

@@ -1,25 +1,10 @@
-"""UBX messages about time: what it is, which leap seconds it has, and which pulse comes next.
+"""UBX messages about time: which leap seconds it has, and which pulse comes next.
 
 Fields and their units are as in ubx_messages.py.
 Source: u-blox F9 HPG 1.32 interface description, clause 3.
 """
 
 from typing import NamedTuple
-
-
-class NavTimeUtc(NamedTuple):
-    """UTC of one epoch."""
-
-    itow_ms: int
-    accuracy_ns: int
-    nano: int
-    year: int
-    month: int
-    day: int
-    hour: int
-    minute: int
-    second: int
-    valid: int
 
 
 class NavTimeLs(NamedTuple):
@@ -46,17 +31,6 @@ class NavTimeLs(NamedTuple):
         return bool(self.valid & 2)
 
 
-class NavTimeGps(NamedTuple):
-    """GPS time of one epoch."""
-
-    itow_ms: int
-    fraction_ns: int
-    week: int
-    leap_seconds: int
-    valid: int  # 1 time of week, 2 week, 4 leap seconds
-    accuracy_ns: int
-
-
 class TimTp(NamedTuple):
     """The next time pulse: at which second of which week it will come."""
 
@@ -71,10 +45,6 @@ class TimTp(NamedTuple):
     def is_utc(self) -> bool:
         """Whether week and time of week count UTC; otherwise the time of a satellite system, with leap seconds."""
         return bool(self.flags & 1)
-
-    @property
-    def is_utc_available(self) -> bool:
-        return bool(self.flags & 2)
 
     @property
     def is_quantisation_valid(self) -> bool:

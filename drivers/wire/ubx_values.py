@@ -22,14 +22,12 @@ MAX_ITEMS = 64  # of one message
 _SIZES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8}
 _HEADER = Struct("<BBBB")
 _KEY = Struct("<I")
-_FLOAT = {4: Struct("<f"), 8: Struct("<d")}
 
-Value = int | float
-Items = tuple[tuple[int, Value], ...]
+Items = tuple[tuple[int, int], ...]
 
 
 class ValSet(NamedTuple):
-    """Set keys in layers. Values are signed or not, or floating-point, as ubx_keys.py says of the key."""
+    """Set keys in layers. Values are signed or not, as ubx_keys.py says of the key."""
 
     layers: int
     items: Items
@@ -85,7 +83,7 @@ def _pack_items(items: Items) -> bytes:
 
 
 def _unpack_items(payload: bytes) -> Items:
-    items: list[tuple[int, Value]] = []
+    items: list[tuple[int, int]] = []
     at = _HEADER.size
     while at < len(payload):
         if at + _KEY.size > len(payload):
@@ -107,17 +105,12 @@ def size(number: int) -> int:
     return octets
 
 
-def pack_value(one: Key, value: Value) -> bytes:
+def pack_value(one: Key, value: int) -> bytes:
     """A value as it stands behind its key."""
     octets = size(one.number)
-    if one.type == "R":
-        return _FLOAT[octets].pack(value)
-    return int(value).to_bytes(octets, "little", signed=one.type == "I")
+    return value.to_bytes(octets, "little", signed=one.type == "I")
 
 
-def unpack_value(one: Key, octets: bytes) -> Value:
+def unpack_value(one: Key, octets: bytes) -> int:
     """The inverse of pack_value()."""
-    if one.type == "R" and len(octets) in _FLOAT:
-        value: float = _FLOAT[len(octets)].unpack(octets)[0]
-        return value
     return int.from_bytes(octets, "little", signed=one.type == "I")

@@ -6,7 +6,7 @@ import pytest
 
 from drivers.gnss_conversation import Conversation
 from drivers.gnss_journal import SELDOM_S, Journal
-from drivers.wire.ubx_messages import Ack, Nak, NavEoe
+from drivers.wire.ubx_messages import Ack, Nak, RxmRtcm
 
 ACK, NAK = Ack(6, 0x8A), Nak(6, 0x8A)
 
@@ -38,7 +38,7 @@ def test_a_question_waits_for_the_answer_of_the_one_before(talk):
     talk.ask(b"1")
     talk.ask(b"2")
     assert talk.written == [b"1"]
-    talk.talk.hear(NavEoe(0))
+    talk.talk.hear(RxmRtcm(2, 4, 0, 0, 1005))
     assert talk.answers == []
     talk.talk.hear(ACK)
     talk.talk.hear(NAK)

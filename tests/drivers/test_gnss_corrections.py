@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import pytest
 
-from board.errors import InterfaceError, ProtocolError
+from board.errors import InterfaceError
 from board.time import Carrier
 from drivers import gnss_rtcm_file, gnss_rtcm_tcp
 from drivers.gnss_corrections import corrections
@@ -292,18 +292,6 @@ def test_with_corrections_a_receiver_comes_to_a_fixed_solution_and_without_them_
     loop.run_for(36)
     assert one.host.fixes[-1].carrier is Carrier.NONE
     assert one.details()["corrections"]["age_s_below"] is None
-    one.close()
-
-
-def test_messages_of_another_source_are_framed_and_checked(loop):
-    one = Bench(loop).up()
-    message = rtcm.Frame(EPOCH[1]).message
-    one.driver.correct(message)
-    one.driver.correct(EPOCH[2])
-    loop.run_until(lambda: len(one.receiver.heard) == 2)
-    assert [frame.octets for frame in one.receiver.heard] == EPOCH[1:3]
-    with pytest.raises(ProtocolError):
-        one.driver.correct(EPOCH[2][:-1])
     one.close()
 
 

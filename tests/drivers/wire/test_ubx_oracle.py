@@ -12,14 +12,13 @@ from drivers.wire.ubx_messages import (
     Ack,
     CfgRst,
     Nak,
-    NavEoe,
     NavPvt,
     NavStatus,
     RxmRtcm,
     decode,
     encode,
 )
-from drivers.wire.ubx_time import NavTimeGps, NavTimeLs, NavTimeUtc, TimTp
+from drivers.wire.ubx_time import NavTimeLs, TimTp
 from drivers.wire.ubx_values import ValGet, ValSet, size
 
 WEEK_MS = 604_800_000
@@ -71,14 +70,6 @@ CASES = {
             "msss": m.since_start_ms,
         },
     ),
-    NavTimeUtc: (
-        st.builds(NavTimeUtc, TOW, u(32), i(32), u(16), u(8), u(8), *CLOCK, u(8)),
-        lambda m: {
-            "tAcc": m.accuracy_ns, "nano": m.nano, "year": m.year, "month": m.month, "day": m.day, "hour": m.hour,
-            "min": m.minute, "sec": m.second, "validTOW": bits(m.valid, 0), "validUTC": bits(m.valid, 2),
-            "utcStandard": bits(m.valid, 4, 4),
-        },
-    ),
     NavTimeLs: (
         st.builds(NavTimeLs, TOW, u(8), u(8), i(8), u(8), i(8), i(32), u(16), u(16), u(2)),
         lambda m: {
@@ -87,19 +78,11 @@ CASES = {
             "dateOfLsGpsDn": m.event_day, "validCurrLs": bits(m.valid, 0), "validTimeToLsEvent": m.is_event_known,
         },
     ),
-    NavTimeGps: (
-        st.builds(NavTimeGps, TOW, i(32), i(16), i(8), u(3), u(32)),
-        lambda m: {
-            "fTOW": m.fraction_ns, "week": m.week, "leapS": m.leap_seconds, "towValid": bits(m.valid, 0),
-            "weekValid": bits(m.valid, 1), "leapSValid": bits(m.valid, 2), "tAcc": m.accuracy_ns,
-        },
-    ),
-    NavEoe: (st.builds(NavEoe, TOW), lambda m: {}),
     TimTp: (
         st.builds(TimTp, u(32), u(32), i(32), u(16), u(6), u(8)),
         lambda m: {
             "towMS": m.tow_ms, "qErr": m.quantisation_ps, "week": m.week, "timeBase": m.is_utc,
-            "utc": m.is_utc_available, "raim": bits(m.flags, 2, 2), "qErrInvalid": not m.is_quantisation_valid,
+            "utc": bits(m.flags, 1), "raim": bits(m.flags, 2, 2), "qErrInvalid": not m.is_quantisation_valid,
             "TpNotLocked": not m.is_locked, "timeRefGnss": m.system, "utcStandard": bits(m.reference, 4, 4),
         },
     ),
@@ -231,8 +214,6 @@ def settings(draw):
     key = draw(st.sampled_from(list(KEYS.values())))
     octets = size(key.number)
     match key.type:
-        case "R":
-            return key, draw(st.floats(0, 100, width=32))
         case "L":
             return key, draw(st.integers(0, 1))
         case "I":
