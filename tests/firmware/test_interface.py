@@ -1,5 +1,6 @@
 """One interface: what it lets up, what it counts, and what its driver may tell it."""
 
+import logging
 from collections.abc import Iterator
 from contextlib import closing
 
@@ -13,6 +14,7 @@ from drivers.message import Area, Outcome, Position, RxInfo, Shape
 from drivers.reason import Reason
 from firmware.drops import Drops
 from firmware.interface import Interface
+from firmware.journal import BURST, EVERY_S
 from firmware.topics import Topics
 from tests.firmware.doubles import CAM_PDU, NotingStation, ScriptedDriver, interface_of, pdu_of, request_of
 from tests.virtual import VirtualLoop
@@ -179,6 +181,16 @@ def test_another_reason_for_the_same_state_is_shown_and_the_state_is_as_old_as_b
     bench.interface.link(False, "still unplugged")
     status = bench.interface.status()
     assert (status["why"], status["since_s"]) == ("still unplugged", 5.0)
+
+
+def test_a_link_that_flaps_floods_no_journal_and_is_counted(bench: Bench, caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.INFO, "captain.interface")
+    for turn in range(1800):
+        bench.interface.link(turn % 2 == 1, f"try {turn}")
+        bench.loop.run_for(2.0)
+    assert len(caplog.records) <= BURST + 3600 / EVERY_S
+    assert caplog.records[-1].getMessage().endswith("(4 lines before it were left out)")
+    assert bench.above.link_changes == 1 + 1800
 
 
 def test_a_link_that_comes_up_sends_what_has_waited(bench: Bench) -> None:
