@@ -438,10 +438,16 @@ def test_the_turn_in_which_stop_is_called_is_finished(loop: VirtualLoop):
 def test_a_loop_on_the_real_clock_wakes_for_its_timer_and_for_its_descriptor():
     loop = Loop()
     order: list[str] = []
-    end = End(loop, lambda end: (order.append("descriptor"), loop.remove(end)))
+
+    def done(what: str) -> None:
+        order.append(what)
+        if len(order) == 2:
+            loop.stop()
+
+    end = End(loop, lambda end: (loop.remove(end), done("descriptor")))
     loop.add(end)
     loop.after(0.001, lambda: end.far.send(b"x"))
-    loop.after(0.002, lambda: (order.append("timer"), loop.stop()))
+    loop.after(0.002, lambda: done("timer"))
     loop.run()
     end.close()
     loop.close()

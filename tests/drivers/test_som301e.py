@@ -190,7 +190,7 @@ def test_a_denm_overtakes_a_flood_of_cams_and_what_is_dropped_is_counted(start, 
     air.say(DENM, radio)
     told = radio.control.ask()["delivered"]
     loop.run_until(lambda: DENM in host.pdus)
-    assert host.pdus.index(DENM) < 40  # what was in the socket, and little else
+    assert host.pdus.index(DENM) < 200  # what was in the socket of the worker, and not the thousand before it
     driver.refresh()
     loop.run_until(lambda: host.total == told)
     assert host.drops[Reason.RECEIVE_QUEUE] >= told - DEPTH - 60
