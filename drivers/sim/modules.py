@@ -50,7 +50,8 @@ class Place(NamedTuple):
 
 def receiver(loop: Loop, place: Place) -> Module:
     """A ZED-F9P that drives around a block, now."""
-    from drivers.sim.receiver import Habits, Receiver
+    from drivers.sim.receiver import Receiver
+    from drivers.sim.receiver_habits import Habits
 
     def appeared(path: str) -> None:
         port = SimulatedInterface(0, "cdc_acm", path)

@@ -2,66 +2,24 @@
 
 import itertools
 from collections import deque
-from collections.abc import Callable, Collection
-from dataclasses import dataclass, field
-from typing import Literal
+from collections.abc import Callable
 
 from board.loop import Loop, Timer
-from board.time import Carrier, FixKind
 from drivers.sim import receiver_messages as says
+from drivers.sim.receiver_habits import Habits
 from drivers.sim.receiver_line import ReceiverLine
 from drivers.sim.receiver_memory import Memory
 from drivers.sim.receiver_messages import Moment, Sky
+from drivers.sim.receiver_navigation import COLD, Navigation
 from drivers.sim.track import Track
 from drivers.wire import rtcm, ubx
 from drivers.wire.gnss_stream import GnssStream
-from drivers.wire.gnss_time import Leap
 from drivers.wire.ubx import Kind
-from drivers.wire.ubx_health import MonVer
 from drivers.wire.ubx_messages import Ack, CfgRst, Message, Nak, RxmRtcm, decode, encode
 from drivers.wire.ubx_values import ValGet, ValSet
 
 KEPT = 1000  # frames that it heard, for tests to look at
-HOT_S = 1.5  # from a reset that forgets nothing to a fix
 LATENCY_S = 0.03  # from an epoch until it is said
-# Since corrections came first, without a pause of RTK_OLD_S between.
-RTK_FLOAT_S, RTK_FIXED_S, RTK_OLD_S = 2.0, 8.0, 30.0
-
-VERSION = MonVer(
-    "EXT CORE 1.00 (3fda8e)",
-    "00190000",
-    ("ROM BASE 0x118B2060", "FWVER=HPG 1.32", "PROTVER=27.31", "MOD=ZED-F9P", "GPS;GLO;GAL;BDS", "SBAS;QZSS"),
-)
-
-
-@dataclass(frozen=True)
-class Habits:
-    """What a receiver is like.
-
-    gps_s         GPS time when it is made.
-    gadget        path of a USB gadget's tty (/dev/ttyGS0) that it speaks at, in place of a pty.
-    port          that somebody is at: a USB device comes and goes; a UART, and what stands for an I2C bus, is
-                  always there.
-    speaks_ubx    False: an NMEA receiver.
-    boot_s        from power to the first word.
-    fix_s, leap_s from power, or a cold reset, to a fix, and to leap seconds from satellites.
-    leap          true leap seconds; default_leap is what the firmware takes before it has them.
-    repeats       how TIM-TP numbers a leap second: as the second before it, or as that behind.
-    unknown       names of keys that its firmware does not know.
-    """
-
-    gps_s: int = says.gps_of(2026, 6, 1, 8, 0, 0)
-    port: Literal["usb", "uart1", "i2c"] = "usb"
-    gadget: str = ""
-    speaks_ubx: bool = True
-    boot_s: float = 0.8
-    fix_s: float = 2.0
-    leap_s: float = 2.0
-    leap: Leap = field(default_factory=lambda: Leap(18))
-    default_leap: int = 18
-    repeats: bool = False
-    unknown: Collection[str] = ()
-    version: MonVer = VERSION
 
 
 class Receiver:
@@ -137,9 +95,7 @@ class Receiver:
         self.boots += 1
         self._is_running = True
         self.memory.boot()
-        self._booted = self._searching = self._loop.clock()
-        self._is_cold = True
-        self._corrected: tuple[float, float] | None = None  # since when, and when last
+        self._navigation = Navigation(self.habits, self._track, self._loop.clock())
         self._count = itertools.count()
         self._stream = GnssStream()
         if not self._line.is_open:
@@ -148,7 +104,7 @@ class Receiver:
 
     def _restart(self, reset: CfgRst) -> None:
         if reset.mode == 2:
-            self._searching, self._is_cold = self._loop.clock(), reset.forget == 0xFFFF
+            self._navigation.reset(reset.forget == COLD, self._loop.clock())
             return
         self.power(False)
         self.power(True)
@@ -176,7 +132,7 @@ class Receiver:
 
     def _epoch(self) -> None:
         count = next(self._count)
-        moment = self._moment(self._epoch_ms)
+        moment = self._navigation.moment(self._epoch_ms, self.sky, self._loop.clock())
         self._wait_for_epoch()
         if self.is_mute:
             return
@@ -204,37 +160,6 @@ class Receiver:
     def _port(self) -> str:
         return self.habits.port.upper()
 
-    def _moment(self, gps_ms: int) -> Moment:
-        now = self._loop.clock()
-        searched = now - self._searching
-        has_fix = self.sky.satellites > 3 and searched >= (self.habits.fix_s if self._is_cold else HOT_S)
-        is_resolved = searched >= self.habits.leap_s or not self._is_cold
-        carrier, age = self._rtk(now) if has_fix else (Carrier.NONE, 0)
-        return Moment(
-            gps_ms,
-            self.habits.leap,
-            is_resolved,
-            self.habits.default_leap,
-            FixKind.FULL if has_fix else FixKind.NONE,
-            carrier,
-            age,
-            self._track.at(gps_ms / 1000 - self.habits.gps_s),
-            self.sky,
-            round((now - self._booted) * 1000),
-            round(self.habits.fix_s * 1000),
-        )
-
-    def _rtk(self, now: float) -> tuple[Carrier, int]:
-        """How far the ambiguities are resolved, and the age of corrections as a row of CORRECTION_AGE_S."""
-        if self._corrected is None or now - self._corrected[1] > RTK_OLD_S:
-            self._corrected = None
-            return Carrier.NONE, 0
-        since, last = self._corrected
-        age = 1 + sum(now - last > most for most in (1, 2, 5, 10, 15, 20))
-        if now - since < RTK_FLOAT_S:
-            return Carrier.NONE, age
-        return (Carrier.FIXED if now - since >= RTK_FIXED_S else Carrier.FLOAT), age
-
     # What it hears
 
     def _hear(self, octets: bytes) -> None:
@@ -252,8 +177,7 @@ class Receiver:
 
     def _correct(self, frame: rtcm.Frame, now: float) -> None:
         self.heard.append(frame)
-        since = self._corrected[0] if self._corrected else now
-        self._corrected = (since, now)
+        self._navigation.correct(now)
         if self._is_due("UBX_RXM_RTCM", 0):
             self._answer(RxmRtcm(2, 2 << 1, 0, 0, frame.number or 0))
 
@@ -283,7 +207,7 @@ class Receiver:
             return
         name = ubx.name(kind).replace("-", "_")
         if name in _MESSAGES:
-            self._answer(_MESSAGES[name](self._moment(self.gps_ms())))
+            self._answer(_MESSAGES[name](self._navigation.moment(self.gps_ms(), self.sky, self._loop.clock())))
 
     def _acknowledge(self, kind: Kind, is_taken: bool) -> None:
         if self.acknowledges:

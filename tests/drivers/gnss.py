@@ -3,7 +3,8 @@
 from dataclasses import replace
 
 from drivers.gnss_options import GnssOptions
-from drivers.sim.receiver import Habits, Receiver
+from drivers.sim.receiver import Receiver
+from drivers.sim.receiver_habits import Habits
 from drivers.sim.track import Track
 from drivers.zed_f9p import ZedF9p
 from tests.drivers.host import SHARED, Host

@@ -9,7 +9,8 @@ from board.errors import InterfaceError
 from drivers import gnss_ubx
 from drivers.gnss_bus import EARLY, BusLine
 from drivers.gnss_options import GnssOptions
-from drivers.sim.receiver import Habits, Receiver
+from drivers.sim.receiver import Receiver
+from drivers.sim.receiver_habits import Habits
 from drivers.zed_f9p import ZedF9p
 from tests.drivers.host import SHARED
 from tests.drivers.test_contract import sources

@@ -14,7 +14,7 @@ from drivers.gnss_corrections import corrections
 from drivers.gnss_port import SerialLine
 from drivers.gnss_rtcm import SETTLED_S
 from drivers.reason import Reason
-from drivers.sim.receiver import RTK_FIXED_S
+from drivers.sim.receiver_navigation import RTK_FIXED_S
 from drivers.wire import rtcm
 from tests.drivers.gnss import Bench
 

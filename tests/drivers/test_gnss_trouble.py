@@ -4,7 +4,7 @@ import random
 from dataclasses import replace
 
 from board.errors import InterfaceError, StuckError
-from drivers.sim.receiver import Habits
+from drivers.sim.receiver_habits import Habits
 from drivers.sim.receiver_messages import Sky
 from tests.drivers.gnss import Bench
 from tests.drivers.test_contract import descriptors

@@ -6,7 +6,8 @@ import tty
 
 import pytest
 
-from drivers.sim.receiver import Habits, Receiver
+from drivers.sim.receiver import Receiver
+from drivers.sim.receiver_habits import Habits
 from drivers.sim.track import BLOCK, Point, Track
 from drivers.wire import ubx
 from drivers.wire.gnss_fix import METRES

@@ -9,7 +9,8 @@ from board.time import Carrier, FixKind
 from drivers.contract import Can, Operated
 from drivers.gnss_options import GnssOptions
 from drivers.sim.machine import SimulatedDevice, SimulatedInterface, SimulatedMachine
-from drivers.sim.receiver import Habits, Receiver
+from drivers.sim.receiver import Receiver
+from drivers.sim.receiver_habits import Habits
 from drivers.wire import nmea
 from drivers.wire.ubx import Kind
 from drivers.wire.ubx_health import MonVer

@@ -10,7 +10,7 @@ from board.errors import InterfaceError, RequestError
 from board.time import FixKind
 from drivers.reason import Reason
 from drivers.sim import receiver_messages as says
-from drivers.sim.receiver import Habits
+from drivers.sim.receiver_habits import Habits
 from drivers.wire.gnss_time import GPS_EPOCH, Leap
 from tests.drivers.gnss import UTC, Bench
 

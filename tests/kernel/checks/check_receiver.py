@@ -9,7 +9,8 @@ from board.loop import Loop
 from board.machine import REAL
 from board.time import FixKind
 from drivers.gnss_options import GnssOptions
-from drivers.sim.receiver import Habits, Receiver
+from drivers.sim.receiver import Receiver
+from drivers.sim.receiver_habits import Habits
 from drivers.zed_f9p import ZedF9p
 from tests.drivers.host import SHARED, Host
 from tests.kernel.checks.gadget import Gadget
