@@ -4,42 +4,20 @@ qmi and mbim have been tested as command lines and by what the tools print, not 
 Sources: man qmicli(1), mbimcli(1), udhcpc of busybox; AT command manual of the SIM82xx V1.02 ($QCRMCALL).
 """
 
-import re
 from collections.abc import Callable
-from ipaddress import IPv4Network
-from typing import NamedTuple
+from pathlib import Path
 
 from board.errors import InterfaceError
 from drivers.modem_options import ModemOptions
+from drivers.modem_printed import ADDRESS, CLIENT, HANDLE, LEASE, Settings, mbim_settings, qmi_settings, value
 from drivers.modem_script import LostError, Pause, Script, StepError, ask, lines, run
+from drivers.modem_session import Session, SessionFile
 from drivers.modem_system import System
-from drivers.wire.modem_answers import addresses, flag
+from drivers.wire.modem_answers import addresses, is_active
 
 DEVICE_TRIES = 15  # one a second
 
 CONNECT_S = 60.0  # that a network takes to set up a packet context; most need 1 s
-
-# busybox before 1.34 writes a capital letter.
-LEASE = r"[Ll]ease of [0-9.]+ obtained"
-
-# What qmicli and mbimcli print.
-_HANDLE = re.compile(r"Packet data handle: '?(\d+)")
-_CLIENT = re.compile(r"CID: '?(\d+)")
-_QMI_ADDRESS = re.compile(r"IPv4 address: ([0-9.]+)")
-_QMI_MASK = re.compile(r"IPv4 subnet mask: ([0-9.]+)")
-_QMI_GATEWAY = re.compile(r"IPv4 gateway address: ([0-9.]+)")
-_MTU = re.compile(r"MTU: '?(\d+)")
-_QMI_ADDRESS6 = re.compile(r"IPv6 address: ([0-9A-Fa-f:]+/\d+)")
-_MBIM_ADDRESS = re.compile(r"IP \[0\]: '([0-9A-Fa-f.:]+/\d+)'")
-_MBIM_GATEWAY = re.compile(r"Gateway: '([0-9A-Fa-f.:]+)'")
-
-
-class Settings(NamedTuple):
-    """What the network gave. address with its prefix length: `10.64.1.2/30`."""
-
-    address: str
-    gateway: str
-    mtu: int
 
 
 class Bearer:
@@ -62,12 +40,19 @@ class Bearer:
         raise NotImplementedError
 
     def look(self) -> Script[tuple[str, ...]]:
-        """Its addresses. Raises LostError where there is none."""
-        found = self._system.addresses(self.device)
+        """Its addresses. Raises LostError where there is none.
+
+        Asked of a program: the kernel answers such a question under its lock of all network devices, which whoever
+        takes one down may hold for seconds.
+        """
+        found = ADDRESS.findall((yield from run("ip", "-o", "addr", "show", "dev", self.device, "scope", "global")))
         if not found:
             raise LostError(f"{self.device} has no address any more")
-        return found
-        yield  # a script that asks for nothing
+        return tuple(found)
+
+    def leave(self) -> list[tuple[str, ...]]:
+        """Programs that end what they can of it, when there is no time to wait for them."""
+        return [("ip", "addr", "flush", "dev", self.device)] if self.device else []
 
     def find_device(self) -> Script[None]:
         """Wait for the network device: its driver starts after that of the ports. Raises InterfaceError."""
@@ -103,29 +88,51 @@ class Qmi(Bearer):
     def __init__(self, options: ModemOptions, system: System) -> None:
         super().__init__(options, system)
         self._control: tuple[str, ...] = ()
-        self._client = self._handle = ""
+        self._file = SessionFile(Path(options.state_dir) / f"{options.usb}-qmi.json")
+        self._session = self._file.load()  # of a station that ended without a word
 
     def up(self) -> Script[None]:
         yield from self.find_device()
         self._control = ("qmicli", f"--device={self._system.control_device(self._options.usb)}", "--device-open-proxy")
+        yield from self._end()
         yield from run("ip", "link", "set", "dev", self.device, "down")
         yield from run(*self._control, "--set-expected-data-format=raw-ip")
         yield from run("ip", "link", "set", "dev", self.device, "up")
+        # First a client, then its network: of a client that comes with a network that fails nobody hears.
+        printed = yield from run(*self._control, "--wds-noop", "--client-no-release-cid")
+        self._keep(Session(value(CLIENT, printed, "qmicli")))
         version = "6" if self._options.ip_type == "ipv6" else "4"
         network = f"apn='{self._options.apn}',ip-type={version}" if self._options.apn else f"ip-type={version}"
-        started = yield from run(
-            *self._control, f"--wds-start-network={network}", "--client-no-release-cid", limit_s=CONNECT_S
+        printed = yield from run(
+            *self._control, f"--wds-start-network={network}", *self._same_client(), limit_s=CONNECT_S
         )
-        self._client, self._handle = _found(_CLIENT, started, "qmicli"), _found(_HANDLE, started, "qmicli")
+        assert self._session is not None
+        self._keep(self._session._replace(handle=value(HANDLE, printed, "qmicli")))
         printed = yield from run(*self._control, "--wds-get-current-settings", *self._same_client())
         yield from self._configure(qmi_settings(printed))
 
     def down(self) -> Script[None]:
-        if self._handle:
-            stop = f"--wds-stop-network={self._handle}"
-            yield from _tolerated(run(*self._control, stop, f"--client-cid={self._client}"))
-            self._client = self._handle = ""
+        yield from self._end()
         yield from self._clear()
+
+    def leave(self) -> list[tuple[str, ...]]:
+        """The file stays: whether these programs were able to do it is not waited for."""
+        ending = [self._ending(self._session)] if self._session is not None and self._control else []
+        return ending + super().leave()
+
+    def _end(self) -> Script[None]:
+        if self._session is not None and self._control:
+            yield from _tolerated(run(*self._ending(self._session)))
+            self._keep(None)
+
+    def _ending(self, session: Session) -> tuple[str, ...]:
+        """What stops the packets and releases the client."""
+        stop = f"--wds-stop-network={session.handle}" if session.handle else "--wds-noop"
+        return *self._control, stop, f"--client-cid={session.client}"
+
+    def _keep(self, session: Session | None) -> None:
+        self._session = session
+        self._file.keep(session)
 
     def look(self) -> Script[tuple[str, ...]]:
         printed = yield from run(*self._control, "--wds-get-packet-service-status", *self._same_client())
@@ -134,7 +141,8 @@ class Qmi(Bearer):
         return (yield from super().look())
 
     def _same_client(self) -> tuple[str, str]:
-        return f"--client-cid={self._client}", "--client-no-release-cid"
+        client = self._session.client if self._session is not None else ""
+        return f"--client-cid={client}", "--client-no-release-cid"
 
 
 class Mbim(Bearer):
@@ -158,6 +166,9 @@ class Mbim(Bearer):
             yield from _tolerated(run(*self._control, "--disconnect"))
         yield from self._clear()
 
+    def leave(self) -> list[tuple[str, ...]]:
+        return ([(*self._control, "--disconnect")] if self._control else []) + super().leave()
+
     def look(self) -> Script[tuple[str, ...]]:
         printed = yield from run(*self._control, "--query-connection-state")
         if "Activation state: 'activated'" not in printed:
@@ -180,7 +191,18 @@ class Rndis(Bearer):
     def look(self) -> Script[tuple[str, ...]]:
         if not self._system.is_keeping:
             raise LostError("udhcpc has ended: nobody renews the lease")
+        yield from self._correct_metric()
         return (yield from super().look())
+
+    def _correct_metric(self) -> Script[None]:
+        """The script of udhcpc, which is the machine's own, sets the route with each lease as it likes."""
+        wanted = self._options.metric
+        routes = self._system.default_routes(self.device)
+        for route in routes:
+            way = ("default", "via", route.gateway, "dev", self.device, "metric")
+            if route.metric != wanted:
+                yield from run("ip", "-4", "route", "replace", *way, str(wanted))
+                yield from run("ip", "-4", "route", "del", *way, str(route.metric))
 
     def _lease(self) -> Script[None]:
         self._system.stop_kept()
@@ -195,7 +217,8 @@ class AtCall(Rndis):
     def up(self) -> Script[None]:
         yield from self.find_device()
         yield from run("ip", "link", "set", "dev", self.device, "down")
-        self._system.set_raw_ip(self.device)
+        # Packets without Ethernet headers, which is all that an SDX55 speaks.
+        yield from run("sh", "-c", 'echo Y > "$0"', str(self._system.raw_ip(self.device)))
         yield from run("ip", "link", "set", "dev", self.device, "up")
         yield from lines("AT$QCRMCALL=1,1")
         yield from self._lease()
@@ -210,7 +233,7 @@ class Elsewhere(Bearer):
 
     def up(self) -> Script[None]:
         states = yield from lines("AT+CGACT?")
-        if not any(line.startswith("+CGACT: 1,") and flag(line, "+CGACT") for line in states):
+        if not any(is_active(line, 1) for line in states):
             yield from lines("AT+CGACT=1,1")
 
     def down(self) -> Script[None]:
@@ -239,35 +262,6 @@ COMPOSITIONS = {"qmi": (0x1E0E, 0x9001), "at": (0x1E0E, 0x9001), "rndis": (0x1E0
 # of MBIM's composition is, is not public: as in the first one.
 AT_INTERFACES = {"1e0e:9001": 2, "1e0e:9011": 4}
 AT_INTERFACE = 2
-
-
-def qmi_settings(printed: str) -> Settings:
-    """What `qmicli --wds-get-current-settings` prints. Raises StepError without an address."""
-    mtu = _MTU.search(printed)
-    size = int(mtu[1]) if mtu else 1500
-    if (address6 := _QMI_ADDRESS6.search(printed)) and not _QMI_ADDRESS.search(printed):
-        return Settings(address6[1], "", size)
-    address, mask = _found(_QMI_ADDRESS, printed, "qmicli"), _found(_QMI_MASK, printed, "qmicli")
-    gateway = _QMI_GATEWAY.search(printed)
-    try:
-        prefix = IPv4Network(f"0.0.0.0/{mask}").prefixlen
-    except ValueError as error:
-        raise StepError(f"qmicli: {mask} is no mask") from error
-    return Settings(f"{address}/{prefix}", gateway[1] if gateway else "", size)
-
-
-def mbim_settings(printed: str) -> Settings:
-    """What `mbimcli --connect` prints. Raises StepError without an address."""
-    mtu, gateway = _MTU.search(printed), _MBIM_GATEWAY.search(printed)
-    address = _found(_MBIM_ADDRESS, printed, "mbimcli")
-    return Settings(address, gateway[1] if gateway else "", int(mtu[1]) if mtu else 1500)
-
-
-def _found(pattern: re.Pattern[str], text: str, tool: str) -> str:
-    match = pattern.search(text)
-    if match is None:
-        raise StepError(f"{tool} did not print {pattern.pattern.partition(':')[0]}", "is it another version?")
-    return match[1]
 
 
 def _tolerated(script: Script[str]) -> Script[None]:

@@ -1,23 +1,18 @@
 """What a modem needs of the machine: programs, its network device, and what that has counted."""
 
-import fcntl
-import socket
-import struct
 import sys
 from collections.abc import Callable
-from contextlib import suppress
-from ipaddress import IPv4Address, IPv6Address
+from ipaddress import IPv4Address
 from pathlib import Path
 from typing import NamedTuple
 
 from board import usb
-from board.errors import BlockedError, InterfaceError, StationError
+from board.errors import StationError
 from board.loop import Loop
 from board.machine import Machine
 from drivers.modem_script import Ended, Program, Run, StepError
 from drivers.modem_tool import Tool
 
-SIOCGIFADDR = 0x8915  # linux/sockios.h
 ANY = "00000000"  # address and mask of a default route in /proc/net/route, whose numbers are in the machine's order
 
 
@@ -94,22 +89,10 @@ class System:
         """Raises InterfaceError while there is none."""
         return usb.control_device(self._machine, place)
 
-    def set_raw_ip(self, device: str) -> None:
-        """Packets without Ethernet headers, which is all that an SDX55 speaks; the device must be down.
-
-        Raises BlockedError where this is not permitted, InterfaceError where the device has no such mode.
-        """
-        path = self._machine.sys / "class/net" / device / "qmi/raw_ip"
-        try:
-            path.write_text("Y\n")
-        except PermissionError as error:
-            raise BlockedError(f"{path}: {error.strerror}", "it takes writing to /sys") from error
-        except OSError as error:
-            raise InterfaceError(f"{path}: {error.strerror}", "is the device one of qmi_wwan?") from error
-
-    def addresses(self, device: str) -> tuple[str, ...]:
-        """Addresses of a network device, without those of the link alone."""
-        return (*_addresses4(device), *_addresses6(self._machine.proc / "net/if_inet6", device))
+    def raw_ip(self, device: str) -> Path:
+        """Where qmi_wwan is told that a device, which must be down, speaks raw IP. It waits for the lock of all
+        network devices: it is written to by a program."""
+        return self._machine.sys / "class/net" / device / "qmi/raw_ip"
 
     def default_routes(self, device: str) -> list[Route]:
         """Of a device, those with a gateway."""
@@ -129,19 +112,3 @@ class System:
             return Counters(*(int((folder / f"{way}_packets").read_text()) for way in ("rx", "tx")))
         except (OSError, ValueError):
             return None
-
-
-def _addresses4(device: str) -> tuple[str, ...]:
-    """The first one: a modem's device has no second."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asker, suppress(OSError):
-        answer = fcntl.ioctl(asker, SIOCGIFADDR, struct.pack("256s", device.encode()[:15]))
-        return (str(IPv4Address(answer[20:24])),)
-    return ()
-
-
-def _addresses6(table: Path, device: str) -> tuple[str, ...]:
-    with suppress(OSError, ValueError):
-        rows = (line.split() for line in table.read_text().splitlines())
-        every = (IPv6Address(bytes.fromhex(row[0])) for row in rows if len(row) == 6 and row[5] == device)
-        return tuple(str(one) for one in every if not one.is_link_local)
-    return ()

@@ -42,6 +42,7 @@ from drivers.wire.at_forms import Command
 from drivers.wire.modem_answers import registration, system_mode
 from drivers.wire.redact import redact, redact_garbage
 
+LEAVE_S = 10.0  # that a program has which ends a bearer
 COMPLAIN_S = 600.0  # between two lines of the journal about garbage
 
 log = logging.getLogger("captain.modem")
@@ -63,6 +64,7 @@ class Sim8202g:
         self._port: AtPort | None = None
         self._runner: Runner | None = None
         self._life: Life | None = None
+        self._leaving: list[Program] = []
         self._returns = False
         self._complained: float | None = None
         self._is_hot = False
@@ -73,6 +75,9 @@ class Sim8202g:
     def start(self, host: Host) -> None:
         options, known = self._options, self._known
         self._host = host
+        for program in self._leaving:
+            program.stop()
+        self._leaving.clear()
         self.open()
         known.forget_network()
         bearer = self._bearer = BEARERS[options.bearer](options, self._system)
@@ -97,8 +102,18 @@ class Sim8202g:
         if self._life is not None:
             self._life.stop()
         self._system.stop_kept()
+        if self._port is not None and runner is not None:
+            self._leave_bearer()
         self.close()
         self._known.step = "stopped"
+
+    def _leave_bearer(self) -> None:
+        """Have programs end it; they are not waited for, and the next start ends what they did not."""
+        for argv in self._bearer.leave():
+            try:
+                self._leaving.append(self._system.run(self._host.loop, Run(argv, LEAVE_S), _nobody, _nobody))
+            except StationError as error:
+                log.debug("%s: %s", self._host.name, error.message)
 
     # -- drivers.contract.Operated
 
@@ -209,3 +224,7 @@ class Sim8202g:
             self._wake()
         else:
             self._host.fail(error)
+
+
+def _nobody(*_: object) -> None:
+    """Who waits for a program that is not waited for."""

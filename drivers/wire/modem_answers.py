@@ -270,6 +270,12 @@ def flag(line: str, prefix: str) -> int:
     return number(fields(line, prefix)[-1], line)
 
 
+def is_active(line: str, context: int) -> bool:
+    """Whether `+CGACT: <cid>,<state>` (clause 10.1.10) says that a packet context is active."""
+    columns = [number(text, line) for text in fields(line, "+CGACT")]
+    return columns == [context, 1]
+
+
 _USB_ID = re.compile(r"(?:\+CUSBCFG: ?)?USBID: ?0X([0-9A-F]{4}),0X([0-9A-F]{4})$", re.IGNORECASE)
 
 

@@ -2,8 +2,9 @@
 
 import pytest
 
-from drivers.modem_bearer import Settings, mbim_settings, qmi_settings
+from drivers.modem_printed import Settings, mbim_settings, qmi_settings
 from drivers.modem_script import StepError
+from drivers.modem_system import Route
 from tests.drivers.modem import Bench, FakeSystem
 from tests.virtual import VirtualLoop
 
@@ -11,6 +12,8 @@ from tests.virtual import VirtualLoop
 QMI_START = """\
 [/dev/cdc-wdm0] Network started
 \tPacket data handle: '2264423824'
+"""
+QMI_CLIENT = """\
 [/dev/cdc-wdm0] Client ID not released:
 \tService: 'wds'
 \t    CID: '18'
@@ -65,6 +68,7 @@ def make(tmp_path):
 def qmi(make, **options):
     bench = make(bearer="qmi", **options)
     bench.system.printed = {
+        "--wds-noop": QMI_CLIENT,
         "--wds-start-network": QMI_START,
         "--wds-get-current-settings": QMI_SETTINGS,
         "--wds-get-packet-service-status": QMI_CONNECTED,
@@ -82,12 +86,13 @@ def with_device(bench, *lines):
 def test_qmi_starts_the_network_and_configures_the_device_with_what_it_was_given(make):
     bench = qmi(make, apn="internet", metric=50)
     bench.up()
-    assert bench.system.ran[:9] == with_device(
+    assert bench.system.ran[:10] == with_device(
         bench,
         "ip link set dev wwan0 down",
         f"{QMICLI} --set-expected-data-format=raw-ip",
         "ip link set dev wwan0 up",
-        f"{QMICLI} --wds-start-network=apn='internet',ip-type=4 --client-no-release-cid",
+        f"{QMICLI} --wds-noop --client-no-release-cid",
+        f"{QMICLI} --wds-start-network=apn='internet',ip-type=4 --client-cid=18 --client-no-release-cid",
         f"{QMICLI} --wds-get-current-settings --client-cid=18 --client-no-release-cid",
         "ip link set dev wwan0 up mtu 1430",
         "ip addr flush dev wwan0",
@@ -100,7 +105,9 @@ def test_without_an_access_point_name_qmi_asks_for_the_networks_own(make):
     bench = qmi(make, ip_type="ipv6")
     bench.up()
     assert (
-        f"{QMICLI} --wds-start-network=ip-type=6 --client-no-release-cid".format(dev=bench.board.machine.dev)
+        f"{QMICLI} --wds-start-network=ip-type=6 --client-cid=18 --client-no-release-cid".format(
+            dev=bench.board.machine.dev
+        )
         in bench.system.ran
     )
 
@@ -118,6 +125,78 @@ def test_a_packet_service_that_the_network_ends_is_stopped_and_started_again(mak
     stop = with_device(bench, f"{QMICLI} --wds-stop-network=2264423824 --client-cid=18")[0]
     assert stop in bench.system.ran
     assert any("--wds-start-network" in line for line in again)
+
+
+STOP = f"{QMICLI} --wds-stop-network=2264423824 --client-cid=18"
+RELEASE = "--wds-noop --client-cid=18"
+HELD = '{"client": "18", "handle": "2264423824"}'
+
+
+def test_a_network_that_does_not_start_leaves_no_client_behind(make):
+    bench = qmi(make)
+    bench.system.fails = {"--wds-start-network"}
+    bench.start()
+    bench.loop.run_until(lambda: any("next:" in why for why in bench.station.steps))
+    bench.loop.run_for(3600)
+    taken = sum(line.endswith("--wds-noop --client-no-release-cid") for line in bench.system.ran)
+    released = sum(line.endswith(RELEASE) for line in bench.system.ran)
+    assert taken > 10
+    assert released >= taken - 1
+
+
+def test_stopped_its_network_is_ended_and_its_address_taken_away(make):
+    bench = qmi(make)
+    bench.up()
+    bench.system.ran.clear()
+    bench.driver.stop()
+    assert bench.system.ran == with_device(bench, STOP, "ip addr flush dev wwan0")
+
+
+def test_a_network_that_a_station_left_without_a_word_is_ended_by_the_next_one(make, tmp_path):
+    record = tmp_path / "1-1.2-qmi.json"
+    record.write_text(HELD)
+    bench = qmi(make)
+    bench.up()
+    assert bench.system.ran[0] == with_device(bench, STOP)[0]
+    assert bench.system.ran[4].endswith("--wds-noop --client-no-release-cid")
+    assert record.read_text() == HELD
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{", '{"client": "; reboot", "handle": ""}', '{"client": 1}'])
+def test_a_record_of_a_network_that_is_none_is_left_alone(make, tmp_path, text):
+    (tmp_path / "1-1.2-qmi.json").write_text(text)
+    bench = qmi(make)
+    bench.up()
+    assert bench.system.ran[0] == "ip link set dev wwan0 down"
+
+
+def test_a_network_that_cannot_be_written_down_is_a_network_all_the_same(make, tmp_path):
+    bench = qmi(make, state_dir=str(tmp_path / "nowhere"))
+    bench.up()
+
+
+@pytest.mark.parametrize("bearer", ["rndis", "at"])
+def test_the_route_of_a_lease_has_the_metric_that_is_configured(make, bearer):
+    bench = make(bearer=bearer, metric=50)
+    bench.modem.product = "9011" if bearer == "rndis" else "9001"
+    device = "usb0" if bearer == "rndis" else "wwan0"
+    bench.system.routes = [Route("10.64.1.1", 0)]
+    bench.up()
+    way = f"default via 10.64.1.1 dev {device} metric"
+    replace = f"ip -4 route replace {way} 50"
+    assert bench.system.ran[bench.system.ran.index(replace) + 1] == f"ip -4 route del {way} 0"
+    bench.system.routes = [Route("10.64.1.1", 50)]
+    bench.system.ran.clear()
+    bench.loop.run_for(60)
+    assert not any("ip -4 route" in line for line in bench.system.ran)
+
+
+def test_a_context_that_is_active_is_not_activated_however_the_answer_is_spaced(make):
+    bench = make()
+    bench.modem.lies = lambda text: "\r\n+CGACT:1,1\r\n\r\nOK\r\n" if text == "AT+CGACT?" else None
+    bench.start()
+    bench.loop.run_until(lambda: "AT+CGPADDR=1" in bench.modem.asked)
+    assert "AT+CGACT=1,1" not in bench.modem.asked
 
 
 def test_mbim_attaches_connects_and_configures_the_device(make):
@@ -147,10 +226,10 @@ def test_rndis_takes_an_address_by_dhcp_and_keeps_the_client(make):
 def test_a_call_by_at_speaks_raw_ip_on_the_device(make):
     bench = make(bearer="at")
     bench.up()
-    assert bench.system.raw == ["wwan0"]
     assert "AT$QCRMCALL=1,1" in bench.modem.asked
-    assert bench.system.ran[:3] == [
+    assert bench.system.ran[:4] == [
         "ip link set dev wwan0 down",
+        f'sh -c echo Y > "$0" {bench.board.machine.sys}/class/net/wwan0/qmi/raw_ip',
         "ip link set dev wwan0 up",
         "udhcpc -f -n -t 10 -T 2 -i wwan0",
     ]

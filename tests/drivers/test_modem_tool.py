@@ -105,17 +105,6 @@ def test_one_that_ends_before_it_said_what_is_waited_for_is_an_error(loop):
     assert isinstance(results[0], StepError)
 
 
-def test_addresses_are_those_of_the_device_beside_the_links_own(tmp_path):
-    table = (
-        "fe800000000000000000000000000001 05 40 20 80    wwan0\n20010db8000000000000000000000002 05 40 00 80    wwan0\n"
-    )
-    (tmp_path / "net").mkdir()
-    (tmp_path / "net/if_inet6").write_text(table + "20010db8000000000000000000000003 06 40 00 80    usb0\n")
-    system = System(Machine(proc=tmp_path))
-    assert system.addresses("wwan0") == ("2001:db8::2",)
-    assert system.addresses("lo") == ("127.0.0.1",)
-
-
 def test_counters_of_a_device_are_read_and_absent_ones_are_none(tmp_path):
     folder = tmp_path / "class/net/wwan0/statistics"
     folder.mkdir(parents=True)
