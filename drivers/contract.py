@@ -55,6 +55,7 @@ class Host(Protocol):
     """What a driver may ask of the station: one host per interface."""
 
     name: str  # of the interface, as in captain.toml
+    slot: str  # that its module sits in and has its power from; empty: nobody can cut it
     loop: Loop
 
     def indicate(self, pdu: bytes, received_ns: int, rx: RxInfo = NO_RX_INFO) -> None:

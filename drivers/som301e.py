@@ -10,10 +10,12 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 from board.address import is_ipv4
-from board.errors import BlockedError, ConfigurationError, InterfaceError, RequestError
+from board.describe import Range
+from board.errors import BlockedError, ConfigurationError, InterfaceError, RequestError, StuckError
+from board.loop import Timer
 from board.worker import Worker
 from drivers import shared_library
 from drivers.contract import BUSY, LATER, Can, Capabilities, Host, Sent, Shared
@@ -25,6 +27,9 @@ from drivers.wire import v2xcast as wire
 # Requests that the library has and has not confirmed. A call takes a millisecond or more; what waits here no DENM
 # overtakes, unless it leaves by another caster.
 WINDOW = 8
+
+# It answers some 30 s after its power came, and longer after an update of its firmware.
+SILENT_S = 120.0
 
 METADATA = frozenset(
     ("btp_port", "rssi_dbm", "data_rate", "traffic_class", "hop_limit", "security", "position", "area", "source_mac")
@@ -43,11 +48,13 @@ class Som301eOptions:
     library  path of the vendor's libeu_v2xcast.so, which is not part of this program.
     ip       of the module; the vendor's default, other images have others.
     casters  services of the module that are used, as { caster_id = 0, btp_port = 2001, mode = "both" }.
+    silent_s  without one working handler, after which a module in a slot is given a power cycle.
     """
 
     library: str
     ip: str = "192.168.1.3"
     casters: tuple[Caster, ...] = VEHICLE_CAPTAIN
+    silent_s: Annotated[float, Range(60.0, 86_400.0)] = SILENT_S
 
     def __post_init__(self) -> None:
         if not is_ipv4(self.ip):
@@ -81,6 +88,7 @@ class Som301e:
         self._shared = shared
         self._command = command
         self._worker: Worker | None = None
+        self._silence: Timer | None = None
         self._restarts = 0
         self._last_error = ""
         self._unusable: tuple[shared_library.Identity, str, str] | None = None  # message and hint
@@ -108,6 +116,7 @@ class Som301e:
         self._handlers = Handlers(self._options.casters, self._options.ip)
         self._start_failed = ""
         self._is_starting = True
+        self._await_answer()
         self._worker = Worker(host.loop, "som301e", self._message, self._changed, command=self._command)
         self._worker.start()
         self._is_starting = False
@@ -136,6 +145,7 @@ class Som301e:
         if self._worker is not None:
             worker, self._worker = self._worker, None
             worker.stop()
+        self._cancel_silence()
 
     def _changed(self, is_up: bool, why: str) -> None:
         """The process runs, or has ended."""
@@ -192,8 +202,27 @@ class Som301e:
         self._failed(why_not or self._last_error)
         link = self._handlers.link()
         if link is not None and link != self._link:
+            was_up = self._link is not None and self._link.is_up
             self._link = link
+            if link.is_up:
+                self._cancel_silence()
+            elif was_up:
+                self._await_answer()
             self._host.link(*link)
+
+    def _await_answer(self) -> None:
+        """Whoever cannot cut a module's power need not give up waiting for it."""
+        self._cancel_silence()
+        if self._host.slot:
+            self._silence = self._host.loop.after(self._options.silent_s, self._stay_silent)
+
+    def _stay_silent(self) -> None:
+        message = f"module {self._options.ip} has not answered for {self._options.silent_s:.0f} s: {self._last_error}"
+        self._fail(StuckError(message, f"is {self._options.ip} the address that its firmware has?"))
+
+    def _cancel_silence(self) -> None:
+        if self._silence is not None:
+            self._silence.cancel()
 
     def _note(self, message: bytes) -> None:
         self._failed(wire.parse_note(message))

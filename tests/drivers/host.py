@@ -24,6 +24,7 @@ class Host:
 
     def __init__(self, loop: Loop, keeps: bool = True) -> None:
         self.name = "bench"
+        self.slot = ""
         self.loop = loop
         self.keeps = keeps  # False where a hundred thousand are only counted
         self.count = 0

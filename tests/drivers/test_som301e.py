@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from board.errors import InterfaceError, RequestError
+from board.errors import InterfaceError, RequestError, StuckError
 from drivers.contract import Can, Sent
 from drivers.message import Area, Position, SecurityStatus, Shape
 from drivers.reason import Reason
@@ -54,6 +54,13 @@ def leave(loop, *drivers):
     for driver in drivers:
         driver.stop()
     loop.run_until(lambda: not loop._sources)
+
+
+def pass_by(loop, seconds):
+    """Move the clock while the process with the library does whatever it does."""
+    loop.patience_s = 0.0
+    loop.run_for(seconds)
+    loop.patience_s = PATIENCE_S
 
 
 def send(loop, host, driver, wanted):
@@ -267,6 +274,37 @@ def test_an_absent_module_is_told_once_and_is_no_failure(start, loop, host):
     loop.run_until(lambda: host.links)
     assert host.links[0][0] is False
     assert "does not answer: Caster create: V2Xcast service is not available (-6156)" in host.links[0][1]
+    assert host.failures == []
+
+
+def test_a_module_in_a_slot_that_stays_silent_is_stuck(start, loop, host):
+    host.slot = "v2x"
+    start("down=1", wait=False, silent_s=60.0)
+    loop.run_until(lambda: host.links)
+    pass_by(loop, 59)
+    assert host.failures == []
+    pass_by(loop, 2)
+    assert isinstance(host.failures[0], StuckError)
+    assert host.failures[0].message.startswith("module 192.168.1.3 has not answered for 60 s: Caster create: V2Xcast")
+
+
+def test_a_module_that_falls_silent_has_the_whole_time_again(start, loop, host):
+    host.slot = "v2x"
+    _, radio = start(silent_s=60.0)
+    pass_by(loop, 600)
+    assert host.failures == []
+    radio.control.ask("down=1")
+    loop.run_until(lambda: not host.is_up)
+    pass_by(loop, 59)
+    assert host.failures == []
+    pass_by(loop, 2)
+    assert isinstance(host.failures[0], StuckError)
+
+
+def test_a_module_without_a_slot_may_stay_silent_for_ever(start, loop, host):
+    start("down=1", wait=False, silent_s=60.0)
+    loop.run_until(lambda: host.links)
+    pass_by(loop, 10_000)
     assert host.failures == []
 
 
