@@ -20,7 +20,7 @@ from drivers.modem_port import AtPort
 from drivers.wire import at
 from drivers.wire.at_forms import TIMEOUT, command
 
-URGENT = 0  # before what the driver wants to know
+PRIORITY = 2  # after what the driver wants to know: it asks one thing at a time
 
 # Questions end with ? (AT+COPS=? is one that ends data connections), and these have no such end.
 _QUESTION = re.compile(r"AT[+$^*][A-Z0-9]+\??|AT[+$^*](?!COPS)[A-Z0-9]+=\?", re.IGNORECASE)
@@ -71,7 +71,7 @@ class Operations:
             raise RequestError(
                 f"{text[:40]!r} may change the modem", "questions are sent as they are; with --force all"
             )
-        self._open_port().ask(asked, lambda found: answer(_result(found)), URGENT)
+        self._open_port().ask(asked, lambda found: answer(_result(found)), PRIORITY)
 
     def _open_port(self) -> AtPort:
         if self._port is None:

@@ -93,8 +93,7 @@ class Questions:
         """Temperature and operator, which change slowly."""
         known = self._known
         known.temperature_c = yield from self.optional("AT+CPMUTEMP", lambda found: temperature_c(one(found)))
-        found = yield from self.optional("AT+COPS?", lambda found: operator(one(found)))
-        known.operator = found.name if found else ""
+        known.operator = (yield from self.optional("AT+COPS?", lambda found: operator(one(found)))) or ""
         known.system_mode = (yield from self.optional("AT+CNSMOD?", lambda found: system_mode(one(found)))) or ""
 
 

@@ -21,8 +21,8 @@ import logging
 from collections.abc import Callable, Mapping
 from typing import ClassVar
 
-from board.errors import InterfaceError, ProtocolError, StationError
-from drivers.contract import BUSY, Answer, Can, Capabilities, Host, Sent, Shared
+from board.errors import InterfaceError, ProtocolError, RequestError, StationError
+from drivers.contract import Answer, Can, Capabilities, Host, Sent, Shared
 from drivers.message import Request
 from drivers.modem_bearer import AT_INTERFACE, AT_INTERFACES, BEARERS
 from drivers.modem_composition import Composition
@@ -89,8 +89,7 @@ class Sim8202g:
         self._runner.start()
 
     def send(self, request: Request) -> Sent:
-        """A bearer takes no messages: by its capabilities none is ever given to it."""
-        return BUSY
+        raise RequestError(f"{self._host.name} is a bearer, which sends no messages")
 
     def refresh(self) -> None:
         """Nothing is counted elsewhere."""
@@ -165,10 +164,10 @@ class Sim8202g:
     def _look_at_temperature(self, celsius: int | None) -> None:
         """Say once that it is too hot or too cold, and once that it is not any more."""
         is_hot = celsius is not None and not COLDEST_C <= celsius <= HOTTEST_C
-        if is_hot is not self._is_hot:
+        if celsius is not None and is_hot is not self._is_hot:
             self._is_hot = is_hot
             level = logging.WARNING if is_hot else logging.INFO
-            log.log(level, "%s: %s C; it is made for %d to %d C", self._host.name, celsius, COLDEST_C, HOTTEST_C)
+            log.log(level, "%s: %d C; it is made for %d to %d C", self._host.name, celsius, COLDEST_C, HOTTEST_C)
 
     # -- drivers.modem_script.World
 

@@ -18,7 +18,7 @@ from board.errors import RequestError
 from drivers.wire.at_forms import CODE, GONE, SILENT, TIMEOUT, UNSOLICITED, Command, Final, final
 from drivers.wire.at_lines import PROMPT, Lines, Rubbish
 
-QUEUE = 32  # commands that wait; a bring-up has one at a time, an operator a few
+QUEUE = 8  # commands that wait with one priority; a bring-up has one at a time, an operator a few
 
 PROBE_S = 2.0  # that AT is given to be answered
 PROBES = 5  # unanswered: the modem is silent
@@ -30,7 +30,7 @@ SETTLE_MOST_S = 30.0  # one that still says OK after OK is not answering but bab
 COMPLAIN_S = 60.0  # between two events about garbage
 SAMPLE = 48  # octets of it that are kept to be shown
 
-CTRL_Z, ESCAPE = b"\x1a", b"\x1b"
+ESCAPE = b"\x1b"
 
 
 class Answer(NamedTuple):
@@ -82,13 +82,11 @@ class _Sent(NamedTuple):
 class AtCore:
     """Octets and commands in, events and octets out.
 
-    timeouts  commands and probes without an answer since the last one that had one.
-    late      lines and final codes that came after their command was given up.
-    garbage   octets that meant nothing.
+    garbage  octets that meant nothing.
     """
 
     def __init__(self) -> None:
-        self.timeouts = self.late = self.garbage = 0
+        self.garbage = 0
         self._lines = Lines()
         self._queue: list[tuple[int, int, Command]] = []
         self._numbers = itertools.count(1)
@@ -107,9 +105,10 @@ class AtCore:
     def command(self, command: Command, now: float, priority: int = 1) -> int:
         """Take a command; its number is in the answer. The lowest priority leaves first, then the oldest.
 
-        Raises RequestError when QUEUE commands wait already.
+        Raises RequestError when QUEUE commands of this priority wait already: who asks more than that keeps nobody
+        else from asking.
         """
-        if len(self._queue) >= QUEUE:
+        if sum(waiting == priority for waiting, _, _ in self._queue) >= QUEUE:
             raise RequestError(f"{QUEUE} commands wait for the modem already", "wait for their answers")
         number = next(self._numbers)
         heapq.heappush(self._queue, (priority, number, command))
@@ -124,8 +123,6 @@ class AtCore:
                 self._rubbish(line.octets)
             else:
                 self._line(line, now, events)
-        if self._sent is not None and self._sent.command.payload and self._lines.take_prompt():
-            self._out += self._sent.command.payload + CTRL_Z
         self._complain(now, events)
         # Not before: what stands behind a final code in the same octets cannot answer a command that follows.
         self._proceed(now)
@@ -143,7 +140,6 @@ class AtCore:
         if self._state is _State.SETTLING:
             self._become(_State.IDLE, None)
         elif self._state is _State.WAITING:
-            self.timeouts += 1
             self._finish(TIMEOUT, events)
             self._probe(now)  # at once: what is late comes while nobody waits for anything else
         else:
@@ -182,7 +178,6 @@ class AtCore:
     def _while_waiting(self, sent: _Sent, line: str, events: list[Event]) -> None:
         found = final(line, sent.command.is_call)
         if found is not None:
-            self.timeouts = 0
             self._finish(found, events)
         elif not sent.command.takes(line):
             self._unasked(line, events)
@@ -199,23 +194,16 @@ class AtCore:
         """AT is under way or just answered: what has a final code's or the old answer's form is late."""
         if final(line, is_call=True) is not None:
             if self._state is _State.PROBING:
-                self.timeouts = 0
                 self._babble_until = now + SETTLE_MOST_S
-            else:
-                self.late += 1
             if now < self._babble_until:
                 self._become(_State.SETTLING, now + SETTLE_S)
-        elif self._given_up is not None and self._given_up.takes(line):
-            self.late += 1
-        else:
+        elif self._given_up is None or not self._given_up.takes(line):
             self._unasked(line, events)
 
     def _unasked(self, line: str, events: list[Event]) -> None:
         if UNSOLICITED.match(line) or (CODE.match(line) and final(line, is_call=True) is None):
             events.append(Unsolicited(line))
-        elif final(line, is_call=True) is not None:
-            self.late += 1
-        else:
+        elif final(line, is_call=True) is None:  # one that is late is nothing
             self._rubbish(line.encode())
 
     # -- commands
@@ -243,7 +231,6 @@ class AtCore:
         self._become(_State.PROBING, now + PROBE_S)
 
     def _unanswered(self, now: float, events: list[Event]) -> None:
-        self.timeouts += 1
         self._probes += 1
         if self._probes < PROBES:
             self._send_probe(now)

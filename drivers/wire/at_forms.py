@@ -23,14 +23,12 @@ class Command(NamedTuple):
     timeout_s  that its final code may take.
     expects    form of each line of its answer; None: every line that is no unsolicited code.
     most       lines that its answer has.
-    payload    what is sent at the prompt; Ctrl-Z ends it.
     """
 
     text: str
     timeout_s: float = 5.0
     expects: re.Pattern[str] | None = None
     most: int = MAX_LINES
-    payload: bytes = b""
 
     @property
     def is_call(self) -> bool:
@@ -162,7 +160,7 @@ def final(line: str, is_call: bool) -> Final | None:
     return None
 
 
-def command(text: str, payload: bytes = b"") -> Command:
+def command(text: str) -> Command:
     """A command line with what is known of its answer. Raises RequestError where it is none."""
     if not text.isascii() or not text.isprintable() or not text[:2].upper() == "AT" or len(text) > MAX_COMMAND:
         raise RequestError(
@@ -172,5 +170,5 @@ def command(text: str, payload: bytes = b"") -> Command:
     name = _NAME.match(text)
     form = FORMS.get(name[1].upper() + name[2]) if name and ";" not in text else None
     if form is None:
-        return Command(text, payload=payload)
-    return Command(text, form.timeout_s, form.expects, form.most, payload)
+        return Command(text)
+    return Command(text, form.timeout_s, form.expects, form.most)

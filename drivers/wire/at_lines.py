@@ -50,13 +50,6 @@ class Lines:
         self._rest = rest
         return found
 
-    def take_prompt(self) -> bool:
-        """Whether what has come last is a prompt, which has no end of line; it is taken."""
-        if self._rest.strip() != PROMPT:
-            return False
-        self._rest = b""
-        return True
-
     def clear(self) -> None:
         self._rest = b""
         self._is_too_long = False

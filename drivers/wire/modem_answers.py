@@ -74,18 +74,11 @@ def registration(line: str) -> Registration:
     return Registration(match[1], RegistrationState(state), area, cell, access)
 
 
-class Operator(NamedTuple):
-    """Of AT+COPS? (clause 7.3). name is empty while there is none."""
-
-    is_automatic: bool
-    name: str = ""
-    access: int | None = None
-
-
-def operator(line: str) -> Operator:
-    columns = fields(line, "+COPS") + [""] * 3
-    is_automatic = number(columns[0], line) in (0, 4)
-    return Operator(is_automatic, columns[2], number_or_none(columns[3], line))
+def operator(line: str) -> str:
+    """Name of AT+COPS? (clause 7.3); empty while there is none."""
+    columns = fields(line, "+COPS")
+    number(columns[0], line)
+    return columns[2] if len(columns) > 2 else ""
 
 
 def signal_dbm(line: str) -> int | None:
@@ -102,36 +95,6 @@ def signal_dbm(line: str) -> int | None:
     if rssi in (99, 199):
         return None
     raise ProtocolError(f"{line[:60]!r}: {rssi} is no RSSI")
-
-
-class ExtendedSignal(NamedTuple):
-    """Of AT+CESQ (clause 8.69): LTE, and NR where the firmware says more than it did in Release 8."""
-
-    rsrp_dbm: float | None
-    rsrq_db: float | None
-    nr_rsrp_dbm: float | None = None
-    nr_rsrq_db: float | None = None
-    nr_sinr_db: float | None = None
-
-
-def extended_signal(line: str) -> ExtendedSignal:
-    columns = [number_or_none(text, line) for text in fields(line, "+CESQ")]
-    if len(columns) < 6:
-        raise ProtocolError(f"{line[:60]!r}: {len(columns)} columns, not 6")
-    rsrq, rsrp = (_within(value, most) for value, most in zip(columns[4:6], (34, 97), strict=True))
-    nr = [_within(value, most) for value, most in zip(columns[6:9], (126, 126, 127), strict=False)] + [None] * 3
-    return ExtendedSignal(
-        rsrp_dbm=None if rsrp is None else rsrp - 141.0,
-        rsrq_db=None if rsrq is None else rsrq / 2 - 20,
-        nr_rsrq_db=None if nr[0] is None else nr[0] / 2 - 43.5,
-        nr_rsrp_dbm=None if nr[1] is None else nr[1] - 157.0,
-        nr_sinr_db=None if nr[2] is None else nr[2] / 2 - 23.5,
-    )
-
-
-def _within(value: int | None, most: int) -> int | None:
-    """A coded value; 255 and what is beyond its range is not known."""
-    return value if value is not None and 0 <= value <= most else None
 
 
 # +CNSMOD, of SIMCom; what 5G gives is not public.

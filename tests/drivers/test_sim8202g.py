@@ -527,6 +527,38 @@ def test_what_may_change_the_modem_is_refused_unless_forced(bench, text):
     assert text not in bench.modem.asked
 
 
+def test_an_operator_who_asks_too_much_disturbs_nobody(bench, loop):
+    bench.up()
+    answers = []
+    for _ in range(100):
+        bench.driver.operate("at", {"command": "AT+CSQ"}, answers.append)
+    loop.run_for(120)
+    assert len(answers) == 100
+    assert sum(isinstance(answer, RequestError) for answer in answers) >= 90
+    assert bench.station.is_up
+    assert not any("next:" in why for why in bench.station.steps)
+
+
+def test_a_temperature_that_is_not_known_is_not_said(bench, loop, caplog):
+    bench.up()
+    bench.modem.celsius = 75
+    loop.run_for(100)
+    bench.modem.lies = lambda text: "\r\nERROR\r\n" if text == "AT+CPMUTEMP" else None
+    caplog.clear()
+    with caplog.at_level(logging.INFO):
+        loop.run_for(200)
+        assert not caplog.records
+        bench.modem.celsius, bench.modem.lies = 40, lambda text: None
+        loop.run_for(200)
+    assert [record.message for record in caplog.records] == ["bench: 40 C; it is made for -30 to 70 C"]
+
+
+def test_a_message_is_nothing_that_a_bearer_takes(bench):
+    bench.up()
+    with pytest.raises(RequestError, match="bench is a bearer"):
+        bench.driver.send(None)
+
+
 def test_forced_it_is_sent(bench):
     bench.up()
     assert asked(bench, "at", command="AT+CNMP=38", force=True)["result"] == "OK"

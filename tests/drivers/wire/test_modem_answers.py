@@ -9,15 +9,12 @@ from hypothesis import strategies as st
 from board.errors import ProtocolError
 from drivers.wire.modem_answers import (
     Attempts,
-    ExtendedSignal,
-    Operator,
     PacketContext,
     Registration,
     RegistrationState,
     Sim,
     addresses,
     attempts,
-    extended_signal,
     flag,
     operator,
     packet_contexts,
@@ -58,20 +55,15 @@ def test_packets_are_carried_at_home_and_roaming(state, is_registered):
     assert registration(f"+CEREG: 0,{state}").is_registered is is_registered
 
 
-def test_an_operator_is_read_with_its_access_or_without():
-    assert operator('+COPS: 0,0,"Telekom.de",7') == Operator(True, "Telekom.de", 7)
-    assert operator('+COPS: 1,2,"26201"') == Operator(False, "26201")
-    assert operator("+COPS: 0") == Operator(True)
+def test_an_operator_has_a_name_while_there_is_one():
+    assert operator('+COPS: 0,0,"Telekom.de",7') == "Telekom.de"
+    assert operator('+COPS: 1,2,"26201"') == "26201"
+    assert operator("+COPS: 0") == ""
 
 
 @pytest.mark.parametrize(("rssi", "dbm"), [(0, -113), (20, -73), (31, -51), (99, None), (199, None), (116, -100)])
 def test_a_signal_is_in_dbm(rssi, dbm):
     assert signal_dbm(f"+CSQ: {rssi},99") == dbm
-
-
-def test_an_extended_signal_has_nr_where_the_firmware_says_it():
-    assert extended_signal("+CESQ: 99,99,255,255,20,60") == ExtendedSignal(-81.0, -10.0)
-    assert extended_signal("+CESQ: 99,99,255,255,255,255,65,80,60") == ExtendedSignal(None, None, -77.0, -11.0, 6.5)
 
 
 @pytest.mark.parametrize(
@@ -121,7 +113,7 @@ def test_a_packet_context_has_what_its_line_says_of_it():
 
 
 PARSERS = [
-    (registration, "+CREG: "), (operator, "+COPS: "), (signal_dbm, "+CSQ: "), (extended_signal, "+CESQ: "),
+    (registration, "+CREG: "), (operator, "+COPS: "), (signal_dbm, "+CSQ: "),
     (system_mode, "+CNSMOD: "), (temperature_c, "+CPMUTEMP: "), (sim, "+CPIN: "), (attempts, "+SPIC: "),
     (lambda line: addresses([line]), "+CGPADDR: "), (lambda line: packet_contexts([line]), "+CGDCONT: "),
     (lambda line: usb_id([line]), "USBID: "),
