@@ -76,9 +76,7 @@ class ZedF9p:
         """Nothing but the driver counts."""
 
     def stop(self) -> None:
-        if self._timer is not None:
-            self._timer.cancel()
-            self._timer = None
+        self._rest()
         self._receiver.stop()
         if self._corrections is not None:
             self._corrections.close()
@@ -113,6 +111,7 @@ class ZedF9p:
         self.host.time_mark(mark)
 
     def failed(self, error: InterfaceError) -> None:
+        self._rest()
         self._failures += 1
         if self._failures >= STUCK and not isinstance(error, StuckError):
             error = StuckError(error.message, error.hint)
@@ -129,6 +128,12 @@ class ZedF9p:
                 f"the position jumped by {kilometres:.1f} km; not passed on before {Jumps.CONFIRMED} epochs agree",
             )
         return is_believed
+
+    def _rest(self) -> None:
+        """Look no more: it was stopped, or will be because it failed."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
 
     def _look(self) -> None:
         self._timer = self.host.loop.after(LOOK_S, self._look)

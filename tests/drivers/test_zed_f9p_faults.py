@@ -168,6 +168,8 @@ def test_one_that_acknowledges_everything_and_sends_no_epochs_is_never_up_and_so
     assert not any(is_up for is_up, _ in one.host.links)
     assert "was brought up 3 times and sends no epochs" in one.host.failures[0].message
     assert "its own port uart2, as receiver_port says" in one.host.failures[0].hint
+    loop.run_for(20)
+    assert len(one.host.failures) == 1
 
 
 def test_one_that_sends_garbage_alone_is_a_fault_and_the_garbage_is_counted(bench, loop):
