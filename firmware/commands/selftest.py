@@ -3,6 +3,7 @@
 import argparse
 import json
 import logging
+import signal
 import sys
 import tempfile
 from collections.abc import Mapping
@@ -10,6 +11,7 @@ from pathlib import Path
 
 from board.errors import StationError
 from board.loop import Loop
+from board.signals import Signals
 from firmware import config
 from firmware.lab import ports
 from firmware.station import Station
@@ -37,7 +39,7 @@ exit codes:
   1    one does not, or the test could not be made
   2    wrong usage
 """
-PATIENCE_S = 30.0
+PATIENCE_S = 30.0  # of the whole test
 NO_USERS = tuple(f"endpoint.{key}=0" for key in ("from_users", "to_users", "pull", "report"))
 
 
@@ -79,7 +81,10 @@ def table(rows: list[dict[str, object]]) -> Table:
 
 
 def _alone(arguments: argparse.Namespace) -> Mapping[str, object]:
-    """The answer of a station that runs for this test only, at ports that nobody knows."""
+    """The answer of a station that runs for this test only, at ports that nobody knows.
+
+    Raises StationError where there is none within PATIENCE_S, or it is told to stop before.
+    """
     logging.basicConfig(level="ERROR", format="%(name)s: %(levelname)s: %(message)s", stream=sys.stderr)
     found: list[Mapping[str, object] | StationError] = []
     loop = Loop()
@@ -88,6 +93,9 @@ def _alone(arguments: argparse.Namespace) -> Mapping[str, object]:
         found.append(answer)
         loop.soon(loop.stop)  # it may come before the loop turns
 
+    late = StationError(f"the self-test has no answer after {PATIENCE_S:g} s", "`captain doctor` looks at each part")
+    loop.after(PATIENCE_S, lambda: answered(late))
+    signals = Signals(loop, {signal.SIGTERM: lambda: answered(StationError("the self-test was told to stop"))})
     with tempfile.TemporaryDirectory(prefix="captain-selftest-") as folder:
         control = f"endpoint.control={Path(folder) / 'control'}"
         overrides = [*arguments.overrides, *NO_USERS, control]
@@ -99,8 +107,9 @@ def _alone(arguments: argparse.Namespace) -> Mapping[str, object]:
             loop.run()
         finally:
             station.close()
+            signals.close()
             loop.close()
-    (answer,) = found
+    answer = found[0]
     if isinstance(answer, StationError):
         raise answer
     return answer

@@ -1,0 +1,40 @@
+"""captain selftest: what is asked, and a station that runs for the test alone."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from firmware import cli
+from firmware.commands import selftest
+
+
+@pytest.fixture(autouse=True)
+def nobody_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+
+
+def test_a_board_that_declares_nothing_is_told_at_once(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["selftest", "--board", "none"]) == 1
+    assert "nothing is declared" in capsys.readouterr().out
+
+
+def test_an_interface_that_works_needs_no_ports_of_a_station(capsys: pytest.CaptureFixture[str]) -> None:
+    air = ["--board", "none", "--set", "interfaces.air.driver=udp", "--set", "interfaces.air.listen=127.0.0.1:0"]
+    assert cli.main(["selftest", "--json", *air]) == 0
+    (row,) = json.loads(capsys.readouterr().out)
+    assert (row["capability"], row["works"]) == ("interface air", True)
+
+
+def test_a_test_that_does_not_end_is_ended(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    def mute(station: object, answer: Callable[[Any], None]) -> None:
+        """It answers nobody."""
+
+    monkeypatch.setattr(selftest.Station, "selftest", mute)
+    monkeypatch.setattr(selftest, "PATIENCE_S", 0.05)
+    assert cli.main(["selftest", "--board", "none"]) == 1
+    said = capsys.readouterr().err
+    assert "the self-test has no answer after 0.05 s" in said
+    assert "captain doctor" in said
