@@ -24,7 +24,7 @@ class ModemOptions:
     usb       topology path of the module, as its slot has it; its ports are found by interface number.
     port      path of its AT port, in place of usb.
     pin_file  file with the PIN of the SIM, mode 0600; empty: a SIM that asks for one is a fault.
-    state_dir folder where refused PINs are remembered.
+    state_dir folder where refused PINs are remembered, and the network that qmicli has begun.
     apn       access point name; empty: the network's own.
     ip_type   of the packet context; of ipv4v6 the bearers qmi and mbim use version 4.
     network_mode  radio accesses that it may use; keep: those that it has been set to.
@@ -32,7 +32,7 @@ class ModemOptions:
               rndis: the modem is a router, its address comes by DHCP; at: a call by $QCRMCALL, then DHCP; none:
               somebody else's work: the link is up while the network gives an address.
     device    network device; empty: the one that the module at usb is.
-    metric    of the default route.
+    metric    of the default route, with every bearer but none.
     poll_s    between two looks at signal, cell and bearer.
     """
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from board.errors import InterfaceError, StationError, StuckError
 from drivers.modem_options import ModemOptions
 from drivers.modem_port import AtPort
-from drivers.modem_script import Ended, Program, Run
+from drivers.modem_script import Ended, Program, Run, StepError
 from drivers.modem_system import Counters, Route, System
 from drivers.sim.machine import SimulatedMachine
 from drivers.sim.modem import SimulatedModem
@@ -58,7 +58,7 @@ class FakeSystem(System):
 
     ran       the command lines that were run.
     has       addresses of any device.
-    fails     beginnings of command lines that end with status 1.
+    fails     beginnings of command lines that end with status 1; one that would be kept then ends before it is.
     counts    packets received and sent.
     routes    default routes of any device.
     """
@@ -86,10 +86,19 @@ class FakeSystem(System):
             return NoProgram()
         printed = next((text for begin, text in self.printed.items() if begin in line), "")
         status = 1 if any(begin in line for begin in self.fails) else 0
-        if run.keep:
+        if run.keep and not status:
             self.keeps, self.kept_ended = True, ended
-        loop.after(0.1, lambda: done(Ended(None if run.keep else status, printed)))
+            loop.after(0.1, lambda: done(Ended(None, printed)))
+        elif run.keep:
+            loop.after(
+                0.1, lambda: done(StepError(f"{run.argv[0]} ended with status {status} before it had an address"))
+            )
+        else:
+            loop.after(0.1, lambda: done(Ended(status, printed)))
         return NoProgram()
+
+    def stop_kept(self) -> None:
+        self.keeps = False
 
     def default_routes(self, device: str) -> list[Route]:
         return self.routes

@@ -5,7 +5,7 @@ import resource
 
 import pytest
 
-from board.errors import InterfaceError
+from board.errors import InterfaceError, RequestError
 from drivers import DRIVERS
 from drivers.contract import Can, Sent
 from drivers.message import RxInfo
@@ -239,3 +239,14 @@ def test_every_driver_has_a_bench_and_describes_its_options(bench, kind):
     can = bench.can if kind in MODULES else Can.RECEIVE | Can.TRANSMIT | carries_areas
     assert bench.driver.capabilities.can == can
     assert driver.Options.__doc__
+
+
+@pytest.mark.parametrize("kind", MODULES)
+def test_a_driver_without_transmit_refuses_a_message(bench, loop, host):
+    bench.plug()
+    bench.driver.start(host)
+    (wanted,) = requests([CAM])
+    with pytest.raises(RequestError):
+        bench.driver.send(wanted)
+    bench.driver.stop()
+    bench.close()

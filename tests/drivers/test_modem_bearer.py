@@ -259,6 +259,16 @@ def test_a_client_of_dhcp_that_ends_takes_the_link_down_and_is_started_again(mak
     assert sum(line.startswith("udhcpc") for line in bench.system.ran) == 2
 
 
+def test_a_client_of_dhcp_that_nobody_answers_is_a_step_that_fails_and_is_tried_again(make):
+    bench = make(bearer="rndis")
+    bench.modem.product = "9011"
+    bench.system.fails = {"udhcpc"}
+    bench.start()
+    bench.loop.run_until(lambda: "udhcpc ended with status 1 before it had an address" in bench.station.why)
+    bench.system.fails = set()
+    bench.loop.run_until(lambda: bench.station.is_up)
+
+
 def test_a_program_that_is_missing_blocks_and_resets_nothing(make, monkeypatch, tmp_path):
     bench = make(bearer="qmi")
     monkeypatch.setenv("PATH", str(tmp_path))
