@@ -69,6 +69,10 @@ TABLE = (
         "its characters have no fixed width, so that PER sees no size; tshark takes it for that of the octets",
     ),
     Disagreement(
+        "category of a GddStructure", ("tshark",), "X.691 23.5",
+        "the CHOICE of module GDD has a marker, and so a bit for it; Wireshark 4.0 knows it without one",
+    ),
+    Disagreement(
         "identifier of no row", ("tshark",), "X.681 14.2, X.682 10.16",
         "nobody: the modules leave these open types open, tshark takes some of them apart",
     ),
@@ -117,6 +121,8 @@ class Constructs:
             return
         if key_of(type_) in self._around:
             add("type within itself")
+        if type_.name == "GddStructure":
+            add("category of a GddStructure")
         self._around.append(key_of(type_))
         self._look(type_, value, add)
         self._around.pop()

@@ -28,6 +28,11 @@ OPEN = """
     Root ::= SEQUENCE { id C.&id ({Rows}), value C.&Type ({Rows}{@id}) }
 """
 
+GDD = """
+    GddStructure ::= SEQUENCE { category CHOICE {
+        sign ENUMERATED { danger, ... }, facility ENUMERATED { any, ... }, road ENUMERATED { dry, wet, ... }, ... } }
+"""
+
 
 class Example(NamedTuple):
     """octets in binary, grouped as the clauses give them; the rest of the last octet is zero."""
@@ -61,6 +66,9 @@ EXAMPLES = (
     # As an INTEGER of any size: its length, and two's complement, whose sign takes an octet here.
     Example("INTEGER beyond 32 bits", "Root ::= INTEGER (0..3, ...)", 1 << 31, "1 00000101 00000000 1" + "0" * 31),
     Example("identifier of no row", OPEN, {"id": 5, "value": b"\x0f"}, "101 00000001 00001111"),
+    # The marker's bit, the third of three, an item without additions of its own.
+    Example("category of a GddStructure", GDD + "Root ::= SEQUENCE { code GddStructure }",
+            {"code": {"category": ("road", "wet")}}, "0 10 0 1"),
     Example("SIZE of a UTF8String", "Root ::= UTF8String (SIZE (1..24))", "\u00e9", "00000010 11000011 10101001"),
     Example("DELETE in an IA5String", "Root ::= IA5String", "\x7f", "00000001 1111111"),
     Example("group of three with a mandatory one",
