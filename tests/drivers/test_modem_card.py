@@ -5,6 +5,7 @@ from contextlib import closing
 
 import pytest
 
+from board.errors import InterfaceError
 from drivers.sim.modem_commands import ICCID
 from tests.drivers.modem import Bench
 from tests.virtual import VirtualLoop
@@ -13,19 +14,30 @@ OTHER_ICCID = ICCID[:-1] + "1"
 
 
 @pytest.fixture
-def locked(tmp_path):
+def loop():
     with closing(VirtualLoop()) as loop:
-        made = []
+        yield loop
 
-        def locked(pin="1234", **options):
-            bench = Bench(loop, tmp_path, pin_file=str(write(tmp_path, pin)), **options)
-            bench.modem.card.state = "SIM PIN"
-            made.append(bench)
-            return bench
 
-        yield locked
-        for bench in made:
-            bench.close()
+@pytest.fixture
+def bench(loop, tmp_path):
+    with closing(Bench(loop, tmp_path)) as bench:
+        yield bench
+
+
+@pytest.fixture
+def locked(loop, tmp_path):
+    made = []
+
+    def locked(pin="1234", **options):
+        bench = Bench(loop, tmp_path, pin_file=str(write(tmp_path, pin)), **options)
+        bench.modem.card.state = "SIM PIN"
+        made.append(bench)
+        return bench
+
+    yield locked
+    for bench in made:
+        bench.close()
 
 
 def write(folder, pin):
@@ -49,6 +61,108 @@ def lies(bench, command, *answers):
         return f"\r\n{left.pop(0)}\r\n" if text.startswith(command) and left else None
 
     bench.modem.lies = lie
+
+
+def test_a_pin_is_given_once(locked):
+    bench = locked()
+    bench.up()
+    assert bench.modem.card.tries == ["1234"]
+    assert bench.modem.card.attempts == 3
+
+
+def test_a_pin_that_was_refused_is_never_tried_again_whatever_happens(locked, tmp_path, loop):
+    bench = locked(pin="0000")
+    bench.start()
+    loop.run_until(lambda: "refused" in bench.station.why)
+    loop.run_for(3600)
+    bench.station.fail(InterfaceError("something else"))
+    loop.run_for(600)
+    bench.modem.crash()
+    loop.run_for(600)
+    assert bench.modem.card.tries == ["0000"]
+    assert "not tried again" in bench.station.why
+
+
+def test_a_pin_is_tried_again_when_the_file_holds_another(locked, tmp_path, loop):
+    bench = locked(pin="0000")
+    bench.start()
+    loop.run_until(lambda: "refused" in bench.station.why)
+    write(tmp_path, "1234")
+    loop.run_until(lambda: bench.station.is_up)
+    assert bench.modem.card.tries == ["0000", "1234"]
+
+
+def test_the_last_attempts_of_a_card_are_not_ours(locked, tmp_path, loop):
+    bench = locked()
+    bench.modem.card.attempts = 1
+    bench.start()
+    loop.run_until(lambda: "leaves 1 attempts" in bench.station.why)
+    loop.run_for(3600)
+    assert bench.modem.card.tries == []
+
+
+def test_a_try_whose_end_nobody_knows_counts_as_refused_if_it_cost_an_attempt(locked, tmp_path, loop):
+    bench = locked(pin="0000")
+    bench.start()
+    loop.run_until(lambda: bench.modem.card.tries)
+    bench.modem.crash()  # before it has said anything
+    loop.run_until(lambda: bench.station.failures)
+    loop.run_for(300)
+    assert bench.modem.card.tries == ["0000"]
+    assert "refused this PIN before" in bench.station.why
+
+
+def test_a_pin_that_nothing_can_be_written_down_about_is_not_tried(locked, tmp_path, loop):
+    bench = locked(state_dir=str(tmp_path / "nowhere"))
+    bench.start()
+    loop.run_until(lambda: "cannot be written" in bench.station.why)
+    assert bench.modem.card.tries == []
+
+
+@pytest.mark.parametrize(
+    ("pin", "mode", "why"), [("1234", 0o644, "lets others read"), ("12", 0o600, "no PIN"), ("12x4", 0o600, "no PIN")]
+)
+def test_a_pin_file_that_is_not_safe_is_not_used(locked, tmp_path, loop, pin, mode, why):
+    bench = locked(pin)
+    (tmp_path / "pin").chmod(mode)
+    bench.start()
+    loop.run_until(lambda: why in bench.station.why)
+    assert bench.modem.card.tries == []
+
+
+@pytest.mark.parametrize(
+    ("state", "why"), [("SIM PIN", "asks for a PIN"), ("SIM PUK", "PUK"), ("PH-NET PIN", "locked to another")]
+)
+def test_a_card_that_is_locked_blocks_and_is_said_once(bench, loop, state, why, caplog):
+    bench.modem.card.state = state
+    bench.start()
+    loop.run_until(lambda: why in bench.station.why)
+    said = len(set(bench.station.links))
+    loop.run_for(3600)
+    assert len(set(bench.station.links)) == said
+    assert not bench.station.failures
+    assert bench.modem.boots == 1
+
+
+def test_a_card_that_is_put_in_is_noticed_at_once(bench, loop):
+    bench.modem.card.is_there = False
+    bench.start()
+    loop.run_until(lambda: "there is none" in bench.station.why)
+    loop.run_for(35)
+    bench.modem.card.is_there = True
+    bench.modem.network.search()
+    bench.modem.unsolicited("+CPIN: READY")
+    loop.run_until(lambda: bench.station.is_up, within=20)
+
+
+def test_a_card_that_is_taken_out_takes_the_link_down(bench, loop):
+    bench.up()
+    loop.run_for(90)
+    bench.modem.card.is_there = False
+    bench.modem.network.leave()
+    bench.modem.unsolicited("+SIMCARD: NOT AVAILABLE")
+    loop.run_until(lambda: not bench.station.is_up, within=20)
+    loop.run_until(lambda: "there is none" in bench.station.why)
 
 
 @pytest.mark.parametrize("final", ["+CME ERROR: 14", "+CME ERROR: SIM busy", "ERROR", "+CME ERROR: 100"])

@@ -7,7 +7,7 @@ import random
 import pytest
 
 from board.describe import read
-from board.errors import ConfigurationError, InterfaceError, RequestError, StuckError
+from board.errors import ConfigurationError, InterfaceError, StuckError
 from drivers.contract import Can
 from drivers.modem_options import ModemOptions
 from drivers.modem_steps import LIMITS_S
@@ -146,124 +146,6 @@ def test_a_composition_that_the_module_does_not_keep_blocks_with_a_remedy(make, 
     loop.run_for(600)
     assert bench.modem.boots == boots
     assert not bench.station.failures
-
-
-# -- the card
-
-
-def pin_file(folder, pin="1234", mode=0o600):
-    path = folder / "pin"
-    path.write_text(f"{pin}\n")
-    path.chmod(mode)
-    return str(path)
-
-
-def locked(make, tmp_path, pin="1234", **options):
-    bench = make(pin_file=pin_file(tmp_path, pin), **options)
-    bench.modem.card.state = "SIM PIN"
-    return bench
-
-
-def test_a_pin_is_given_once(make, tmp_path):
-    bench = locked(make, tmp_path)
-    bench.up()
-    assert bench.modem.card.tries == ["1234"]
-    assert bench.modem.card.attempts == 3
-
-
-def test_a_pin_that_was_refused_is_never_tried_again_whatever_happens(make, tmp_path, loop):
-    bench = locked(make, tmp_path, pin="0000")
-    bench.start()
-    loop.run_until(lambda: "refused" in bench.station.why)
-    loop.run_for(3600)
-    bench.station.fail(InterfaceError("something else"))
-    loop.run_for(600)
-    bench.modem.crash()
-    loop.run_for(600)
-    assert bench.modem.card.tries == ["0000"]
-    assert "not tried again" in bench.station.why
-
-
-def test_a_pin_is_tried_again_when_the_file_holds_another(make, tmp_path, loop):
-    bench = locked(make, tmp_path, pin="0000")
-    bench.start()
-    loop.run_until(lambda: "refused" in bench.station.why)
-    pin_file(tmp_path, "1234")
-    loop.run_until(lambda: bench.station.is_up)
-    assert bench.modem.card.tries == ["0000", "1234"]
-
-
-def test_the_last_attempts_of_a_card_are_not_ours(make, tmp_path, loop):
-    bench = locked(make, tmp_path)
-    bench.modem.card.attempts = 1
-    bench.start()
-    loop.run_until(lambda: "leaves 1 attempts" in bench.station.why)
-    loop.run_for(3600)
-    assert bench.modem.card.tries == []
-
-
-def test_a_try_whose_end_nobody_knows_counts_as_refused_if_it_cost_an_attempt(make, tmp_path, loop):
-    bench = locked(make, tmp_path, pin="0000")
-    bench.start()
-    loop.run_until(lambda: bench.modem.card.tries)
-    bench.modem.crash()  # before it has said anything
-    loop.run_until(lambda: bench.station.failures)
-    loop.run_for(300)
-    assert bench.modem.card.tries == ["0000"]
-    assert "refused this PIN before" in bench.station.why
-
-
-def test_a_pin_that_nothing_can_be_written_down_about_is_not_tried(make, tmp_path, loop):
-    bench = locked(make, tmp_path, state_dir=str(tmp_path / "nowhere"))
-    bench.start()
-    loop.run_until(lambda: "cannot be written" in bench.station.why)
-    assert bench.modem.card.tries == []
-
-
-@pytest.mark.parametrize(
-    ("pin", "mode", "why"), [("1234", 0o644, "lets others read"), ("12", 0o600, "no PIN"), ("12x4", 0o600, "no PIN")]
-)
-def test_a_pin_file_that_is_not_safe_is_not_used(make, tmp_path, loop, pin, mode, why):
-    bench = make(pin_file=pin_file(tmp_path, pin, mode))
-    bench.modem.card.state = "SIM PIN"
-    bench.start()
-    loop.run_until(lambda: why in bench.station.why)
-    assert bench.modem.card.tries == []
-
-
-@pytest.mark.parametrize(
-    ("state", "why"), [("SIM PIN", "asks for a PIN"), ("SIM PUK", "PUK"), ("PH-NET PIN", "locked to another")]
-)
-def test_a_card_that_is_locked_blocks_and_is_said_once(bench, loop, state, why, caplog):
-    bench.modem.card.state = state
-    bench.start()
-    loop.run_until(lambda: why in bench.station.why)
-    said = len(set(bench.station.links))
-    loop.run_for(3600)
-    assert len(set(bench.station.links)) == said
-    assert not bench.station.failures
-    assert bench.modem.boots == 1
-
-
-def test_a_card_that_is_put_in_is_noticed_at_once(bench, loop):
-    bench.modem.card.is_there = False
-    bench.start()
-    loop.run_until(lambda: "there is none" in bench.station.why)
-    loop.run_for(35)
-    bench.modem.card.is_there = True
-    bench.modem.network.search()
-    bench.modem.unsolicited("+CPIN: READY")
-    loop.run_until(lambda: bench.station.is_up, within=20)
-
-
-def test_a_card_that_is_taken_out_takes_the_link_down(bench, loop):
-    bench.up()
-    loop.run_for(90)
-    bench.modem.card.is_there = False
-    bench.modem.network.leave()
-    bench.modem.unsolicited("+SIMCARD: NOT AVAILABLE")
-    loop.run_until(lambda: not bench.station.is_up, within=20)
-    loop.run_until(lambda: "there is none" in bench.station.why)
 
 
 # -- supervision and recovery
@@ -461,7 +343,11 @@ def test_an_hour_of_garbage_costs_few_lines_and_little_work_and_is_recovered_fro
 
 
 def test_identifiers_are_in_no_line_of_the_journal_and_in_no_details(make, loop, tmp_path, caplog):
-    bench = locked(make, tmp_path)
+    path = tmp_path / "pin"
+    path.write_text("1234\n")
+    path.chmod(0o600)
+    bench = make(pin_file=str(path))
+    bench.modem.card.state = "SIM PIN"
     with caplog.at_level(logging.DEBUG):
         bench.up()
         bench.modem.unsolicited(f'+CLIP: "07712345678",129,{IMSI}')
@@ -495,115 +381,6 @@ def test_an_identifier_in_the_wrong_answer_is_shown_nowhere(bench, loop, caplog,
     shown = caplog.text + repr(bench.station.details) + repr(bench.station.links) + repr(bench.station.failures)
     assert IMEI not in shown
     assert IMSI not in shown
-
-
-# -- the operator
-
-
-def asked(bench, do, **arguments):
-    answers = []
-    bench.driver.operate(do, arguments, answers.append)
-    bench.loop.run_until(lambda: answers)
-    bench.loop.run_for(1)
-    assert len(answers) == 1
-    return answers[0]
-
-
-def test_an_operator_is_given_the_answer_as_it_came(bench):
-    bench.up()
-    assert asked(bench, "at", command="AT+CSQ") == {"command": "AT+CSQ", "result": "OK", "lines": ["+CSQ: 20,99"]}
-    assert asked(bench, "at", command="AT+NONSENSE?") == {"command": "AT+NONSENSE?", "result": "ERROR", "lines": []}
-    assert asked(bench, "at", command="AT+CGSN")["lines"] == [IMEI]
-
-
-@pytest.mark.parametrize(
-    "text",
-    ["AT+CFUN=0", "AT+CPOF", "AT+CRESET", 'AT+CPIN="1"', "ATD123;", "AT+CSQ;+CFUN=0", "AT&F", "AT+COPS=?", "ATZ",
-     "AT+CUSBCFG=usbid,1e0e,9011", "AT+CLCK=\"SC\",0,\"1\"", "AT+CGATT=0?"],
-)  # fmt: skip
-def test_what_may_change_the_modem_is_refused_unless_forced(bench, text):
-    bench.up()
-    assert isinstance(asked(bench, "at", command=text), RequestError)
-    assert text not in bench.modem.asked
-
-
-def test_an_operator_who_asks_too_much_disturbs_nobody(bench, loop):
-    bench.up()
-    answers = []
-    for _ in range(100):
-        bench.driver.operate("at", {"command": "AT+CSQ"}, answers.append)
-    loop.run_for(120)
-    assert len(answers) == 100
-    assert sum(isinstance(answer, RequestError) for answer in answers) >= 90
-    assert bench.station.is_up
-    assert not any("next:" in why for why in bench.station.steps)
-
-
-def test_a_temperature_that_is_not_known_is_not_said(bench, loop, caplog):
-    bench.up()
-    bench.modem.celsius = 75
-    loop.run_for(100)
-    bench.modem.lies = lambda text: "\r\nERROR\r\n" if text == "AT+CPMUTEMP" else None
-    caplog.clear()
-    with caplog.at_level(logging.INFO):
-        loop.run_for(200)
-        assert not caplog.records
-        bench.modem.celsius, bench.modem.lies = 40, lambda text: None
-        loop.run_for(200)
-    assert [record.message for record in caplog.records] == ["bench: 40 C; it is made for -30 to 70 C"]
-
-
-def test_a_message_is_nothing_that_a_bearer_takes(bench):
-    bench.up()
-    with pytest.raises(RequestError, match="bench is a bearer"):
-        bench.driver.send(None)
-
-
-def test_forced_it_is_sent(bench):
-    bench.up()
-    assert asked(bench, "at", command="AT+CNMP=38", force=True)["result"] == "OK"
-    assert bench.modem.mode == 38
-
-
-@pytest.mark.parametrize(
-    ("do", "arguments"),
-    [("fly", {}), ("at", {}), ("at", {"command": 7}), ("at", {"command": "hello"}), ("at", {"command": "AT\x1a"}),
-     ("at", {"command": "AT", "force": "yes"})],
-)  # fmt: skip
-def test_what_is_no_question_is_refused(bench, do, arguments):
-    bench.up()
-    assert isinstance(asked(bench, do, **arguments), RequestError)
-
-
-def test_the_status_is_what_status_shows(bench):
-    bench.up()
-    assert asked(bench, "status")["step"] == "up"
-
-
-def test_a_reset_by_the_operator_is_no_failure(bench, loop):
-    bench.up()
-    assert asked(bench, "reset") == {"reset": "begun"}
-    loop.run_until(lambda: not bench.station.is_up)
-    loop.run_until(lambda: bench.modem.boots == 2)
-    loop.run_until(lambda: bench.station.is_up, within=120)
-    assert not bench.station.failures
-
-
-def test_during_a_reset_there_is_nobody_to_ask(bench, loop):
-    bench.up()
-    asked(bench, "reset")
-    loop.run_until(lambda: not bench.modem.is_plugged)
-    loop.run_for(1)
-    for do in ("at", "reset"):
-        assert isinstance(asked(bench, do, command="AT"), RequestError)
-
-
-def test_a_modem_that_does_not_return_from_a_reset_is_stuck(bench, loop):
-    bench.up()
-    bench.modem.boot_s = 1e6
-    asked(bench, "reset")
-    loop.run_until(lambda: bench.station.failures, within=200)
-    assert isinstance(bench.station.failures[0], StuckError)
 
 
 # -- stopping
