@@ -4,6 +4,7 @@ The bus is the pty of a simulated receiver, seen through the receiver's register
 """
 
 import contextlib
+import errno
 import json
 import os
 import sys
@@ -44,7 +45,10 @@ class PtyBus:
 
     def _fetch(self):
         with contextlib.suppress(BlockingIOError):
-            self._stream += os.read(self._end, 4096)
+            octets = os.read(self._end, 4096)
+            if not octets:  # the receiver's end is closed
+                raise OSError(errno.EIO, os.strerror(errno.EIO))
+            self._stream += octets
 
 
 def serve(channel):
