@@ -16,13 +16,14 @@ ABSENT = "see the table of the board file, and `captain board show`"
 class Row(NamedTuple):
     """One capability.
 
+    works   None where there is nothing that could: an empty slot that nobody uses.
     value   what was measured, in words.
     remedy  what to do where it does not work.
     """
 
     capability: str
     is_present: bool
-    works: bool
+    works: bool | None
     value: str
     remedy: str = ""
 
@@ -47,7 +48,7 @@ def of_board(carrier: Carrier) -> Iterator[Row]:
             "hot-plug", not deaf, not deaf, deaf or "uevents are heard", "run the station as root" if deaf else ""
         )
     for name, slot in carrier.listed().items():
-        yield _slot(name, slot | {"device": str(carrier.look(name) or "")})
+        yield of_slot(name, slot | {"device": str(carrier.look(name) or "")})
 
 
 def of_expander_line(name: str, outcome: object) -> Row:
@@ -69,8 +70,35 @@ def of_interface(name: str, one: Supervised, place: Place) -> Iterator[Row]:
         yield Row(f"position {name}", is_up, fix is not None, value, "" if fix else "does its antenna see the sky?")
     if Can.TIMEMARK in can:
         mark = place.mark_of(name)
-        value = "none" if mark is None else f"{mark.accuracy_ns} ns, {'locked' if mark.is_locked else 'not locked'}"
-        yield Row(f"time mark {name}", is_up, mark is not None, value, "" if mark else "is `pulse` on?")
+        works = mark is not None and mark.is_locked
+        value = "none" if mark is None else f"{mark.accuracy_ns} ns, {'locked' if works else 'not locked'}"
+        remedy = "" if works else "does its antenna see the sky?" if mark else "is `pulse` on?"
+        yield Row(f"time mark {name}", is_up, works, value, remedy)
+    if Can.BEARER in can:
+        yield _bearer(name, is_up, interface.details)
+
+
+def of_slot(name: str, slot: Mapping[str, Any]) -> Row:
+    """It works when its driver runs; one that no interface has works as long as it is as it should be."""
+    capability, state, device = f"slot {name}", slot["state"], slot["device"]
+    is_present, is_used = bool(device), slot["interface"] is not None
+    if not (is_used or is_present or state == "fault"):
+        return Row(capability, False, None, "empty")
+    works = state == "running" if is_used else state != "fault"
+    value = f"{state}: {device or (slot['why'] if is_used else 'empty')}"
+    cause = slot["cause"] or slot["why"]
+    hint = f" ({slot['hint']})" if slot["hint"] else ""
+    remedy = "" if works else f"{cause}{hint}; `captain slot cycle {name}` tries again"
+    return Row(capability, is_present, works, value, remedy)
+
+
+def _bearer(name: str, is_up: bool, told: Mapping[str, Any]) -> Row:
+    """What carries packets has an address; how well, its signal says."""
+    rssi_dbm = told.get("rssi_dbm")
+    signal = "no signal" if rssi_dbm is None else f"{rssi_dbm} dBm"
+    value = ", ".join([signal, *(told.get("addresses") or ["no address"])])
+    works = is_up and rssi_dbm is not None
+    return Row(f"bearer {name}", is_up, works, value, "" if works else "see `captain modem status`")
 
 
 def _identity(carrier: Carrier) -> Row:
@@ -97,17 +125,6 @@ def _line(carrier: Carrier, name: str) -> Row:
         return Row(f"line {name}", True, True, _level(carrier.lines.is_active(name)))
     except InterfaceError as error:
         return Row(f"line {name}", False, False, error.message, error.hint)
-
-
-def _slot(name: str, slot: Mapping[str, Any]) -> Row:
-    """It works when its driver runs; one that no interface has works as long as it is as it should be."""
-    capability, state, device = f"slot {name}", slot["state"], slot["device"]
-    if slot["interface"] is None:
-        return Row(capability, True, state != "fault", f"{state}: {device or 'empty'}")
-    is_running = state == "running"
-    value = f"{state}: {device or slot['why']}"
-    remedy = "" if is_running else f"{slot['cause'] or slot['why']}; `captain slot cycle {name}` tries again"
-    return Row(capability, bool(device), is_running, value, remedy)
 
 
 def _level(is_active: bool) -> str:

@@ -55,10 +55,12 @@ class Selftest:
         return any(self._is_pending(name, one) for name, one in self._interfaces.items())
 
     def _is_pending(self, name: str, one: Supervised) -> bool:
-        """Whether its link may yet come up, or its receiver see the sky."""
+        """Whether its link may yet come up, or its receiver see the sky and know the time."""
         if one.state != "up":
             return one.state != "stopped"
-        return Can.POSITION in one.interface.driver.capabilities.can and self._place.fix_of(name) is None
+        can, mark = one.interface.driver.capabilities.can, self._place.mark_of(name)
+        is_unlocked = Can.TIMEMARK in can and not (mark and mark.is_locked)
+        return is_unlocked or (Can.POSITION in can and self._place.fix_of(name) is None)
 
     def _measurements_are_pending(self) -> bool:
         return self._carrier is not None and not self._carrier.is_measured

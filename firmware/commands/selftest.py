@@ -5,12 +5,12 @@ import json
 import logging
 import signal
 import sys
-import tempfile
 from collections.abc import Mapping
-from pathlib import Path
+from contextlib import closing
 
 from board.errors import StationError
 from board.loop import Loop
+from board.scratch import Scratch
 from board.signals import Signals
 from firmware import config
 from firmware.lab import ports
@@ -32,7 +32,7 @@ EPILOG = """\
 examples:
   captain selftest                              the running station
   captain selftest --board sim                  the simulated board
-  captain selftest --board quad --json | jq '.[] | select(.works | not)'
+  captain selftest --board quad --json | jq '.[] | select(.works == false)'
 
 exit codes:
   0    every declared capability works
@@ -45,7 +45,9 @@ NO_USERS = tuple(f"endpoint.{key}=0" for key in ("from_users", "to_users", "pull
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     add_configuration(parser)
-    parser.add_argument("--json", action="store_true", help="a list of objects: capability, is_present, works, value")
+    parser.add_argument(
+        "--json", action="store_true", help="a list of objects: capability, is_present, works (null: empty), value"
+    )
 
 
 def main(arguments: argparse.Namespace) -> int:
@@ -60,7 +62,8 @@ def main(arguments: argparse.Namespace) -> int:
         print(json.dumps(rows, indent=1))
     else:
         Screen().show([table(rows)])
-    return 0 if rows and all(row.get("works") is True for row in rows) else 1
+    judged = [row for row in rows if not _is_empty(row)]
+    return 0 if judged and all(row.get("works") is True for row in judged) else 1
 
 
 def table(rows: list[dict[str, object]]) -> Table:
@@ -69,15 +72,21 @@ def table(rows: list[dict[str, object]]) -> Table:
         (
             text(row, "capability"),
             "yes" if row.get("is_present") is True else "no",
-            "yes" if row.get("works") is True else "NO",
+            "" if _is_empty(row) else "yes" if row.get("works") is True else "NO",
             text(row, "value"),
         )
         for row in rows
     ]
-    wrong = [row for row in rows if row.get("works") is not True]
+    judged = [row for row in rows if not _is_empty(row)]
+    wrong = [row for row in judged if row.get("works") is not True]
     notes = [f"{text(row, 'capability')}: {text(row, 'remedy')}" for row in wrong if text(row, "remedy")]
-    title = f"{len(rows) - len(wrong)} of {len(rows)} capabilities work" if rows else "nothing is declared"
+    title = f"{len(judged) - len(wrong)} of {len(judged)} capabilities work" if rows else "nothing is declared"
     return Table(title, ("capability", "present", "works", "measured"), shown, notes)
+
+
+def _is_empty(row: Mapping[str, object]) -> bool:
+    """A slot with nobody in it, which nobody uses: there is nothing that could work."""
+    return row.get("works", False) is None
 
 
 def _alone(arguments: argparse.Namespace) -> Mapping[str, object]:
@@ -96,10 +105,12 @@ def _alone(arguments: argparse.Namespace) -> Mapping[str, object]:
     late = StationError(f"the self-test has no answer after {PATIENCE_S:g} s", "`captain doctor` looks at each part")
     loop.after(PATIENCE_S, lambda: answered(late))
     signals = Signals(loop, {signal.SIGTERM: lambda: answered(StationError("the self-test was told to stop"))})
-    with tempfile.TemporaryDirectory(prefix="captain-selftest-") as folder:
-        control = f"endpoint.control={Path(folder) / 'control'}"
-        overrides = [*arguments.overrides, *NO_USERS, control]
-        wanted = config.load(arguments.config, overrides, arguments.board)
+    with closing(loop), closing(signals), closing(Scratch("captain-selftest-")) as scratch:
+        wanted = config.load(
+            arguments.config,
+            [*arguments.overrides, *NO_USERS, f"endpoint.control={scratch.path / 'control'}"],
+            arguments.board,
+        )
         station = Station(loop, wanted, lambda: wanted)
         try:
             station.start()
@@ -107,8 +118,6 @@ def _alone(arguments: argparse.Namespace) -> Mapping[str, object]:
             loop.run()
         finally:
             station.close()
-            signals.close()
-            loop.close()
     answer = found[0]
     if isinstance(answer, StationError):
         raise answer

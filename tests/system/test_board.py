@@ -135,7 +135,7 @@ def test_a_driver_is_asked_over_the_control_socket(bench: Bench) -> None:
 def test_the_self_test_passes(bench: Bench) -> None:
     bench.station.until(lambda status: status["position"]["source"] == "gnss")
     answer = bench.station.ask(do="selftest", within_s=30)
-    assert [row for row in answer["rows"] if not row["works"]] == []
+    assert [row for row in answer["rows"] if row["works"] is False] == []
 
 
 def test_it_ends_with_its_workers_and_leaves_no_files(

@@ -191,6 +191,16 @@ def test_every_row_of_a_self_test_decides_about_the_exit_code(monkeypatch, capsy
         assert json.loads(capsys.readouterr().out) == rows
 
 
+def test_an_empty_slot_decides_about_nothing(monkeypatch, capsys):
+    empty = {"capability": "slot free", "is_present": False, "works": None, "value": "empty", "remedy": ""}
+    for rows, code in (([ROWS[0], empty], 0), ([*ROWS, empty], 1), ([empty], 1)):
+        monkeypatch.setattr(selftest, "_alone", lambda _, rows=rows: {"rows": rows})
+        assert cli.main(["selftest", "--board", "none", "--set", "endpoint.from_users=5999"]) == code
+        said = capsys.readouterr().out.splitlines()
+        assert said[0].startswith(f"{1 if ROWS[0] in rows else 0} of {len(rows) - 1} ")
+        assert said[len(rows) + 1].split() == ["slot", "free", "no", "empty"]
+
+
 def test_a_station_is_started_for_a_self_test_where_none_runs(capsys):
     air = ["--set", "interfaces.g5.driver=udp", "--set", "interfaces.g5.listen=127.0.0.1:0"]
     assert cli.main(["selftest", "--json", "--board", "none", "--set", "endpoint.from_users=5999", *air]) == 0

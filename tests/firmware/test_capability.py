@@ -1,0 +1,97 @@
+"""What a row of the self-test says of a receiver, a bearer and a slot, and when it says that they work."""
+
+from collections.abc import Iterator
+from contextlib import closing
+from typing import Any
+
+import pytest
+
+from board.time import Fix, FixKind, TimeMark
+from drivers.contract import Can
+from firmware.capability import Row, of_interface, of_slot
+from firmware.place import Place
+from firmware.supervisor import Supervised
+from tests.firmware.doubles import NotingStation, ScriptedDriver, interface_of
+from tests.virtual import VirtualLoop
+
+SLOT = {"interface": None, "state": "unused", "device": "", "why": "", "cause": "", "hint": ""}
+
+
+@pytest.fixture
+def loop() -> Iterator[VirtualLoop]:
+    with closing(VirtualLoop()) as loop:
+        yield loop
+
+
+@pytest.fixture
+def place(loop: VirtualLoop) -> Place:
+    return Place(loop.clock, None, is_mobile=True)
+
+
+def running(loop: VirtualLoop, can: Can) -> Supervised:
+    supervised = Supervised(loop, interface_of(loop, NotingStation(), ScriptedDriver(can)))
+    supervised.start()
+    return supervised
+
+
+def row(word: str, one: Supervised, place: Place) -> Row:
+    (found,) = (row for row in of_interface("g5", one, place) if row.capability == f"{word} g5")
+    return found
+
+
+def mark(loop: VirtualLoop, is_locked: bool) -> TimeMark:
+    return TimeMark(loop.clock(), 1_782_000_000, 25, 3, is_locked, 18)
+
+
+def test_a_time_mark_works_while_it_is_fresh_and_locked(loop: VirtualLoop, place: Place) -> None:
+    one = running(loop, Can.TIMEMARK)
+    assert (row("time mark", one, place).works, row("time mark", one, place).value) == (False, "none")
+    place.time_mark("g5", mark(loop, is_locked=False))
+    assert (row("time mark", one, place).works, row("time mark", one, place).value) == (False, "25 ns, not locked")
+    place.time_mark("g5", mark(loop, is_locked=True))
+    assert (row("time mark", one, place).works, row("time mark", one, place).value) == (True, "25 ns, locked")
+    loop.run_for(3600)
+    assert (row("time mark", one, place).works, row("time mark", one, place).value) == (False, "none")
+
+
+def test_a_position_works_while_it_is_fresh(loop: VirtualLoop, place: Place) -> None:
+    one = running(loop, Can.POSITION)
+    place.fix("g5", Fix(loop.clock(), FixKind.FULL, 487_000_000, 114_000_000, horizontal=1500))
+    assert row("position", one, place).works is True
+    loop.run_for(3600)
+    assert row("position", one, place).works is False
+
+
+def test_a_bearer_works_with_its_signal_and_address(loop: VirtualLoop, place: Place) -> None:
+    one = running(loop, Can.BEARER)
+    assert row("bearer", one, place) == Row(
+        "bearer g5", True, False, "no signal, no address", "see `captain modem status`"
+    )
+    one.interface.tell({"rssi_dbm": -71, "addresses": ["10.0.0.2"]})
+    assert row("bearer", one, place) == Row("bearer g5", True, True, "-71 dBm, 10.0.0.2")
+    one.interface.link(False, "no network")
+    assert row("bearer", one, place).works is False
+
+
+@pytest.mark.parametrize(
+    ("slot", "works", "value"),
+    [
+        ({}, None, "empty"),
+        ({"device": "1e0e:9001"}, True, "unused: 1e0e:9001"),
+        ({"state": "fault", "why": "power on: no answer"}, False, "fault: empty"),
+        ({"interface": "g5", "state": "running", "device": "1e0e:9001"}, True, "running: 1e0e:9001"),
+        ({"interface": "g5", "state": "powering", "why": "driver gone"}, False, "powering: driver gone"),
+    ],
+)
+def test_an_empty_slot_that_nobody_uses_is_empty_and_neither_works_nor_does_not(
+    slot: dict[str, Any], works: bool | None, value: str
+) -> None:
+    found = of_slot("free", {**SLOT, **slot})
+    assert (found.works, found.value) == (works, value)
+
+
+def test_a_slot_that_does_not_work_says_what_to_do(loop: VirtualLoop) -> None:
+    fault = {"interface": "g5", "state": "fault", "cause": "no answer from 0x20", "hint": "is it plugged in?"}
+    assert of_slot("v2x", {**SLOT, **fault}).remedy == (
+        "no answer from 0x20 (is it plugged in?); `captain slot cycle v2x` tries again"
+    )
