@@ -2,6 +2,7 @@
 
 import os
 import pty
+import select
 import tty
 
 import pytest
@@ -17,6 +18,8 @@ from drivers.wire.ubx import Kind
 from drivers.wire.ubx_keys import KEYS
 from drivers.wire.ubx_messages import Ack, Nak, NavPvt, decode, encode
 from drivers.wire.ubx_values import GET_RAM, RAM, ValGet, ValSet
+
+PATIENCE_S = 0.2  # real, that the kernel has for carrying octets from one end of a pty to the other
 
 
 class Reader:
@@ -38,7 +41,10 @@ class Reader:
         """The UBX messages that answer within a tenth of a second."""
         self.heard()
         os.write(self.end, octets)
+        usual, self.loop.patience_s = self.loop.patience_s, PATIENCE_S
         self.loop.run_for(0.1)
+        self.loop.patience_s = usual
+        select.select([self.end], [], [], PATIENCE_S)
         return [decode(event) for event in self.heard() if isinstance(event, ubx.Frame)]
 
     def close(self):
