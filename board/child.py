@@ -23,6 +23,7 @@ LAST = 4096  # messages that an ended child can have left in its socket: far few
 HELLO = b"hello"  # the child's first message: it runs
 START_S = 10.0  # a frozen program on a slow card needs 2 s; one that needs longer hangs
 GRACE_S = 0.5  # to leave after its socket was closed, before it is killed
+SILENCE_CHECKS = 5  # in a row that find nothing said: a pause of ours is one, however long it was
 KILL_S = 0.5  # for SIGKILL to act: milliseconds, unless a device holds the process inside the kernel
 
 PR_SET_PDEATHSIG = 1  # prctl(2)
@@ -46,12 +47,13 @@ class Parent(Protocol):
 class Child:
     """A process that runs worker.child() and is started at once. Raises OSError where that is impossible.
 
-    program  the command, to which `--worker NAME FD` is added.
-    lost     messages that still waited when it ended.
-    longest  the queue has been.
+    program    the command, to which `--worker NAME FD` is added.
+    silence_s  it is killed when it runs and has said nothing for so long; 0 where it may be silent for ever.
+    lost       messages that still waited when it ended.
+    longest    the queue has been.
     """
 
-    def __init__(self, loop: Loop, parent: Parent, program: Sequence[str], name: str) -> None:
+    def __init__(self, loop: Loop, parent: Parent, program: Sequence[str], name: str, silence_s: float = 0.0) -> None:
         # The signal of PDEATHSIG comes when the *thread* that started the child ends.
         assert threading.current_thread() is threading.main_thread()
         self.loop = loop
@@ -59,6 +61,9 @@ class Child:
         self.queue: deque[bytes] = deque()
         self.lost = self.longest = 0
         self._parent = parent
+        self._silence_s = silence_s
+        self._has_spoken = True
+        self._silent_checks = 0
         self._is_left = False
         self._was_full = False
         self._reason = "ended"
@@ -151,6 +156,7 @@ class Child:
         return True
 
     def _take(self, message: bytes) -> None:
+        self._has_spoken = True
         if len(message) > MAX_MESSAGE:
             self._kill(f"sent a message of more than {MAX_MESSAGE} octets")
         elif self.is_up:
@@ -158,9 +164,19 @@ class Child:
         elif message == HELLO:
             self._deadline.cancel()
             self.is_up = True
+            self._listen()
             self._parent.up(self, self._process.pid)
         else:
             self._kill("is not this program: its first message is another")
+
+    def _listen(self) -> None:
+        """Look now and then whether it has said something."""
+        self._silent_checks = 0 if self._has_spoken else self._silent_checks + 1
+        self._has_spoken = False
+        if self._silent_checks >= SILENCE_CHECKS:
+            self._kill(f"has said nothing for {self._silence_s:g} s")
+        elif self._silence_s:
+            self._deadline = self.loop.after(self._silence_s / SILENCE_CHECKS, self._listen)
 
     def _flush(self) -> None:
         try:

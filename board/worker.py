@@ -32,6 +32,8 @@ class Worker:
     on_state     called with whether it runs, and why: its process id, or what ended it and when it starts again.
     on_writable  called when send() takes messages again after it refused one because too many waited.
     command      that leads to child(); empty for this program itself.
+    silence_s    a child that runs and has said nothing for so long is killed and started again: for one that says
+                 something at least twice in that time. 0 for others.
     """
 
     def __init__(
@@ -43,6 +45,7 @@ class Worker:
         on_writable: Callable[[], None] = lambda: None,
         *,
         command: Sequence[str] = (),
+        silence_s: float = 0.0,
         jitter: Callable[[], float] = jitter,
     ) -> None:
         self.loop = loop
@@ -53,6 +56,7 @@ class Worker:
         self.refused = 0  # messages that send() did not take
         self._on_state = on_state
         self._command = command
+        self._silence_s = silence_s
         self._jitter = jitter
         self._child: Child | None = None
         self._leaving: list[Child] = []
@@ -136,7 +140,7 @@ class Worker:
         self._restart = None
         self._up_since = None
         try:
-            self._child = Child(self.loop, self, self._command or program(), self.name)
+            self._child = Child(self.loop, self, self._command or program(), self.name, self._silence_s)
         except OSError as error:
             self._again(f"cannot be started: {error.strerror}")
 

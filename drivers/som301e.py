@@ -31,6 +31,9 @@ WINDOW = 8
 # It answers some 30 s after its power came, and longer after an update of its firmware.
 SILENT_S = 120.0
 
+# The process says something every second. One that says nothing is frozen, by a debugger or by the kernel.
+SILENCE_S = 5.0
+
 METADATA = frozenset(
     ("btp_port", "rssi_dbm", "data_rate", "traffic_class", "hop_limit", "security", "position", "area", "source_mac")
 )
@@ -74,8 +77,11 @@ class Som301eOptions:
 class Som301e:
     """PDUs by the casters of a module.
 
-    command  of the process with the library, as Worker has it.
+    command    of the process with the library, as Worker has it.
+    silence_s  seconds after which a process that says nothing is frozen.
     """
+
+    silence_s: ClassVar[float] = SILENCE_S
 
     Options: ClassVar[type] = Som301eOptions
 
@@ -99,6 +105,7 @@ class Som301e:
             wire.NOTE: self._note,
             wire.COUNTED: self._counted,
             wire.FAULT: self._fault,
+            wire.ALIVE: lambda message: None,  # Worker has noted it
         }
 
     def start(self, host: Host) -> None:
@@ -117,7 +124,9 @@ class Som301e:
         self._start_failed = ""
         self._is_starting = True
         self._await_answer()
-        self._worker = Worker(host.loop, "som301e", self._message, self._changed, command=self._command)
+        self._worker = Worker(
+            host.loop, "som301e", self._message, self._changed, command=self._command, silence_s=self.silence_s
+        )
         self._worker.start()
         self._is_starting = False
         if self._start_failed:

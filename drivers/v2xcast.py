@@ -86,7 +86,7 @@ class Radio:
     def __init__(self, settings: Settings) -> None:
         self.outbox = Outbox(len(settings.casters), settings.urgent)
         self._settings = settings
-        self._watch = Watch(self._overdue, settings.check_s)
+        self._watch = Watch(self._overdue, self.outbox.beat, settings.check_s)
         self._module: Module | None = None
         self._handlers: list[Handler] = []
         self._transmitters: dict[int, Transmitter] = {}

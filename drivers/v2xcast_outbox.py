@@ -4,6 +4,8 @@ from collections import deque
 from collections.abc import Set
 from threading import Condition
 
+from drivers.wire import v2xcast as wire
+
 DEPTH = 64  # messages of one caster: 64 ms of 1000 a second, which is all that a channel of 10 MHz carries
 
 _MESSAGE_ID = 1  # its place in the ITS PDU header (TS 102 894-2, ItsPduHeader)
@@ -32,6 +34,13 @@ class Outbox:
         with self._changed:
             self._said.append(message)
             self._changed.notify()
+
+    def beat(self) -> None:
+        """Say that the process is alive, unless what waits to be said shows it."""
+        with self._changed:
+            if not self._said:
+                self._said.append(wire.ALIVE_NOW)
+                self._changed.notify()
 
     def put(self, caster: int, pdu: bytes, message: bytes) -> None:
         """Queue a message that holds a received PDU."""

@@ -17,10 +17,12 @@ class Watch:
     """Calls in progress, with the time that each may take.
 
     overdue  called from the watching thread with what has not returned, once.
+    beat     called from there whenever it looks.
     """
 
-    def __init__(self, overdue: Callable[[str], None], check_s: float = CHECK_S) -> None:
+    def __init__(self, overdue: Callable[[str], None], beat: Callable[[], None], check_s: float = CHECK_S) -> None:
         self._overdue = overdue
+        self._beat = beat
         self._check_s = check_s
         self._calls: dict[int, tuple[str, float, float]] = {}
         self._stopping = Event()
@@ -40,6 +42,7 @@ class Watch:
         """Look until it is stopped, or something is overdue."""
         while not self._stopping.wait(self._check_s):
             signal.setitimer(signal.ITIMER_REAL, ALARM_S)
+            self._beat()
             now = time.monotonic()
             for what, limit_s, began in tuple(self._calls.values()):
                 if now - began > limit_s:

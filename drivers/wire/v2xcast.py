@@ -10,6 +10,7 @@ says which, then fields, then what is left. Both ends are one machine: numbers a
     COUNT  asks for COUNTED         NOTE      what happened, in words
                                     COUNTED   messages dropped since asked last
                                     FAULT     whether the library itself cannot be used, what, a blank line, remedy
+                                    ALIVE     at least once in CHECK_S of v2xcast_watch, or another message
 """
 
 import struct
@@ -23,7 +24,7 @@ TX, RX = 0, 1  # mode of a handler
 MAX_PAYLOAD = 1500  # octets
 
 SEND, COUNT = 1, 2
-RECEIVED, SENT, STATE, NOTE, COUNTED, FAULT = 1, 2, 3, 4, 5, 6
+RECEIVED, SENT, STATE, NOTE, COUNTED, FAULT, ALIVE = 1, 2, 3, 4, 5, 6, 7
 
 # struct timeval; rssi in dBm; data rate in 500 kbit/s; traffic class; remaining hops; security: status, ITS-AID,
 # length of the SSP, SSP; position in 1e-7 degree; area: type, distances in m, degrees from north; MAC. 96 octets on
@@ -33,6 +34,8 @@ RX_INFO = Struct("@llhHBBIIB32s3xiiIHHH2x6s0l")
 # BTP port, data rate, power in dBm, traffic class; security as above; centre and area; which of port, rate, power,
 # class, security, position and area count. 80 octets.
 TX_INFO = Struct("@HBbB3xIIB32s3xiiIHHH2x7?0I")
+
+ALIVE_NOW = bytes((ALIVE,))  # the whole message
 
 _SEND = Struct("=BBQ")
 _RECEIVED = Struct("=BBq")

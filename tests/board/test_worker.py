@@ -28,7 +28,7 @@ MUTE = "import socket, sys; end = socket.socket(fileno=int(sys.argv[3])); end.se
 class Bench:
     """A worker on a loop of its own, and what it told."""
 
-    def __init__(self, name: str, command: list[str]) -> None:
+    def __init__(self, name: str, command: list[str], silence_s: float = 0.0) -> None:
         # A child that works answers long before the patience is over: the clock stands unless a test moves it.
         self.loop = VirtualLoop(patience_s=20.0)
         self.messages: list[bytes] = []
@@ -42,6 +42,7 @@ class Bench:
             on_state=lambda is_up, why: self.states.append((is_up, why)),
             on_writable=self._count,
             command=command,
+            silence_s=silence_s,
             jitter=lambda: 1.0,
         )
 
@@ -78,8 +79,8 @@ class Bench:
 def make() -> Iterator[Callable[..., Bench]]:
     made: list[Bench] = []
 
-    def bench(name: str, command: list[str] = PROGRAM) -> Bench:
-        made.append(Bench(name, command))
+    def bench(name: str, command: list[str] = PROGRAM, silence_s: float = 0.0) -> Bench:
+        made.append(Bench(name, command, silence_s))
         return made[-1]
 
     yield bench
@@ -257,6 +258,41 @@ def test_a_child_that_closes_its_socket_and_stays_is_killed(make):
     bench.pass_time(GRACE_S)
     assert "closed its socket and stayed, SIGKILL" in bench.down()
     assert is_gone(pid)
+
+
+def test_a_child_that_is_frozen_is_killed_and_started_again(make):
+    bench = make("echo", silence_s=5.0)
+    pid = bench.up()
+    os.kill(pid, signal.SIGSTOP)
+    for _ in range(6):
+        assert bench.worker.is_up
+        bench.loop.now += 1.0
+        bench.loop.turn()
+    assert bench.down() == f"process {pid} has said nothing for 5 s, SIGKILL; starts again in 0.2 s"
+    assert is_gone(pid)
+
+
+def test_a_child_that_says_something_now_and_then_stays(make):
+    bench = make("echo", silence_s=5.0)
+    bench.up()
+    for count in range(1, 5):
+        for _ in range(4):
+            bench.loop.now += 1.0
+            bench.loop._serve_timers()
+        bench.worker.send(b"x")
+        bench.receive(count)
+    assert len(bench.states) == 1
+
+
+def test_a_pause_of_the_program_itself_is_no_silence_of_its_child(make):
+    bench = make("echo", silence_s=5.0)
+    bench.up()
+    for _ in range(2):
+        bench.loop.now += 600.0
+        bench.loop._serve_timers()
+    bench.worker.send(b"x")
+    assert bench.receive(1) == [b"x"]
+    assert len(bench.states) == 1
 
 
 def test_restarts_come_ever_later_up_to_half_a_minute(make):

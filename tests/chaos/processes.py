@@ -39,7 +39,7 @@ class PlayedChild:
     programs: ClassVar[dict[str, Callable[[Loop, Say, "PlayedChild"], Program]]] = {}
     running: ClassVar[list["PlayedChild"]] = []
 
-    def __init__(self, loop: Loop, parent: Parent, program: Sequence[str], name: str) -> None:
+    def __init__(self, loop: Loop, parent: Parent, program: Sequence[str], name: str, silence_s: float = 0.0) -> None:
         self.loop = loop
         self.name = name
         self.is_up = False

@@ -54,12 +54,19 @@ class SimulatedRadio:
         self.command = ["env", f"{VARIABLE}={words}", *PROGRAM]
         self.control = Control(self.control_port)
 
-    def driver(self, shared: Shared = SHARED, quick: bool = False, **options: object) -> Som301e:
-        kind = QuickSom301e if quick else Som301e
+    def driver(self, shared: Shared = SHARED, quick: bool = False, beats: bool = False, **options: object) -> Som301e:
+        """quick: a call that does not return is noticed soon; beats: so is a process that says nothing."""
+        kind = QuickSom301e if quick else Som301e if beats else UnhurriedSom301e
         return kind(Som301eOptions(**{"library": library(), **options}), shared, self.command)  # type: ignore[arg-type]
 
 
-class QuickSom301e(Som301e):
+class UnhurriedSom301e(Som301e):
+    """One whose process may be silent while a test lets hours go by, which are microseconds to the process."""
+
+    silence_s = 0.0
+
+
+class QuickSom301e(UnhurriedSom301e):
     """One whose library counts as hung after a tenth of a second."""
 
     def _settings(self) -> bytes:

@@ -1,6 +1,8 @@
 """The ITS-G5 radio on the simulated library: what crosses the air, and every way in which it can fail."""
 
+import os
 import random
+import signal
 from pathlib import Path
 
 import pytest
@@ -9,9 +11,10 @@ from board.errors import InterfaceError, RequestError, StuckError
 from drivers.contract import Can, Sent
 from drivers.message import Area, Position, SecurityStatus, Shape
 from drivers.reason import Reason
-from drivers.som301e import WINDOW, Caster
+from drivers.som301e import SILENCE_S, WINDOW, Caster
 from drivers.v2xcast_outbox import DEPTH
 from drivers.wire.geonet import GeoNetworking, Received
+from drivers.wire.v2xcast import ALIVE
 from tests.drivers.host import CAM, DENM, EGO, Host, request, requests
 from tests.drivers.radio import PATIENCE_S, Air, SimulatedRadio, all_work, library
 
@@ -274,6 +277,24 @@ def test_an_absent_module_is_told_once_and_is_no_failure(start, loop, host):
     loop.run_until(lambda: host.links)
     assert host.links[0][0] is False
     assert "does not answer: Caster create: V2Xcast service is not available (-6156)" in host.links[0][1]
+    assert host.failures == []
+
+
+def test_a_process_that_is_frozen_is_a_failure_within_seconds(start, loop, host):
+    driver, _ = start(beats=True)
+    os.kill(driver._worker._child._process.pid, signal.SIGSTOP)
+    loop.patience_s = 0.05  # what it said before that has arrived
+    before = loop.now
+    loop.run_until(lambda: host.failures)
+    assert loop.now - before <= SILENCE_S + 1.0
+    assert host.failures[0].message.endswith("has said nothing for 5 s, SIGKILL")
+
+
+def test_a_process_that_has_nothing_to_say_says_that_it_is_alive(start, loop, host):
+    driver, _ = start(quick=True)
+    heard = []
+    driver._take[ALIVE] = heard.append
+    loop.run_until(lambda: len(heard) == 3)
     assert host.failures == []
 
 

@@ -364,7 +364,7 @@ def test_who_waits_for_something_to_say_gets_it_and_is_let_go_at_the_end(outbox)
 
 def test_a_call_that_does_not_return_is_told_once_and_one_that_does_is_not():
     told, done = [], Event()
-    watch = Watch(lambda what: (told.append(what), done.set()), check_s=0.005)
+    watch = Watch(lambda what: (told.append(what), done.set()), lambda: None, check_s=0.005)
     try:
         with watch.call("eu_caster_release of caster 3 rx", 60.0):
             pass
