@@ -3,14 +3,21 @@
 import os
 from pathlib import Path
 
+PAGE = 4096  # octets: no value is longer
+
 
 def text(path: Path) -> str:
     """A value without its line's end. What a device says of itself may hold anything: what does not print is left out.
 
     Raises OSError: what it is of is gone, or answers no more.
     """
-    octets = path.read_bytes().decode("utf-8", "replace").strip()
-    return "".join(filter(str.isprintable, octets))
+    # Not read_bytes(): that is None where a driver has no value yet (EAGAIN of tmp102, 35 ms after it was bound).
+    descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    try:
+        octets = os.read(descriptor, PAGE)
+    finally:
+        os.close(descriptor)
+    return "".join(filter(str.isprintable, octets.decode("utf-8", "replace").strip()))
 
 
 def optional(path: Path) -> str:
