@@ -1,13 +1,15 @@
 """What the checks ask of the guest's kernel itself."""
 
 import subprocess
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from board.loop import Loop
 from board.machine import REAL
 from board.uevent import Uevent, Uevents
 
+LOOK_S = 0.05  # sysfs does not tell of everything: it is looked at again after this time
 CONFIGFS = Path("/sys/kernel/config")
 
 
@@ -23,13 +25,25 @@ def run(*command: str) -> str:
     return done.stdout
 
 
+@contextmanager
+def started(*command: str) -> Iterator[None]:
+    """A program that goes on meanwhile."""
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+        try:
+            yield
+        finally:
+            process.terminate()
+
+
 def until(loop: Loop, is_so: Callable[[], object], within_s: float = 60.0) -> float:
     """Turn a loop until something is so; returns the seconds that it took. Fails when it is not in time."""
     began = loop.clock()
     end = loop.after(within_s, lambda: None)
     while not is_so():
         assert end.is_pending, f"not so within {within_s} s"
+        look = loop.after(LOOK_S, lambda: None)
         loop.turn()
+        look.cancel()
     end.cancel()
     return loop.clock() - began
 
