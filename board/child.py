@@ -1,7 +1,6 @@
 """One child process of the same program, and the parent's end of the socket between them."""
 
 import os
-import select
 import signal
 import socket
 import subprocess
@@ -12,6 +11,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Protocol
 
+from board.exit import Exit
 from board.loop import READ, WRITE, Loop
 
 MAX_MESSAGE = 65536  # octets; a SEQPACKET socket refuses what exceeds its buffer, so this is refused first
@@ -73,7 +73,7 @@ class Child:
                 end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
             try:
                 self._process = _run([*program, "--worker", name, str(far.fileno())], far.fileno())
-                self._exit = self._watch()
+                self._exit = Exit(self._process, self.exited)
             except OSError:
                 self._channel.close()
                 raise
@@ -191,14 +191,6 @@ class Child:
             self._was_full = False
             self._parent.writable()
 
-    def _watch(self) -> "_Exit":
-        try:
-            return _Exit(self._process.pid, self)
-        except OSError:  # no descriptor is left: nobody would see its end
-            self._process.kill()
-            self._process.wait()
-            raise
-
     def _kill(self, reason: str) -> None:
         self._reason = reason
         self._process.kill()
@@ -212,27 +204,6 @@ class Child:
         if self._channel.fileno() >= 0:
             self.loop.remove(self)
             self._channel.close()
-
-
-class _Exit:
-    """The end of a process as a Source."""
-
-    def __init__(self, pid: int, child: Child) -> None:
-        self._pidfd = os.pidfd_open(pid)
-        self._child = child
-
-    def fileno(self) -> int:
-        return self._pidfd
-
-    def ready(self, events: int) -> None:
-        self._child.exited()
-
-    def comes(self, within: float) -> bool:
-        """Wait for it."""
-        return bool(select.select([self._pidfd], [], [], within)[0])
-
-    def close(self) -> None:
-        os.close(self._pidfd)
 
 
 def program() -> list[str]:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 
 from board.child import die_with_parent
 from board.errors import BlockedError, InterfaceError
+from board.exit import Exit
 from board.loop import Loop, Timer
 
 MAX_OUTPUT = 64 * 1024  # octets that are kept; what is said beyond is read and thrown away
@@ -55,11 +56,11 @@ class Tool:
                 stderr=subprocess.STDOUT,
                 preexec_fn=die_with_parent(signal.SIGTERM),  # noqa: PLW1509 there is one thread of Python
             )
-            self._exit = _Exit(self._child.pid, self._exited)
+            assert self._child.stdout is not None
+            self._stdout = self._child.stdout
+            self._exit = self._watched()
         except OSError as error:
             raise InterfaceError(f"{path}: {error.strerror}") from error
-        assert self._child.stdout is not None
-        self._stdout = self._child.stdout
         os.set_blocking(self._stdout.fileno(), False)
         loop.add(self)
         loop.add(self._exit)
@@ -82,6 +83,13 @@ class Tool:
         """stop(), and nobody is told."""
         self._done = self._ended = None
         self.stop()
+
+    def _watched(self) -> Exit:
+        try:
+            return Exit(self._child, self._exited)
+        except OSError:
+            self._stdout.close()
+            raise
 
     def _read(self) -> bool:
         """Take what it said; False at the end."""
@@ -126,20 +134,3 @@ class Tool:
         if self._timer is not None:
             self._timer.cancel()
         self._timer = timer
-
-
-class _Exit:
-    """The end of a process as a Source."""
-
-    def __init__(self, pid: int, call: Callable[[], None]) -> None:
-        self._pidfd = os.pidfd_open(pid)
-        self._call = call
-
-    def fileno(self) -> int:
-        return self._pidfd
-
-    def ready(self, events: int) -> None:
-        self._call()
-
-    def close(self) -> None:
-        os.close(self._pidfd)

@@ -1,11 +1,12 @@
 """Programs of the system as children: real ones, on a real clock, that end by themselves or are ended."""
 
+import errno
 import os
 import time
 
 import pytest
 
-from board.errors import BlockedError
+from board.errors import BlockedError, InterfaceError
 from board.loop import Loop
 from board.machine import Machine
 from drivers.modem_script import Ended, Run, StepError
@@ -140,3 +141,19 @@ def test_default_routes_are_those_of_the_device_with_a_gateway(tmp_path):
     assert system.default_routes("wwan0") == []
     table.unlink()
     assert system.default_routes("wwan0") == []
+
+
+def test_a_tool_whose_end_nobody_would_see_is_not_left_behind(loop, monkeypatch):
+    started = []
+
+    def refused(pid):
+        started.append(pid)
+        raise OSError(errno.EMFILE, "Too many open files")
+
+    before = len(os.listdir("/proc/self/fd"))
+    monkeypatch.setattr(os, "pidfd_open", refused)
+    with pytest.raises(InterfaceError, match="Too many open files"):
+        run(loop, "sleep", "97")
+    with pytest.raises(ChildProcessError):
+        os.waitpid(started[0], os.WNOHANG)
+    assert len(os.listdir("/proc/self/fd")) == before
