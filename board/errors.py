@@ -48,3 +48,7 @@ class StuckError(InterfaceError):
 
     The supervisor cuts the power of its slot at once; where it has no slot, it is tried again as after every failure.
     """
+
+
+class UsageError(StationError):
+    """A command line asks for what does not go together: exit status 2."""

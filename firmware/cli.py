@@ -7,7 +7,7 @@ import os
 import sys
 from types import ModuleType
 
-from board.errors import StationError
+from board.errors import StationError, UsageError
 from firmware import VERSION
 
 # What `captain --help` says, without importing what it speaks of: a start is a tenth of a second, not a whole one.
@@ -142,7 +142,7 @@ def _run(argv: list[str]) -> int:
         return int(command.main(parser.parse_args(argv[1:])))
     except StationError as error:
         print(f"captain: {error}", file=sys.stderr)
-        return 1
+        return USAGE_ERROR if isinstance(error, UsageError) else 1
     except KeyboardInterrupt:
         return INTERRUPTED
 

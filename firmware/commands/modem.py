@@ -4,7 +4,7 @@ import argparse
 import json
 from collections.abc import Mapping
 
-from board.errors import StationError
+from board.errors import StationError, UsageError
 from firmware.user import client
 from firmware.user.arguments import add_control, address
 from firmware.user.table import Screen, Table, span
@@ -47,7 +47,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(arguments: argparse.Namespace) -> int:
     if (arguments.ask == "at") is not bool(arguments.command):
-        raise StationError(f"modem {arguments.ask}: {'give' if arguments.ask == 'at' else 'takes no'} COMMAND")
+        raise UsageError(f"modem {arguments.ask}: {'give' if arguments.ask == 'at' else 'takes no'} COMMAND")
     found = _modems(arguments)
     if arguments.ask == "status":
         if arguments.json:

@@ -4,7 +4,7 @@ import argparse
 import json
 import time
 
-from board.errors import StationError
+from board.errors import StationError, UsageError
 from firmware.user import board, client
 from firmware.user.arguments import add_control, address
 from firmware.user.table import Screen
@@ -54,7 +54,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(arguments: argparse.Namespace) -> int:
     if (arguments.ask == "list") is bool(arguments.slot):
-        raise StationError(f"slot {arguments.ask}: name {'no slot' if arguments.slot else 'a slot, or its number'}")
+        raise UsageError(f"slot {arguments.ask}: name {'no slot' if arguments.slot else 'a slot, or its number'}")
     slots = _ask(arguments, arguments.ask, arguments.slot)
     code = 0
     if arguments.wait and arguments.slot:

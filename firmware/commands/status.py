@@ -4,6 +4,7 @@ import argparse
 import json
 import time
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 
 from board.errors import StationError
 from firmware.user import board, client
@@ -11,6 +12,7 @@ from firmware.user.arguments import add_station, address
 from firmware.user.table import Screen, Table, span
 from firmware.user.untrusted import listed, named, number, text, within
 
+WATCH_S = 1.0  # as often as a station reports
 LAST_TIME = 253402300799.0  # 9999-12-31: later ones of a peer have no calendar
 
 DESCRIPTION = """\
@@ -50,9 +52,16 @@ def main(arguments: argparse.Namespace) -> int:
         _show(client.status(place, arguments.control), arguments.json, None)
         return 0
     with Screen() as screen:
-        for status in _statuses(place):
+        for status in _asked(Path(arguments.control)) if arguments.control else _statuses(place):
             _show(status, arguments.json, screen)
     return 0
+
+
+def _asked(control: Path) -> Iterator[dict[str, object]]:
+    """A status again and again, by a control socket. Raises StationError when nobody answers."""
+    while True:
+        yield client.station_status(control)
+        time.sleep(WATCH_S)
 
 
 def _statuses(place: client.Address) -> Iterator[dict[str, object]]:

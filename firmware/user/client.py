@@ -6,7 +6,7 @@ import socket
 import stat
 import struct
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple, TypeAlias
@@ -18,6 +18,7 @@ from firmware.control_socket import default_paths
 
 # A heartbeat and a status come once a second: three of them lost is nobody there.
 ANSWER_S = 3.0
+FOUND_S = 0.5  # for this machine to take a connection
 # A status of a station with a hundred interfaces has 100 KB; a peer that sends more is not a station.
 MAX_ANSWER = 1 << 20  # octets
 # Messages that libzmq keeps for a user who reads late: 10 s at 1,000 a second.
@@ -140,6 +141,8 @@ def ask(path: Path, do: str, timeout: float = ANSWER_S, **more: object) -> dict[
     try:
         line = _ask(path, json.dumps({"do": do, **more}).encode() + b"\n", time.monotonic() + timeout)
         answer = json.loads(line)
+    except PermissionError as error:
+        raise _forbidden(path) from error
     except OSError as error:
         why = error.strerror or str(error)
         raise StationError(f"{path}: no station answers: {why}", START_ONE) from error
@@ -150,6 +153,29 @@ def ask(path: Path, do: str, timeout: float = ANSWER_S, **more: object) -> dict[
     if answer.get("ok") is not True:
         raise StationError(f"the station refused {do}: {answer.get('error', '')}", str(answer.get("hint", "")))
     return answer
+
+
+def _forbidden(path: Path) -> StationError:
+    """Whose the socket is, or the first folder on the way that lets nobody else through."""
+    for place in (*reversed(path.absolute().parents), path):
+        try:
+            is_open = os.access(place, os.W_OK if place == path else os.X_OK)
+            found = place.stat()
+        except OSError:
+            break
+        if not is_open:
+            user, group = _name(place.owner, found.st_uid), _name(place.group, found.st_gid)
+            what = f"{place} is of user {user}, group {group}, mode {stat.S_IMODE(found.st_mode):04o}"
+            return StationError(f"{path}: permission denied: {what}", f"ask as user {user}, or as root by sudo")
+    return StationError(f"{path}: permission denied", "ask as the user of the station, or as root by sudo")
+
+
+def _name(look: Callable[[], str], number: int) -> str:
+    """Name of a user or group, or its number where it has none."""
+    try:
+        return look()
+    except KeyError:
+        return str(number)
 
 
 def _ask(path: Path, question: bytes, deadline: float) -> bytes:
@@ -184,8 +210,20 @@ def ask_local(place: Address, control: str, do: str, timeout: float = ANSWER_S, 
         raise StationError(f"{place.host} is another machine", "log in there: only a local station takes commands")
     paths = [control] if control else [path for path in default_paths(place.from_users) if os.path.exists(path)]
     if not paths:
-        raise StationError(f"no station of this machine has port {place.from_users}", START_ONE)
+        raise _not_found(place)
     return ask(Path(paths[0]), do, timeout + 1.0, within_s=timeout, **more)
+
+
+def _not_found(place: Address) -> StationError:
+    """Why none of the usual control sockets is there: another one is used, or nobody runs."""
+    try:
+        reach(place.host, place.from_users, FOUND_S)
+    except StationError:
+        return StationError(f"no station of this machine has port {place.from_users}", START_ONE)
+    return StationError(
+        f"a station may be at port {place.from_users}, but its control socket is at none of the usual places",
+        "name it with --control PATH: its option endpoint.control",
+    )
 
 
 def status(place: Address, control: str = "", timeout: float = ANSWER_S) -> dict[str, object]:

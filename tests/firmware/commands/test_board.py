@@ -108,7 +108,7 @@ def test_who_waits_is_told_by_the_exit_code_how_it_ended(tmp_path, slot, code):
 
 @pytest.mark.parametrize("words", [["list", "gnss"], ["on"], ["cycle"]])
 def test_a_slot_is_named_where_one_is_meant_and_only_there(capsys, words):
-    assert cli.main(["slot", *words]) == 1
+    assert cli.main(["slot", *words]) == 2
     assert "name" in capsys.readouterr().err
 
 

@@ -6,6 +6,7 @@ import json
 import pytest
 
 from board.errors import StationError
+from firmware import cli
 from firmware.commands import modem
 from firmware.user.table import plain
 from tests.firmware.commands.fake import STATUS, FakeControl
@@ -134,6 +135,11 @@ def test_of_two_modems_one_has_to_be_named(tmp_path):
 def test_what_cannot_be_asked_is_refused(tmp_path, words, what):
     with pytest.raises(StationError, match=what):
         run(tmp_path, *words)
+
+
+@pytest.mark.parametrize("words", [["at"], ["status", "AT"]])
+def test_a_command_where_none_belongs_and_none_where_one_does_is_wrong_usage(words):
+    assert cli.main(["modem", *words]) == 2
 
 
 def test_a_station_without_a_modem_says_so(tmp_path):

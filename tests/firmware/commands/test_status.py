@@ -1,7 +1,9 @@
+import errno
 import json
 import os
 import re
 import socket
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -156,6 +158,51 @@ def test_nobody_at_the_control_socket_is_told_with_a_remedy(tmp_path, capsys):
     said = capsys.readouterr().err
     assert "nothing: no station answers: No such file or directory" in said
     assert "captain run" in said
+
+
+def test_watching_over_the_control_socket_asks_again_and_again(tmp_path, monkeypatch, capsys):
+    waited = []
+
+    def sleep(seconds: float) -> None:
+        waited.append(seconds)
+        if len(waited) == 3:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(status.time, "sleep", sleep)
+    answer = json.dumps({"ok": True, "status": STATUS}).encode() + b"\n"
+    with FakeControl(tmp_path / "control", answer) as control:
+        assert cli.main(["status", "--watch", "--json", "--control", str(control.path)]) == 130
+    assert [json.loads(line) for line in capsys.readouterr().out.splitlines()] == [STATUS] * 3
+    assert waited == [1.0] * 3
+
+
+@pytest.mark.parametrize("place", ["control", ""])
+def test_a_right_that_is_missing_is_told_with_whose_the_socket_is(tmp_path, monkeypatch, capsys, place):
+    # The tests may run as root, whom nothing is denied.
+    def connect(path: Path, question: bytes, deadline: float) -> bytes:
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    socket_path = tmp_path / "control"
+    socket_path.touch()
+    denied = tmp_path / place
+    denied.chmod(0o710)
+    monkeypatch.setattr(client, "_ask", connect)
+    monkeypatch.setattr(client.os, "access", lambda path, way: path != denied)
+    assert cli.main(["status", "--control", str(socket_path)]) == 1
+    said = capsys.readouterr().err
+    assert f"{socket_path}: permission denied: {denied} is of user {denied.owner()}, " in said
+    assert f"group {denied.group()}, mode 0710" in said
+    assert f"ask as user {denied.owner()}" in said
+    assert "captain run" not in said
+
+
+def test_a_station_whose_control_socket_is_elsewhere_is_not_taken_to_be_absent(capsys):
+    with socket.create_server(("127.0.0.1", 0)) as there:
+        port = there.getsockname()[1]
+        assert cli.main(["slot", "list", "--station", f"127.0.0.1:{port}"]) == 1
+    said = capsys.readouterr().err
+    assert f"a station may be at port {port}" in said
+    assert "--control PATH" in said
 
 
 def test_nobody_at_the_port_is_told_with_a_remedy(capsys):
