@@ -18,7 +18,7 @@ class Above(NamedTuple):
     """What a port tells.
 
     unsolicited  a line that nobody asked for.
-    garbage      once a minute at most.
+    garbage      what each read had of it.
     broken       once: it is gone. Unless that closes it, every command that waited is then answered GONE.
     """
 

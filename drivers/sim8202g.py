@@ -67,6 +67,7 @@ class Sim8202g:
         self._leaving: list[Program] = []
         self._returns = False
         self._complained: float | None = None
+        self._untold = 0  # octets of garbage since then
         self._is_hot = False
         self.why = ""
 
@@ -211,11 +212,13 @@ class Sim8202g:
 
     def _garbage(self, garbage: at.Garbage) -> None:
         self._known.garbage += garbage.octets
+        self._untold += garbage.octets
         now = self._host.loop.clock()
         if self._complained is None or now >= self._complained + COMPLAIN_S:
             self._complained = now
             sample = redact_garbage(garbage.sample)
-            log.warning("%s: %d octets mean nothing at an AT port: %r", self._host.name, garbage.octets, sample)
+            log.warning("%s: %d octets mean nothing at an AT port: %r", self._host.name, self._untold, sample)
+            self._untold = 0
 
     def _broken(self, error: InterfaceError) -> None:
         self._port = None

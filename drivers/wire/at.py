@@ -27,7 +27,6 @@ PROBES = 5  # unanswered: the modem is silent
 SETTLE_S = 0.3
 SETTLE_MOST_S = 30.0  # one that still says OK after OK is not answering but babbling
 
-COMPLAIN_S = 60.0  # between two events about garbage
 SAMPLE = 48  # octets of it that are kept to be shown
 
 ESCAPE = b"\x1b"
@@ -100,7 +99,6 @@ class AtCore:
         self._echo = ""
         self._sample = b""
         self._untold = 0
-        self._told: float | None = None
 
     def command(self, command: Command, now: float, priority: int = 1) -> int:
         """Take a command; its number is in the answer. The lowest priority leaves first, then the oldest.
@@ -123,7 +121,7 @@ class AtCore:
                 self._rubbish(line.octets)
             else:
                 self._line(line, now, events)
-        self._complain(now, events)
+        self._complain(events)
         # Not before: what stands behind a final code in the same octets cannot answer a command that follows.
         self._proceed(now)
         return events
@@ -269,7 +267,7 @@ class AtCore:
         self._untold += len(octets)
         self._sample = (self._sample + octets[:SAMPLE])[:SAMPLE]
 
-    def _complain(self, now: float, events: list[Event]) -> None:
-        if self._untold and (self._told is None or now >= self._told + COMPLAIN_S):
+    def _complain(self, events: list[Event]) -> None:
+        if self._untold:
             events.append(Garbage(self._sample, self._untold))
-            self._told, self._untold, self._sample = now, 0, b""
+            self._untold, self._sample = 0, b""
