@@ -4,13 +4,12 @@ What switches a slot is real: a line that the station sets on a simulated expand
 it away, `authorized` and `disable` of its USB port as well.
 """
 
-import shutil
-import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from board.description import Hardware, SlotDescription
 from board.loop import Loop, Timer
+from board.scratch import Scratch
 from board.topology import parse
 from drivers.sim.chips import World
 from drivers.sim.machine import SimulatedMachine
@@ -37,9 +36,9 @@ class SimulatedBoard:
         self._loop = loop
         self._air = air
         self._slots: Mapping[str, SlotDescription] = {name: slot for name, slot in hardware.slots.items() if slot.usb}
-        self._folder = Path(tempfile.mkdtemp(prefix="captain-sim-"))
+        self._scratch = Scratch("captain-sim-")
         hub, ports = _hub(self._slots)
-        self._simulated = SimulatedMachine(self._folder, hub, ports)
+        self._simulated = SimulatedMachine(self._scratch.path, hub, ports)
         self.machine = self._simulated.machine
         self.world = World(hardware, self.machine)
         _plant(self.machine.sys, hardware)
@@ -54,7 +53,7 @@ class SimulatedBoard:
             for made in (MODULES[id_] for id_ in slot.ids[:1] if id_ in MODULES):
                 self.modules[name] = made(self._loop, Place(self._simulated, slot.usb, self._air))
                 self._simulated.sit(slot.usb, self.modules[name].supplied, _missing(slot))
-        self._door = Door(self._loop, self._folder, self.troubles)
+        self._door = Door(self._loop, self._scratch.path, self.troubles)
         self._poll()
 
     @property
@@ -84,7 +83,7 @@ class SimulatedBoard:
             module.supplied(False)
         self.modules.clear()
         self._simulated.close()
-        shutil.rmtree(self._folder, ignore_errors=True)
+        self._scratch.close()
 
     def _poll(self) -> None:
         self._timer = self._loop.after(POLL_S, self._poll)

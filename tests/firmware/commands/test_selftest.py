@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -11,19 +10,22 @@ from firmware import cli
 from firmware.commands import selftest
 
 
-@pytest.fixture(autouse=True)
-def nobody_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+@pytest.fixture
+def quiet(block: int) -> list[str]:
+    """Options of which no station runs."""
+    return ["--board", "none", "--set", f"endpoint.from_users={block}"]
 
 
-def test_a_board_that_declares_nothing_is_told_at_once(capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["selftest", "--board", "none"]) == 1
+def test_a_board_that_declares_nothing_is_told_at_once(quiet: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["selftest", *quiet]) == 1
     assert "nothing is declared" in capsys.readouterr().out
 
 
-def test_an_interface_that_works_needs_no_ports_of_a_station(capsys: pytest.CaptureFixture[str]) -> None:
-    air = ["--board", "none", "--set", "interfaces.air.driver=udp", "--set", "interfaces.air.listen=127.0.0.1:0"]
-    assert cli.main(["selftest", "--json", *air]) == 0
+def test_an_interface_that_works_needs_no_ports_of_a_station(
+    quiet: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    air = ["--set", "interfaces.air.driver=udp", "--set", "interfaces.air.listen=127.0.0.1:0"]
+    assert cli.main(["selftest", "--json", *quiet, *air]) == 0
     (row,) = json.loads(capsys.readouterr().out)
     assert (row["capability"], row["works"]) == ("interface air", True)
 
@@ -34,7 +36,7 @@ def test_a_test_that_does_not_end_is_ended(monkeypatch: pytest.MonkeyPatch, caps
 
     monkeypatch.setattr(selftest.Station, "selftest", mute)
     monkeypatch.setattr(selftest, "PATIENCE_S", 0.05)
-    assert cli.main(["selftest", "--board", "none"]) == 1
+    assert cli.main(["selftest", *quiet]) == 1
     said = capsys.readouterr().err
     assert "the self-test has no answer after 0.05 s" in said
     assert "captain doctor" in said

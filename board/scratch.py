@@ -1,0 +1,58 @@
+"""A folder for as long as its process lives: what one that was killed has left is removed by the next."""
+
+import contextlib
+import fcntl
+import os
+import shutil
+import tempfile
+import weakref
+from pathlib import Path
+
+# Whoever made the folder holds this file locked; the kernel lets go of it when that process ends, however it ends.
+LOCK = ".lock"
+
+
+class Scratch:
+    """A new folder in the system's folder for such; close(), or the end of the process, takes it away.
+
+    prefix  of its name; what others of the same prefix have left is taken away before.
+    Raises OSError where none can be made.
+    """
+
+    def __init__(self, prefix: str) -> None:
+        _sweep(prefix)
+        self.path, lock = _held(prefix)
+        self._remove = weakref.finalize(self, _remove, self.path, lock)
+
+    def close(self) -> None:
+        """Idempotent."""
+        self._remove()
+
+
+def _held(prefix: str) -> tuple[Path, int]:
+    """A folder, and the descriptor of its locked file."""
+    while True:
+        path = Path(tempfile.mkdtemp(prefix=prefix))
+        lock = os.open(path / LOCK, os.O_CREAT | os.O_EXCL | os.O_RDWR | os.O_CLOEXEC, 0o600)
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if os.fstat(lock).st_nlink:
+            return path, lock
+        os.close(lock)  # another process swept it away before it was locked
+
+
+def _remove(path: Path, lock: int) -> None:
+    shutil.rmtree(path, ignore_errors=True)
+    os.close(lock)
+
+
+def _sweep(prefix: str) -> None:
+    """Remove folders whose process is gone; those of others, and what holds no lock file, stay."""
+    for lock in Path(tempfile.gettempdir()).glob(f"{prefix}*/{LOCK}"):
+        with contextlib.suppress(OSError):  # of another user, locked, or just gone
+            descriptor = os.open(lock, os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW)
+            try:
+                if os.fstat(descriptor).st_uid == os.getuid():
+                    fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    shutil.rmtree(lock.parent, ignore_errors=True)
+            finally:
+                os.close(descriptor)
