@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from board.loop import Loop
 from board.machine import REAL, Machine
-from drivers.sim.neighbours import Neighbours
+from drivers.sim.neighbours import Neighbours, with_ports
 from firmware.board_file import Board
 
 if TYPE_CHECKING:
@@ -24,12 +24,18 @@ class Simulation:
         self.machine: Machine = REAL
         self.worker = "board"
         self.board: Playing | None = None
-        self._neighbours = Neighbours(loop, board.neighbours) if board.neighbours else None
+        air = with_ports(board.neighbours) if board.neighbours else None
+        self._neighbours = Neighbours(loop, air) if air else None
         if board.simulated:
             from drivers.sim.board import SimulatedBoard
 
-            self.board = SimulatedBoard(loop, board, board.neighbours)
+            self.board = SimulatedBoard(loop, board, air)
             self.machine, self.worker = self.board.machine, "sim-board"
+
+    @property
+    def neighbours_at(self) -> str:
+        """Where the neighbours hear, once started; empty where there are none."""
+        return self._neighbours.address if self._neighbours else ""
 
     def played(self, options: Any) -> Any:
         """A driver's options with the simulated library in place of a real one, where they ask for it."""

@@ -5,11 +5,12 @@ import socket
 import time
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Annotated
 
-from board.address import address
+from board.address import Address, address
 from board.describe import Range
 from board.errors import InterfaceError
 from board.loop import Loop, Timer
@@ -32,7 +33,7 @@ BATCH = 64  # datagrams heard in one turn
 class NeighboursOptions:
     """Simulated stations.
 
-    listen     address and port that they hear at: a peer of the station under test.
+    listen     address and port that they hear at: a peer of the station under test. A port of 0 is any that is free.
     to         address and port that they send to.
     count      stations; they have the numbers from 4711 on.
     cam_hz     CAMs per second of each. denm_hz: DENMs per second of each; 0 for none.
@@ -50,6 +51,20 @@ class NeighboursOptions:
     def __post_init__(self) -> None:
         for text in (self.listen, self.to):
             address(text)
+
+
+def with_ports(options: NeighboursOptions) -> NeighboursOptions:
+    """The same with a port that nobody has now in place of each 0: any number of stations may have such neighbours."""
+    with ExitStack() as held:
+        found = []
+        for place in (address(options.listen), address(options.to)):
+            if place.port == 0:
+                one = held.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+                one.bind((place.host, 0))
+                found.append(str(Address(*one.getsockname())))
+            else:
+                found.append(str(place))
+    return replace(options, listen=found[0], to=found[1])
 
 
 class Neighbour:
@@ -150,7 +165,7 @@ class Neighbours:
             air.bind(address(self._options.listen))
         except OSError as error:
             air.close()
-            hint = "another station has them already; run this one with --board none, or a board file of its own"
+            hint = "give neighbours.listen in the board file another port, or 0 for any that is free"
             raise InterfaceError(f"simulated neighbours at {self._options.listen}: {error.strerror}", hint) from error
         self._socket = air
         self._loop.add(self)
