@@ -133,7 +133,7 @@ class Driver(Protocol):
         """Open what it needs and return at once. Raises InterfaceError, having closed what it had opened."""
 
     def send(self, request: Request) -> Sent:
-        """Send a request, only with TRANSMIT and after start(). Raises RequestError for one it can never send."""
+        """Send a request; after start(). Raises RequestError for one it can never send: without TRANSMIT, for each."""
 
     def refresh(self) -> None:
         """Report to the host what the kernel or the device has counted since the last time."""

@@ -140,6 +140,17 @@ def test_it_carries_the_longest_pdu_that_it_declares(bench, loop, host):
     assert (heard, host.pdus) == ([longest], [other])
 
 
+@pytest.mark.parametrize("kind", sorted(MODULES))
+def test_without_transmit_it_refuses_every_request(bench, loop, host):
+    assert Can.TRANSMIT not in bench.driver.capabilities.can
+    bench.plug()
+    start(bench, loop, host)
+    for wanted in requests([CAM, DENM]):
+        with pytest.raises(RequestError, match="sends no"):
+            bench.driver.send(wanted)
+    assert host.failures == []
+
+
 @every
 def test_it_fails_when_its_device_disappears_and_serves_again_when_it_is_back(bench, loop, host):
     bench.plug()
