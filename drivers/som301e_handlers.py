@@ -1,4 +1,7 @@
-"""What is known of the handlers of a SOM301-E: whether its link is up, and what status shows of each."""
+"""What is known of the handlers of a SOM301-E: whether its link is up, and what status shows of each.
+
+Handler is the vendor's word: what its library gives for one direction of a caster.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

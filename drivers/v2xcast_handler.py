@@ -1,4 +1,7 @@
-"""A handler of the V2Xcast library and its thread: made, used and released there, and made again when it fails."""
+"""A handler of the V2Xcast library and its thread: made, used and released there, and made again when it fails.
+
+Handler is the vendor's word: what eu_caster_create() gives for one direction of a caster, TX or RX.
+"""
 
 import queue
 import time

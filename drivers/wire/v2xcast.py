@@ -18,7 +18,7 @@ from struct import Struct
 from typing import NamedTuple
 
 from board.errors import RequestError
-from drivers.message import NO_MAC, NOT_SECURED, Area, Position, Request, RxInfo, Security, SecurityStatus, Shape
+from drivers.message import NOT_SECURED, Area, Position, Request, RxInfo, Security, SecurityStatus, Shape
 
 TX, RX = 0, 1  # mode of a handler
 MAX_PAYLOAD = 1500  # octets
@@ -128,7 +128,7 @@ def parse_rx_info(octets: bytes, at: int = 0) -> tuple[RxInfo, int]:
     if 0 < status <= SecurityStatus.UNVERIFIABLE_PKT:
         security = Security(SecurityStatus(status), its_aid, ssp[:size])
     position = Position(latitude, longitude)
-    rx = RxInfo(None, rssi or None, rate, traffic_class, hops, security, position, area, mac or NO_MAC)
+    rx = RxInfo(None, rssi or None, rate, traffic_class, hops, security, position, area, mac)
     return rx, seconds * 1_000_000_000 + microseconds * 1000
 
 
