@@ -61,21 +61,31 @@ def of_expander_line(name: str, outcome: object) -> Row:
 def of_interface(name: str, one: Supervised, place: Place) -> Iterator[Row]:
     """Its link, and what a receiver says."""
     interface, is_up = one.interface, one.state == "up"
-    remedy = "" if is_up else "see `captain status` and `captain doctor`"
+    first = f"first: interface {name}"  # what hangs on a link has no remedy of its own
+    remedy = "" if is_up else _of_link(one)
     yield Row(f"interface {name}", one.state in ("up", "down"), is_up, f"{one.state}: {interface.why}", remedy)
-    can = interface.driver.capabilities.can
+    can, sky = interface.driver.capabilities.can, "does its antenna see the sky?"
     if Can.POSITION in can:
         fix = place.fix_of(name)
         value = f"{fix.kind.name.lower()}, {(fix.horizontal or 0) / 1000:.2f} m" if fix else "no fix"
-        yield Row(f"position {name}", is_up, fix is not None, value, "" if fix else "does its antenna see the sky?")
+        yield Row(f"position {name}", is_up, fix is not None, value, "" if fix else sky if is_up else first)
     if Can.TIMEMARK in can:
         mark = place.mark_of(name)
         works = mark is not None and mark.is_locked
         value = "none" if mark is None else f"{mark.accuracy_ns} ns, {'locked' if works else 'not locked'}"
-        remedy = "" if works else "does its antenna see the sky?" if mark else "is `pulse` on?"
+        remedy = "" if works else first if not is_up else sky if mark else "is `pulse` on?"
         yield Row(f"time mark {name}", is_up, works, value, remedy)
     if Can.BEARER in can:
-        yield _bearer(name, is_up, interface.details)
+        yield _bearer(name, is_up, interface.details, first)
+
+
+def _of_link(one: Supervised) -> str:
+    """What to do about a link that is not up: what its last failure said, or its slot does."""
+    if one.hint:
+        return one.hint
+    if one.state == "waiting" and one.interface.slot:
+        return f"first: slot {one.interface.slot}"
+    return "see `captain status` and `captain doctor`"
 
 
 def of_slot(name: str, slot: Mapping[str, Any]) -> Row:
@@ -92,13 +102,13 @@ def of_slot(name: str, slot: Mapping[str, Any]) -> Row:
     return Row(capability, is_present, works, value, remedy)
 
 
-def _bearer(name: str, is_up: bool, told: Mapping[str, Any]) -> Row:
+def _bearer(name: str, is_up: bool, told: Mapping[str, Any], first: str) -> Row:
     """What carries packets has an address; how well, its signal says."""
     rssi_dbm = told.get("rssi_dbm")
     signal = "no signal" if rssi_dbm is None else f"{rssi_dbm} dBm"
     value = ", ".join([signal, *(told.get("addresses") or ["no address"])])
     works = is_up and rssi_dbm is not None
-    return Row(f"bearer {name}", is_up, works, value, "" if works else "see `captain modem status`")
+    return Row(f"bearer {name}", is_up, works, value, "" if works else "see `captain modem status`" if is_up else first)
 
 
 def _identity(carrier: Carrier) -> Row:

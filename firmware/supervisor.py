@@ -38,6 +38,7 @@ class Supervised:
         self._timer: Timer | None = None
         self._state = "stopped"
         self._said = ""
+        self.hint = ""  # what to do about its last failure, until it is up again
         self.on_start: Callable[[], None] = lambda: None
         self.on_failure: Callable[[StationError], bool] = lambda error: True
         interface.on_fail = self._failed
@@ -60,6 +61,7 @@ class Supervised:
             return
         if self._state == "starting":
             self._state = "running"
+            self.hint = ""
             self._timer = self._loop.after(MOST_S, self._forgive)
             self.on_start()
 
@@ -74,7 +76,10 @@ class Supervised:
         self.interface.link(False, why)
 
     def stop(self) -> None:
+        """Idempotent; of one that never started nothing is said."""
         self._cancel()
+        if self._state == "stopped":
+            return
         self._state = "stopped"
         self.interface.driver.stop()
         self.interface.link(False, "stopped")
@@ -85,7 +90,7 @@ class Supervised:
             self.interface.driver.refresh()
 
     def status(self) -> dict[str, object]:
-        return {"state": self.state, "restarts": self.restarts, **self.interface.status()}
+        return {"state": self.state, "restarts": self.restarts, "hint": self.hint, **self.interface.status()}
 
     def _failed(self, error: StationError) -> None:
         if self._state not in ("starting", "running"):
@@ -98,6 +103,7 @@ class Supervised:
         self._cancel()
         self._state = "waiting"
         self.restarts += 1
+        self.hint = error.hint
         self.interface.link(False, error.message)
         # The same fault is said once, however often it is met.
         if str(error) != self._said:

@@ -134,8 +134,9 @@ def interface(one: InterfaceConfig, mac: bytes, running: Mapping[str, object] | 
 
 def _running(subject: str, told: dict[str, object]) -> Finding:
     driver, state, why = text(told, "driver"), text(told, "state"), text(told, "why")
-    level = Level.OK if state == "up" else Level.WARNING
-    return Finding(level, subject, f"{driver}: {state} in the running station: {why}", "")
+    level = {"up": Level.OK, "waiting": Level.PROBLEM}.get(state, Level.WARNING)
+    remedy = "" if state == "up" else text(told, "hint") or "`captain status` and the station's journal say more"
+    return Finding(level, subject, f"{driver}: {state} in the running station: {why}", remedy)
 
 
 def receive_buffer(interfaces: Sequence[InterfaceConfig], rmem_max: Path = RMEM_MAX) -> Iterator[Finding]:

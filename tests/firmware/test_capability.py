@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from board.errors import InterfaceError
 from board.time import Fix, FixKind, TimeMark
 from drivers.contract import Can
 from firmware.capability import Row, of_interface, of_slot
@@ -95,3 +96,22 @@ def test_a_slot_that_does_not_work_says_what_to_do(loop: VirtualLoop) -> None:
     assert of_slot("v2x", {**SLOT, **fault}).remedy == (
         "no answer from 0x20 (is it plugged in?); `captain slot cycle v2x` tries again"
     )
+
+
+def test_what_a_link_misses_is_said_once_and_what_hangs_on_it_refers_to_it(loop: VirtualLoop, place: Place) -> None:
+    def start(host: object) -> None:
+        raise InterfaceError("no library at /x", "install the vendor's package")
+
+    driver = ScriptedDriver(Can.POSITION | Can.TIMEMARK | Can.BEARER)
+    one = Supervised(loop, interface_of(loop, NotingStation(), driver))
+    driver.on_start = start
+    one.start()
+    remedies = {row.capability.split()[0]: row.remedy for row in of_interface("g5", one, place)}
+    first = "first: interface g5"
+    assert remedies == {
+        "interface": "install the vendor's package",
+        "position": first,
+        "time": first,
+        "bearer": first,
+    }
+    one.stop()

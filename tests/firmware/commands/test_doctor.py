@@ -129,10 +129,17 @@ def test_the_interface_of_a_running_station_is_not_touched_but_asked():
     assert found.text == "udp: up in the running station: bound to 127.0.0.1:8947"
 
 
-def test_a_link_that_is_down_in_the_running_station_is_a_warning():
+def test_an_interface_that_waits_in_the_running_station_is_a_problem():
     told = {"interfaces": {"g5": {"driver": "udp", "state": "waiting", "why": "address is gone"}}}
     found = only(checks.interface(udp("127.0.0.1:0"), MAC, told))
-    assert (found.level, found.text) == (Level.WARNING, "udp: waiting in the running station: address is gone")
+    assert (found.level, found.text) == (Level.PROBLEM, "udp: waiting in the running station: address is gone")
+    assert "captain status" in found.remedy
+
+
+def test_what_the_running_station_cannot_start_is_a_problem_with_its_remedy():
+    told = {"interfaces": {"g5": {"driver": "udp", "state": "waiting", "why": "no /dev/x", "hint": "plug it in"}}}
+    found = only(checks.interface(udp("127.0.0.1:0"), MAC, told))
+    assert (found.level, found.remedy) == (Level.PROBLEM, "plug it in")
 
 
 def test_the_running_station_is_found_by_its_control_socket(block, tmp_path, capsys):

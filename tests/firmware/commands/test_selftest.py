@@ -30,7 +30,9 @@ def test_an_interface_that_works_needs_no_ports_of_a_station(
     assert (row["capability"], row["works"]) == ("interface air", True)
 
 
-def test_a_test_that_does_not_end_is_ended(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_test_that_does_not_end_is_ended(
+    quiet: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     def mute(station: object, answer: Callable[[Any], None]) -> None:
         """It answers nobody."""
 
