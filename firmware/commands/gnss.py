@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from board.errors import StationError
 from firmware.user import client
 from firmware.user.arguments import add_control, address
-from firmware.user.table import Screen, Table, span
+from firmware.user.table import Screen, Table, counted, span
 from firmware.user.untrusted import named, number, text, texts, within
 
 DESCRIPTION = """\
@@ -149,4 +149,4 @@ def _frames(corrections: Mapping[str, object]) -> str:
 
 def _counted(details: Mapping[str, object]) -> str:
     counts = ("jumps", "withheld", "garbage_octets", "bringups")
-    return ", ".join(f"{number(details, key):.0f} {key.replace('_', ' ')}" for key in counts if number(details, key))
+    return counted((number(details, key), key.replace("_", " ")) for key in counts)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from board.errors import StationError, UsageError
 from firmware.user import client
 from firmware.user.arguments import add_control, address
-from firmware.user.table import Screen, Table, span
+from firmware.user.table import Screen, Table, counted, span
 from firmware.user.untrusted import named, number, text, texts, within
 
 DESCRIPTION = """\
@@ -111,7 +111,9 @@ def table(name: str, one: Mapping[str, object]) -> Table:
         ("counted", _counted(details)),
     ]
     state = f"{text(one, 'state')} for {span(number(one, 'since_s'))}"
-    return Table(f"{name}: {state}: {text(one, 'why')}", ("what", "value"), [row for row in rows if row[1]])
+    # A modem is asked for its readings while it is up; what is shown else was read before, or on the way up again.
+    notes = [] if text(one, "state") == "up" else [f"readings may be {span(number(one, 'since_s'))} old or older"]
+    return Table(f"{name}: {state}: {text(one, 'why')}", ("what", "value"), [row for row in rows if row[1]], notes)
 
 
 def _words(*words: str) -> str:
@@ -138,5 +140,5 @@ def _card(details: Mapping[str, object]) -> str:
 
 
 def _counted(details: Mapping[str, object]) -> str:
-    counts = ("recoveries", "misread", "garbage_octets")
-    return _words(*(f"{number(details, key):.0f} {key.replace('_', ' ')}" for key in counts if number(details, key)))
+    counts = (("recoveries", "resets"), ("misread", "misread answers"), ("garbage_octets", "garbage octets"))
+    return counted((number(details, key), name) for key, name in counts)

@@ -9,7 +9,7 @@ from pathlib import Path
 from board.errors import StationError
 from firmware.user import board, client
 from firmware.user.arguments import add_station, address
-from firmware.user.table import Screen, Table, span
+from firmware.user.table import Screen, Table, span, times
 from firmware.user.untrusted import listed, named, number, text, within
 
 WATCH_S = 1.0  # as often as a station reports
@@ -124,7 +124,7 @@ def _interfaces(status: Mapping[str, object]) -> Table:
             )
         )
         restarts = number(one, "restarts")
-        notes.append(f"{name}: {text(one, 'why')}" + (f"; started again {restarts:.0f} times" if restarts else ""))
+        notes.append(f"{name}: {text(one, 'why')}" + (f"; started again {times(restarts)}" if restarts else ""))
     heads = ("interface", "driver", "link", ">for", ">received", ">sent", ">queue", ">max", ">heard")
     return Table("interfaces" if rows else "no interfaces", heads, rows, notes)
 

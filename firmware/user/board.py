@@ -25,6 +25,8 @@ def _position(position: Mapping[str, object]) -> Iterator[Table]:
         return
     place = f"{number(position, 'latitude'):.7f} {number(position, 'longitude'):.7f}"
     words = [f"position {place} by {text(position, 'source')}"]
+    if "age_s" in position:
+        words.append(f"{span(number(position, 'age_s'))} ago")
     if text(position, "fix"):
         words += [
             f"fix {text(position, 'fix')}, carrier {text(position, 'carrier')}",

@@ -78,6 +78,16 @@ def span(seconds: float) -> str:
     return f"{seconds / 3600:.0f} h" if seconds < 360_000 else f"{seconds / 86400:.0f} d"
 
 
+def counted(counts: Iterable[tuple[float, str]]) -> str:
+    """Counts with what is counted, in its plural: `1 jump, 2 bringups`. What is none is left out."""
+    return ", ".join(f"{count:.0f} {name.removesuffix('s') if count == 1 else name}" for count, name in counts if count)
+
+
+def times(count: float) -> str:
+    """How often: once, 2 times."""
+    return "once" if count == 1 else f"{count:.0f} times"
+
+
 def width_of(stream: TextIO) -> int:
     """Columns of the terminal; 80 where there is none and COLUMNS is not set."""
     return shutil.get_terminal_size((80, 24)).columns if stream.isatty() else 80

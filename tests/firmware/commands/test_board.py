@@ -49,6 +49,7 @@ POSITION = {
     "source": "gnss",
     "fix": "full",
     "carrier": "fixed",
+    "age_s": 0.2,
     "horizontal_m": 0.014,
     "speed_m_s": 13.9,
     "time_mark": {"accuracy_ns": 25, "is_locked": True},
@@ -157,7 +158,7 @@ def test_the_status_has_slots_measurements_and_the_position_in_80_columns():
     assert "\x1b" not in text
     assert "rails: main 8.2 V 1.25 A 10.25 W" in text
     assert "WRONG: rail main: 8.2 V is below 9 V" in text
-    assert "position 48.7668616 11.4320680 by gnss, fix full, carrier fixed" in text
+    assert "position 48.7668616 11.4320680 by gnss, 0.2 s ago, fix full" in text
     assert "time within 25 ns, locked" in text
 
 

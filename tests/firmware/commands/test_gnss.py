@@ -66,7 +66,7 @@ corrections  tcp://192.0.2.1:2101, connected
              612 frames, younger than 2 s, 610 used, 2 unused, 0 damaged
 receiver     module ZED-F9P, firmware HPG 1.32, protocol 27.31
 port         /dev/ttyACM0
-counted      1 jumps, 4 withheld, 1 bringups
+counted      1 jump, 4 withheld, 1 bringup
   not known to its firmware: CFG-MSGOUT-UBX_SEC_SIG_USB"""
 
 

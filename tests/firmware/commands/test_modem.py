@@ -66,7 +66,7 @@ bearer       wwan0, 10.64.1.2
 card         ready, 3 attempts for its PIN
 modem        SIMCOM_SIM8202G-M2, LE13B04SIM8202M44A-M2, 1e0e:9001
 temperature  38 C
-counted      2 recoveries"""
+counted      2 resets"""
 
 
 def run(tmp_path, *words, interfaces=None, **more):
@@ -82,6 +82,11 @@ def run(tmp_path, *words, interfaces=None, **more):
 
 def test_a_modem_is_shown_in_eighty_columns():
     assert "\n".join(plain(modem.table("cellular", MODEM), 80)) == SHOWN
+
+
+def test_readings_of_a_modem_that_is_not_up_are_said_to_be_old():
+    lines = plain(modem.table("cellular", MODEM | {"state": "down", "since_s": 12.0}), 80)
+    assert lines[-1].strip() == "readings may be 12 s old or older"
 
 
 def test_the_modems_of_a_station_are_shown_and_no_other_interface(tmp_path, capsys):

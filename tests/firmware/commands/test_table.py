@@ -3,7 +3,7 @@ import io
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware.user.table import Screen, Table, fit, plain
+from firmware.user.table import Screen, Table, counted, fit, plain, times
 
 
 def test_numbers_stand_right_and_words_left():
@@ -81,3 +81,8 @@ def test_a_terminal_that_cannot_move_its_cursor_gets_plain_lines(monkeypatch):
     with Screen(out) as screen:
         screen.show([Table("one")])
     assert out.getvalue() == "one\n\n"
+
+
+def test_one_of_something_is_not_told_as_several():
+    assert counted([(1, "jumps"), (0, "bringups"), (2, "resets")]) == "1 jump, 2 resets"
+    assert (times(1), times(2)) == ("once", "2 times")
