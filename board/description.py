@@ -133,11 +133,14 @@ class SlotDescription:
 
     def __post_init__(self) -> None:
         if self.usb:
-            parse(self.usb)
+            try:
+                parse(self.usb)
+            except ConfigurationError as error:
+                raise ConfigurationError(f"usb: {error.message}", error.hint) from error
         for one in self.ids:
             if not USB_ID.fullmatch(one):
                 hint = "vendor:product as lsusb shows them, four small hexadecimal digits each: 1546:01a9"
-                raise ConfigurationError(f"{one!r} is no id of a USB device", hint)
+                raise ConfigurationError(f"ids: {one!r} is no id of a USB device", hint)
 
 
 @dataclass(frozen=True)

@@ -49,10 +49,11 @@ def load(board: str) -> Board:
 def mistakes(board: Hardware) -> Iterator[str]:
     """What only several tables together can tell, each as `key.path: what is wrong; what to do`."""
     for name, line in board.lines.items():
-        yield from _unknown(f"lines.{name}.expander", line.expander, board.expanders)
+        yield from _unknown(f"lines.{name}.expander", line.expander, "expanders", board.expanders)
     yield from _buses(board)
     for name, rail in board.rails.items():
         yield from _one_source(f"rails.{name}", rail, "bus and hwmon", rail.bus, rail.hwmon)
+        yield from _limits(f"rails.{name}", rail)
     for name, temperature in board.temperatures.items():
         yield from _temperature(f"temperatures.{name}", temperature)
     yield from _slots(board)
@@ -63,9 +64,9 @@ def _buses(board: Hardware) -> Iterator[str]:
     """Every chip on a bus that is declared."""
     for table in ("expanders", "rails", "temperatures"):
         for name, chip in getattr(board, table).items():
-            yield from _unknown(f"{table}.{name}.bus", chip.bus, board.buses)
+            yield from _unknown(f"{table}.{name}.bus", chip.bus, "buses", board.buses)
     if board.identity is not None:
-        yield from _unknown("identity.bus", board.identity.bus, board.buses)
+        yield from _unknown("identity.bus", board.identity.bus, "buses", board.buses)
 
 
 def _temperature(where: str, one: TemperatureDescription) -> Iterator[str]:
@@ -80,11 +81,16 @@ def _one_source(where: str, one: RailDescription, words: str, *given: str) -> It
         yield f"{where}: a rail is read by one of {words}; give exactly one of them"
 
 
+def _limits(where: str, one: RailDescription) -> Iterator[str]:
+    if one.min_v is not None and one.max_v is not None and one.min_v > one.max_v:
+        yield f"{where}: min_v {one.min_v:g} is more than max_v {one.max_v:g}; no voltage is within both"
+
+
 def _slots(board: Hardware) -> Iterator[str]:
     for name, slot in board.slots.items():
         where = f"slots.{name}"
-        yield from _unknown(f"{where}.power", slot.power, board.lines)
-        yield from _unknown(f"{where}.reset", slot.reset, board.lines)
+        yield from _unknown(f"{where}.power", slot.power, "lines", board.lines)
+        yield from _unknown(f"{where}.reset", slot.reset, "lines", board.lines)
         if slot.hub_port and not slot.usb:
             yield f"{where}.usb: is missing; a hub can switch a port only where its topology path is known"
         if slot.power and slot.power == slot.reset:
@@ -92,14 +98,30 @@ def _slots(board: Hardware) -> Iterator[str]:
 
 
 def _taken_twice(board: Hardware) -> Iterator[str]:
-    """One place, one slot; one pin, one line; one slot to a line."""
+    """One place, one slot; one pin, one line; one slot to a line; one chip to an address."""
     slots, lines = board.slots, board.lines
     yield from _twice("slots", "usb", {name: slot.usb for name, slot in slots.items() if slot.usb})
     yield from _twice("lines", "pin", {name: _pin(line) for name, line in lines.items()})
+    yield from _addresses_twice(board)
     for key in ("power", "reset"):
         yield from _twice(
             "slots", key, {name: getattr(slot, key) for name, slot in slots.items() if getattr(slot, key)}
         )
+
+
+def _addresses_twice(board: Hardware) -> Iterator[str]:
+    """Of chips at a bus; the channels of an INA3221 are rails of one chip."""
+    first: dict[tuple[str, int], tuple[str, int]] = {}
+    for table in ("expanders", "rails", "temperatures"):
+        for name, chip in getattr(board, table).items():
+            if not chip.bus or chip.kind == "thermal":
+                continue
+            channel = chip.channel if chip.kind == "ina3221" else 0
+            other, taken = first.setdefault((chip.bus, chip.address), (f"{table}.{name}", channel))
+            is_another_channel = channel and taken and channel != taken
+            if other != f"{table}.{name}" and not is_another_channel:
+                place = f"{chip.address:#04x} of {chip.bus}"
+                yield f"{table}.{name}.address: {place} is that of {other} already; each has its own"
 
 
 def _pin(line: LineDescription) -> str:
@@ -117,7 +139,9 @@ def _twice(table: str, key: str, taken: dict[str, str]) -> Iterator[str]:
             first[place] = name
 
 
-def _unknown(where: str, name: str, known: dict[str, Any]) -> Iterator[str]:
+def _unknown(where: str, name: str, table: str, known: dict[str, Any]) -> Iterator[str]:
     """A name that another table should have; an empty one names nothing."""
-    if name and name not in known:
+    if name and not known:
+        yield f"{where}: {name!r} is not declared; add a table [{table}.{name}]"
+    elif name and name not in known:
         yield f"{where}: {name!r} is not declared; {remedy(name, known)}"

@@ -117,6 +117,10 @@ def test_a_board_that_ships_has_no_mistake_and_says_what_it_is(path: Path) -> No
             "lines.v2x_reset.pin: 'pins 3' is that",
         ),
         ('chip = "pinctrl-bcm2711"', "", "lines.v2x_reset: a line has one of chip, line and expander"),
+        ("address = 0x20", "address = 0x40", "rails.main.address: 0x40 of main is that of expanders.pins already"),
+        ("min_v = 4.75", "min_v = 9\nmax_v = 3", "rails.main: min_v 9 is more than max_v 3"),
+        ('usb = "1-1.3"', 'usb = "banana"', "slots.v2x: usb: 'banana'"),
+        ('usb = "1-1.3"', 'usb = "1-1.3"\nids = ["x"]', "slots.v2x: ids: 'x' is no id"),
         ("address = 0x20", "address = 0x78", "expanders.pins.address: 120 is "),
         ("pin = 3", "pin = 16", "lines.v2x_power.pin: 16 is "),
     ],
@@ -130,3 +134,18 @@ def test_a_mistake_is_named_with_its_place_and_what_to_do(tmp_path: Path, old: s
 def test_all_mistakes_are_named_at_once(tmp_path: Path) -> None:
     wrong = WHOLE.replace('power = "v2x_power"', 'power = "a"').replace('reset = "v2x_reset"', 'reset = "b"')
     assert len(mistakes(tmp_path, wrong)) == 2
+
+
+def test_the_channels_of_one_chip_may_be_rails_of_their_own(tmp_path: Path) -> None:
+    chip = 'kind = "ina3221"\nbus = "main"\naddress = 0x41\nchannel = {}\n'
+    rails = [f"[rails.r{number}]\n{chip.format(number)}" for number in (1, 2)]
+    assert len(read(tmp_path, WHOLE + "".join(rails)).rails) == 3
+    again = f"[rails.r3]\n{chip.format(1)}"
+    assert mistakes(tmp_path, WHOLE + "".join([*rails, again])) == [
+        "rails.r3.address: 0x41 of main is that of rails.r1 already; each has its own"
+    ]
+
+
+def test_a_name_where_none_is_declared_says_which_table_to_add(tmp_path: Path) -> None:
+    (mistake,) = mistakes(tmp_path, 'name = "a"\n[expanders.x]\nbus = "mian"\naddress = 0x20\n')
+    assert mistake == "expanders.x.bus: 'mian' is not declared; add a table [buses.mian]"
