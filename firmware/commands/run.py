@@ -25,6 +25,7 @@ examples:
         users of other machines may connect
   captain run --board none --set interfaces.air.driver=udp --set interfaces.air.listen=127.0.0.1:9001
         one interface, and nothing simulated
+  captain run --board quad              a Pi on a Quad Expander; pi: one without
   captain run --board ./crowd.toml      a board file of your own: with another
                                         [neighbours] than that of sim
 

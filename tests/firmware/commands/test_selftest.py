@@ -8,6 +8,7 @@ import pytest
 
 from firmware import cli
 from firmware.commands import selftest
+from firmware.station import Station
 
 
 @pytest.fixture
@@ -36,7 +37,7 @@ def test_a_test_that_does_not_end_is_ended(
     def mute(station: object, answer: Callable[[Any], None]) -> None:
         """It answers nobody."""
 
-    monkeypatch.setattr(selftest.Station, "selftest", mute)
+    monkeypatch.setattr(Station, "selftest", mute)
     monkeypatch.setattr(selftest, "PATIENCE_S", 0.05)
     assert cli.main(["selftest", *quiet]) == 1
     said = capsys.readouterr().err
