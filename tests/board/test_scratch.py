@@ -29,6 +29,23 @@ def test_it_is_there_until_it_is_closed(folder: Path) -> None:
     assert list(folder.iterdir()) == []
 
 
+def test_it_is_in_memory_where_nobody_says_otherwise(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("TMPDIR")
+    monkeypatch.setattr("board.scratch.MEMORY", str(folder))
+    scratch = Scratch("held-")
+    assert scratch.path.parent == folder
+    scratch.close()
+
+
+def test_without_memory_for_it_it_is_where_the_system_has_such(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("TMPDIR")
+    monkeypatch.setattr("board.scratch.MEMORY", "/nowhere")
+    monkeypatch.setattr(tempfile, "tempdir", str(folder))
+    scratch = Scratch("held-")
+    assert scratch.path.parent == folder
+    scratch.close()
+
+
 def test_it_goes_with_who_has_it(folder: Path) -> None:
     scratch = Scratch("held-")
     del scratch
