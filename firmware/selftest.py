@@ -9,7 +9,7 @@ from firmware import capability
 from firmware.capability import Row
 from firmware.carrier import Carrier
 from firmware.place import Place
-from firmware.slots import State
+from firmware.slot_states import State
 from firmware.supervisor import Supervised
 
 # What has not come up by then is told as it is; the whole answer comes within 30 s.

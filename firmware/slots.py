@@ -16,7 +16,6 @@ station is none of its modules.
 
 import logging
 from collections.abc import Callable
-from enum import StrEnum
 from typing import NamedTuple
 
 from board.errors import BlockedError, InterfaceError, StationError, StuckError
@@ -24,6 +23,7 @@ from board.loop import Loop, Timer
 from board.slot import Slot as Sequencer
 from board.slot import State as Sequence
 from firmware.journal import Journal
+from firmware.slot_states import FAULTS, LEVELS, MEANINGS, OPERATED, Event, State
 from firmware.supervisor import Supervised
 
 # A radio answers about 30 s after its power came, a cellular module after as long. Fifteen tries with their pauses take
@@ -37,56 +37,6 @@ STEADY_S = 60.0  # with its link up, after which an older failure has nothing to
 LOOK_S = 1.0  # at least, between two looks at how long its link has been up
 
 log = logging.getLogger("captain.slots")
-
-
-class State(StrEnum):
-    """Of a slot, as in the status."""
-
-    STOPPED = "stopped"  # the station has not started, or is ending
-    UNUSED = "unused"  # no interface has it, its power is left as it was found
-    OFF = "off"  # an operator has switched it off
-    POWERING = "powering"  # power is on, its device is waited for
-    STARTING = "starting"  # its device is there, its driver is being started, if need be again and again
-    RUNNING = "running"
-    CYCLING = "cycling"  # without power for a moment
-    FAULT = "fault"
-
-
-class Event(StrEnum):
-    """What happens to a slot."""
-
-    START = "the station has started"
-    ON = "switched on"
-    OFF = "switched off"
-    CYCLE = "power cycle"
-    PLUGGED = "device seen"
-    UNPLUGGED = "device gone"
-    ABSENT = "no device"  # in time, or it went too often
-    SUPPLIED = "power is on"
-    RELEASED = "out of reset"
-    UNSUPPLIED = "power is off"  # as it was asked for
-    UNSWITCHED = "its power could not be switched"
-    STARTED = "driver started"
-    FAILED = "driver failed"
-    STUCK = "driver failed too often, or for good"
-    EXHAUSTED = "power cycles do not help"  # in place of ABSENT and STUCK
-    STEADY = "ran steadily"
-
-
-# What a state of the sequencer means here.
-MEANINGS = {
-    Sequence.POWERED: Event.SUPPLIED,
-    Sequence.RELEASED: Event.UNPLUGGED,
-    Sequence.PRESENT: Event.PLUGGED,
-    Sequence.FAULT: Event.ABSENT,
-}
-OPERATED = {"on": Event.ON, "off": Event.OFF, "cycle": Event.CYCLE}
-
-# What a power cycle may help against, and what keeps it from one.
-FAULTS = (Event.ABSENT, Event.STUCK, Event.UNSWITCHED)
-
-# Of a driver that starts again the interface's own supervisor has said why.
-LEVELS = {State.STARTING: logging.DEBUG, State.CYCLING: logging.WARNING, State.FAULT: logging.ERROR}
 
 
 class Slot:

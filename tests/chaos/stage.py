@@ -25,7 +25,7 @@ from drivers.sim.modules import Radio
 from drivers.sim.trouble import BOARD
 from firmware import board_file, config
 from firmware.interface import Interface
-from firmware.slots import State
+from firmware.slot_states import State
 from firmware.station import Station
 from firmware.supervisor import Supervised
 from tests.chaos.patient import WORKER

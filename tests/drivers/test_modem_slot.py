@@ -13,7 +13,8 @@ from board.slot import Slot as Sequencer
 from drivers.modem_composition import MOST_SWITCHES
 from firmware.drops import Drops
 from firmware.interface import Interface
-from firmware.slots import Slot, State
+from firmware.slot_states import State
+from firmware.slots import Slot
 from firmware.supervisor import Supervised
 from firmware.tables import QueueOptions
 from firmware.topics import Topics

@@ -8,7 +8,8 @@ from board.presence import FLAPS
 from board.slot import Slot as Sequencer
 from board.usb import Device
 from drivers.contract import Host
-from firmware.slots import Slot, State
+from firmware.slot_states import State
+from firmware.slots import Slot
 from firmware.supervisor import Supervised
 from tests.firmware.doubles import NotingStation, ScriptedDriver, interface_of
 from tests.virtual import VirtualLoop

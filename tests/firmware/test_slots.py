@@ -11,7 +11,8 @@ import pytest
 from board.errors import BlockedError, InterfaceError, StuckError
 from drivers.contract import Host
 from firmware.journal import BURST, EVERY_S
-from firmware.slots import CYCLES, FAULTS, RULES, STARTS, STEADY_S, Event, State
+from firmware.slot_states import FAULTS, Event, State
+from firmware.slots import CYCLES, RULES, STARTS, STEADY_S
 from tests.firmware.slot_bench import BOOT_S, DEAF, OFF_S, SETTLE_S, WAIT_S, Bench
 from tests.virtual import VirtualLoop
 

@@ -10,7 +10,8 @@ from board.errors import InterfaceError, StationError, StuckError
 from board.presence import FLAPS
 from board.slot import State as Sequence
 from drivers.contract import Host
-from firmware.slots import CYCLES, FIRST_RESWITCH_S, MEANINGS, RESWITCH_S, RULES, STEADY_S, Event, State
+from firmware.slot_states import MEANINGS, Event, State
+from firmware.slots import CYCLES, FIRST_RESWITCH_S, RESWITCH_S, RULES, STEADY_S
 from tests.firmware.slot_bench import BOOT_S, DEAF, OFF_S, SETTLE_S, Bench
 from tests.virtual import VirtualLoop
 
