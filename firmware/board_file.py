@@ -31,12 +31,17 @@ class Board(Hardware):
         return bool(self.lines or self.rails or self.temperatures or self.fan or self.identity or self.slots)
 
 
+def path_of(board: str) -> Path:
+    """The file of a board by its name, or as it is given."""
+    return Path(board) if "/" in board or board.endswith(".toml") else BOARDS / f"{board}.toml"
+
+
 def load(board: str) -> Board:
     """A board by its name in board/boards (`sim`, `none`) or by the path of a file.
 
     Raises ConfigurationError that names every mistake with file and key path.
     """
-    path = Path(board) if "/" in board or board.endswith(".toml") else BOARDS / f"{board}.toml"
+    path = path_of(board)
     if path.parent == BOARDS and not path.exists():
         known = ", ".join(sorted(entry.stem for entry in BOARDS.glob("*.toml")))
         raise ConfigurationError(f"board {board!r} is not known", f"one of {known}, or the path of a board file")

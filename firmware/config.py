@@ -47,7 +47,8 @@ def load(path: str | None, overrides: Sequence[str] = (), board: str | None = No
 
     Raises ConfigurationError that names every mistake with file and key path.
     """
-    there = board_file.load(("none" if path else "sim") if board is None else board)
+    chosen = ("none" if path else "sim") if board is None else board
+    there = board_file.load(chosen)
     wanted = describe.load(Path(path)) if path else {}
     present = copy.deepcopy(there.interfaces)  # overrides are written into it
     merged: dict[str, Any] = {"interfaces": present} | wanted
@@ -65,13 +66,22 @@ def load(path: str | None, overrides: Sequence[str] = (), board: str | None = No
             tables = replace(tables, **{key: getattr(part, key)})
     interfaces = []
     for name, options in tables.interfaces.items():
-        read = _collect(mistakes, lambda name=name, options=options: _interface(name, options, there, where))
+        source = _source(name, wanted, overrides, str(board_file.path_of(chosen)), where)
+        read = _collect(mistakes, lambda name=name, options=options, at=source: _interface(name, options, there, at))
         interfaces.append(read)
     mistakes += [f"{where}: {text}" for text in consistency.mistakes(tables, there.slots)]
     mac = _collect(mistakes, lambda: _mac(tables, where))
     if mistakes:
         raise ConfigurationError("\n".join(mistakes))
     return Config(tables, tuple(interfaces), there, mac)
+
+
+def _source(name: str, wanted: Mapping[str, Any], overrides: Sequence[str], board: str, where: str) -> str:
+    """The file that a mistake in an interface is to be looked for in."""
+    above = wanted.get("interfaces")
+    is_above = isinstance(above, dict) and name in above
+    is_above = is_above or any(text.startswith(f"interfaces.{name}.") for text in overrides)
+    return where if is_above else board
 
 
 def _laid_over(there: Mapping[str, Any], wanted: Mapping[str, Any]) -> dict[str, Any]:

@@ -463,3 +463,14 @@ def test_a_driver_looks_where_its_slot_is_unless_it_is_told_to_look_elsewhere(
     text = f"[interfaces.modem]\ndriver = 'usb'\nslot = 'cellular'\n{given}\n"
     (modem,) = loaded(folder, text, board=slots).interfaces
     assert modem.options.usb == usb
+
+
+def test_a_mistake_is_looked_for_in_the_file_that_has_it(folder: Path) -> None:
+    board = folder / "miss.toml"
+    board.write_text('name = "miss"\n[interfaces.air]\ndriver = "nosuch"\n')
+    (of_board,) = mistakes(folder, "", board=str(board))
+    assert of_board.startswith(f"{board}: interfaces.air.driver: 'nosuch' is no driver")
+    (of_file,) = mistakes(folder, '[interfaces.air]\ndriver = "other"\n', board=str(board))
+    assert of_file.startswith(f"{folder}/captain.toml: interfaces.air.driver: 'other'")
+    (given,) = mistakes(folder, "", "interfaces.air.driver=third", board=str(board))
+    assert given.startswith(f"{folder}/captain.toml: interfaces.air.driver: 'third'")
