@@ -9,7 +9,7 @@ from board.loop import Loop, Timer
 SEARCH_S = 3.0  # until an LTE cell is found
 STEP_S = 2.0  # from LTE to NSA, from there to SA
 
-OPERATOR = "Telekom.de"
+OPERATOR = "CHN-CT"  # as its cells have it: MCC 460, MNC 11
 ADDRESS = "10.64.1.2"
 
 

@@ -69,7 +69,7 @@ def test_its_details_say_what_the_module_is_and_where_it_is_served(bench, loop):
     assert details["model"] == "SIMCOM_SIM8202G-M2"
     assert details["firmware"] == "LE13B04SIM8202M44A-M2"
     assert details["usb"] == "1e0e:9001"
-    assert details["operator"] == "Telekom.de"
+    assert details["operator"] == "CHN-CT"
     assert details["registration"] == "home"
     assert details["temperature_c"] == 38
     assert details["rssi_dbm"] == -73
