@@ -74,7 +74,9 @@ def examine(arguments: argparse.Namespace) -> Iterator[Finding]:
     running = ports.running(endpoint.from_users, endpoint.control)
     yield from checks.endpoint(endpoint, running)
     yield from board_checks.board(read.board)
+    yield from checks.neighbours(read.board, running)
     for interface in read.interfaces:
+        yield from checks.pin_file(interface)
         if interface.queue.slot and interface.name not in within(running or {}, "interfaces"):
             yield from board_checks.slot_of(interface, read.board)
         else:

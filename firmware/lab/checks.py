@@ -11,9 +11,11 @@ from typing import Any, NamedTuple
 
 import zmq
 
+from board.address import address
 from board.errors import StationError
 from drivers import DRIVERS
 from drivers.contract import Shared
+from firmware.board_file import Board
 from firmware.codec.library import Library, NoLibraryError
 from firmware.config import Config, InterfaceConfig
 from firmware.lab import ports
@@ -137,6 +139,36 @@ def _running(subject: str, told: dict[str, object]) -> Finding:
     level = {"up": Level.OK, "waiting": Level.PROBLEM}.get(state, Level.WARNING)
     remedy = "" if state == "up" else text(told, "hint") or "`captain status` and the station's journal say more"
     return Finding(level, subject, f"{driver}: {state} in the running station: {why}", remedy)
+
+
+def pin_file(one: InterfaceConfig) -> Iterator[Finding]:
+    """The file with a card's PIN, where an interface names one: others must not read it."""
+    if not (name := getattr(one.options, "pin_file", "")):
+        return
+    subject, path = f"interface {one.name}", Path(name)
+    try:
+        mode = path.stat().st_mode & 0o777
+    except OSError as error:
+        remedy = f"write the PIN into it: install -m 600 /dev/stdin {path}"
+        yield Finding(Level.PROBLEM, subject, f"pin_file {path}: {error.strerror}", remedy)
+        return
+    if mode & 0o077:
+        yield Finding(Level.WARNING, subject, f"pin_file {path} has mode {mode:04o}", f"chmod 600 {path}")
+
+
+def neighbours(board: Board, running: Mapping[str, object] | None) -> Iterator[Finding]:
+    """Whether simulated neighbours, and a simulated radio that hears them, can have the ports of the board file."""
+    for key in ("listen", "to") if board.simulated else ("listen",):
+        if board.neighbours is None:
+            return
+        place = getattr(board.neighbours, key)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            try:
+                probe.bind(address(place))
+            except OSError as error:
+                level = Level.PROBLEM if running is None else Level.WARNING
+                remedy = f"give neighbours.{key} in the board file another port, or 0 for any that is free"
+                yield Finding(level, "neighbours", f"{place}: {error.strerror}", remedy)
 
 
 def receive_buffer(interfaces: Sequence[InterfaceConfig], rmem_max: Path = RMEM_MAX) -> Iterator[Finding]:

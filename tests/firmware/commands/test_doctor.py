@@ -7,8 +7,11 @@ from hypothesis import strategies as st
 
 from board import echo
 from board.errors import InterfaceError
+from drivers.sim.neighbours import NeighboursOptions
+from drivers.sim8202g import ModemOptions
 from drivers.udp import UdpOptions
-from firmware import cli
+from firmware import board_file, cli
+from firmware.board_file import Board
 from firmware.codec import library
 from firmware.commands import doctor
 from firmware.config import InterfaceConfig
@@ -209,3 +212,25 @@ def test_a_finding_fits_the_screen_and_obeys_nobody(finding, width):
     lines = doctor.lines(finding, width)
     assert all(len(line) <= width and line.isprintable() for line in lines)
     assert lines[0].startswith(finding.level.value)
+
+
+def test_a_pin_that_others_may_read_is_a_warning_and_one_that_is_missing_a_problem(tmp_path):
+    path = tmp_path / "pin"
+    one = InterfaceConfig("modem", QueueOptions("sim8202g"), ModemOptions(usb="1-1.4", pin_file=str(path)))
+    assert only(checks.pin_file(one)).level is Level.PROBLEM
+    path.write_text("0000")
+    path.chmod(0o644)
+    found = only(checks.pin_file(one))
+    assert (found.level, found.remedy) == (Level.WARNING, f"chmod 600 {path}")
+    path.chmod(0o600)
+    assert list(checks.pin_file(one)) == []
+
+
+def test_neighbours_whose_port_is_taken_are_a_problem_with_the_key_to_change():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        air = NeighboursOptions(listen=f"127.0.0.1:{taken.getsockname()[1]}", to="127.0.0.1:0")
+        found = only(checks.neighbours(Board("a", neighbours=air), None))
+    assert found.level is Level.PROBLEM
+    assert "neighbours.listen" in found.remedy
+    assert list(checks.neighbours(board_file.load("sim"), None)) == []
