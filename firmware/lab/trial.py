@@ -15,6 +15,7 @@ class Trial:
 
     def __init__(self, name: str) -> None:
         self.name = name
+        self.slot = ""
         self.loop = Loop()
         self.is_up = False
         self.why = "it has not said whether its link is up"
