@@ -17,6 +17,7 @@ PROGRAM = [str((ROOT / os.environ.get("CAPTAIN", ".venv/bin/captain")).absolute(
 
 # Seconds. Reached only by a test that fails.
 PATIENCE = 5.0
+BETWEEN = 0.005  # s, between two questions
 START = 10.0
 ENDPOINTS = ("from_users", "to_users", "pull", "report")
 
@@ -127,14 +128,15 @@ class Station:
         """What was dropped since the start: (where, reason) -> count."""
         return {(row["where"], row["reason"]): row["count"] for row in self.status()["drops"]}
 
-    def until(self, holds: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
-        """Ask for the status until it holds, and return it."""
-        end = time.monotonic() + PATIENCE
+    def until(self, holds: Callable[[dict[str, Any]], bool], patience: float = PATIENCE) -> dict[str, Any]:
+        """Ask for the status until it holds, and return it; not so often that the asking is all it does."""
+        end = time.monotonic() + patience
         while True:
             status = self.status()
             if holds(status):
                 return status
             assert time.monotonic() < end, f"it never came to hold: {json.dumps(status, indent=1)}"
+            time.sleep(BETWEEN)
 
 
 class _Readiness:

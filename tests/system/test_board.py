@@ -16,6 +16,7 @@ from tests.system.user import User
 
 # A modem needs ten seconds to find a network: it has tests of its own.
 WITHOUT = "[interfaces.cellular]"
+MODULES_S = 30.0  # at most, until the others are up, on a machine that does more than this
 
 
 class Bench:
@@ -40,7 +41,9 @@ class Bench:
         return found
 
     def until_up(self) -> dict[str, Any]:
-        return self.station.until(lambda status: all(one["state"] == "up" for one in status["interfaces"].values()))
+        return self.station.until(
+            lambda status: all(one["state"] == "up" for one in status["interfaces"].values()), MODULES_S
+        )
 
     def captain(self, *words: str) -> tuple[int, Any]:
         """A command that is answered in JSON: its exit status and its answer."""
