@@ -156,6 +156,21 @@ class Operated(Protocol):
         """
 
 
+@runtime_checkable
+class Borne(Protocol):
+    """A driver whose peers are reached by a mobile network: told how the interface is that its option names."""
+
+    @property
+    def bearer(self) -> str:
+        """Name of an interface with BEARER; empty: none is followed."""
+
+    def bearer_changed(self, is_up: bool, device: str) -> None:
+        """The bearer came up or went down, or has another network device or address now; between start() and stop().
+
+        device  of the network, as in wwan0; empty where it is not known.
+        """
+
+
 class DriverClass(Protocol):
     """A driver's class as DRIVERS holds it; Options is the frozen dataclass of its keys in captain.toml."""
 

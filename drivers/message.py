@@ -86,6 +86,7 @@ class RxInfo(NamedTuple):
     area: Area | None = None
     source_mac: bytes = NO_MAC
     transport: str = ""  # shb, gbc, tsb, guc, gac, beacon; empty where there is no GeoNetworking
+    source: str = ""  # the client of a broker that sent it, where the broker's messages say so
 
 
 NO_RX_INFO = RxInfo()

@@ -49,6 +49,9 @@ class Reason(StrEnum):
     FRAMING = "framing"
     CHECKSUM = "checksum"
     RAW_FORMAT = "raw-format"
+    TOPIC = "topic"
+    PAYLOAD = "payload"
+    RETAINED = "retained"
     # towards a user
     SUBSCRIBER_SLOW = "subscriber-slow"
 
@@ -93,5 +96,8 @@ MEANING: dict[Reason, str] = {
     Reason.FRAMING: "octets between two frames on a serial line, or a frame of impossible length",
     Reason.CHECKSUM: "the frame's checksum does not match",
     Reason.RAW_FORMAT: "a message of an interface process is no RawRxMessage of one frame",
+    Reason.TOPIC: "the broker sent a topic that is outside the profile's templates",
+    Reason.PAYLOAD: "its payload is not of the form that the profile of the broker has",
+    Reason.RETAINED: "the broker had kept it from earlier: how old it is nobody knows",
     Reason.SUBSCRIBER_SLOW: "a subscriber fell behind; it alone loses messages until it has read half of its queue",
 }

@@ -1,0 +1,154 @@
+"""What the station and the process with the MQTT client say to each other: an octet that says which, then fields.
+
+Both ends are one machine: numbers are in its own order. Moments are of the clock that both share, CLOCK_MONOTONIC.
+
+    station to process                        process to station
+    the settings, JSON, first                 RECEIVED  moment, BTP port, source, PDU
+    SEND    number, deadline, port, row, PDU  SENT      number, what became of it, why in words
+    EGO     own state                         STATE     whether the broker is there, why in words
+    BEARER  whether it is up, its device      DROPPED   reason, count, sample
+                                              DETAILS   JSON, as Host.tell() takes it
+                                              FAULT     what, a blank line, remedy: it cannot work as configured
+                                              ALIVE     at least once in BEAT_S, or another message
+"""
+
+import json
+import struct
+from collections.abc import Mapping
+from struct import Struct
+from typing import NamedTuple
+
+from drivers.message import Ego, Position
+from drivers.reason import Reason
+
+SEND, EGO, BEARER = 1, 2, 3
+RECEIVED, SENT, STATE, DROPPED, DETAILS, FAULT, ALIVE = 1, 2, 3, 4, 5, 6, 7
+
+BEAT_S = 1.0
+ALIVE_NOW = bytes((ALIVE,))  # the whole message
+MAX_SAMPLE = 64  # octets of what was dropped
+
+_SEND = Struct("=BQdHB")
+_EGO = Struct("=Bqii?ii?")
+_BEARER = Struct("=B?")
+_RECEIVED = Struct("=BqiB")
+_SENT = Struct("=BQB")
+_STATE = Struct("=B?")
+_DROPPED = Struct("=BBI")
+_NO_PORT = -1
+_REASONS = tuple(Reason)
+
+
+class ToSend(NamedTuple):
+    """A request as the process has it.
+
+    deadline  CLOCK_MONOTONIC after which it must not leave.
+    row       of the table of message types in the settings.
+    """
+
+    number: int
+    deadline: float
+    btp_port: int
+    row: int
+    pdu: bytes
+
+
+def send(request: ToSend) -> bytes:
+    number, deadline, btp_port, row, pdu = request
+    return _SEND.pack(SEND, number, deadline, btp_port, row) + pdu
+
+
+def parse_send(message: bytes) -> ToSend:
+    _, number, deadline, btp_port, row = _SEND.unpack_from(message)
+    return ToSend(number, deadline, btp_port, row, message[_SEND.size :])
+
+
+def ego(own: Ego) -> bytes:
+    latitude, longitude = own.position
+    return _EGO.pack(EGO, own.its_ms, latitude, longitude, own.is_known, own.speed, own.heading, own.is_accurate)
+
+
+def parse_ego(message: bytes) -> Ego:
+    _, its_ms, latitude, longitude, is_known, speed, heading, is_accurate = _EGO.unpack(message)
+    return Ego(its_ms, Position(latitude, longitude), is_known, speed, heading, is_accurate)
+
+
+def bearer(is_up: bool, device: str) -> bytes:
+    return _BEARER.pack(BEARER, is_up) + device.encode()
+
+
+def parse_bearer(message: bytes) -> tuple[bool, str]:
+    return bool(_BEARER.unpack_from(message)[1]), message[_BEARER.size :].decode()
+
+
+class Received(NamedTuple):
+    """A PDU that the broker delivered.
+
+    received_ns  Unix time of that.
+    btp_port     of the topic; None where it names none.
+    source       the client that sent it, where the profile carries it; else empty. At most 255 octets.
+    """
+
+    received_ns: int
+    pdu: bytes
+    btp_port: int | None = None
+    source: str = ""
+
+
+def received(what: Received) -> bytes:
+    source = what.source.encode()
+    port = _NO_PORT if what.btp_port is None else what.btp_port
+    return _RECEIVED.pack(RECEIVED, what.received_ns, port, len(source)) + source + what.pdu
+
+
+def parse_received(message: bytes) -> Received:
+    _, received_ns, port, size = _RECEIVED.unpack_from(message)
+    start = _RECEIVED.size + size
+    source = message[_RECEIVED.size : start].decode()
+    return Received(received_ns, message[start:], None if port == _NO_PORT else port, source)
+
+
+def sent(number: int, reason: Reason | None = None, why: str = "") -> bytes:
+    """reason is None where the broker has it (QoS 1 and 2), or where it has left (QoS 0)."""
+    outcome = len(_REASONS) if reason is None else _REASONS.index(reason)
+    return _SENT.pack(SENT, number, outcome) + why.encode()
+
+
+def parse_sent(message: bytes) -> tuple[int, Reason | None, str]:
+    _, number, outcome = _SENT.unpack_from(message)
+    return number, None if outcome == len(_REASONS) else _REASONS[outcome], message[_SENT.size :].decode()
+
+
+def state(is_up: bool, why: str) -> bytes:
+    return _STATE.pack(STATE, is_up) + why.encode()
+
+
+def parse_state(message: bytes) -> tuple[bool, str]:
+    return bool(_STATE.unpack_from(message)[1]), message[_STATE.size :].decode()
+
+
+def dropped(reason: Reason, count: int, sample: bytes = b"") -> bytes:
+    return _DROPPED.pack(DROPPED, _REASONS.index(reason), count) + sample[:MAX_SAMPLE]
+
+
+def parse_dropped(message: bytes) -> tuple[Reason, int, bytes]:
+    _, place, count = _DROPPED.unpack_from(message)
+    return _REASONS[place], count, message[_DROPPED.size :]
+
+
+def details(what: Mapping[str, object]) -> bytes:
+    return struct.pack("=B", DETAILS) + json.dumps(what).encode()
+
+
+def parse_details(message: bytes) -> dict[str, object]:
+    found: dict[str, object] = json.loads(message[1:])
+    return found
+
+
+def fault(message: str, hint: str = "") -> bytes:
+    return struct.pack("=B", FAULT) + f"{message}\n\n{hint}".encode()
+
+
+def parse_fault(message: bytes) -> tuple[str, str]:
+    text, _, hint = message[1:].decode().partition("\n\n")
+    return text, hint
