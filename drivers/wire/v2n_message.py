@@ -1,0 +1,107 @@
+"""What goes to a broker and comes from it, and who says so: shared by profiles and their payloads."""
+
+from typing import NamedTuple, Protocol
+
+from board.errors import ProtocolError
+from drivers.message import Ego
+from drivers.reason import Reason
+
+MAX_PAYLOAD = 65536  # octets; a PDU of 1500 is 2000 as base64, and some 20,000 as JSON
+MAX_SOURCE = 255  # octets
+
+
+class Publication(NamedTuple):
+    """What is published.
+
+    expiry_s  after which the broker forgets it (MQTT 5); None: never.
+    """
+
+    topic: str
+    payload: bytes
+    qos: int
+    retain: bool
+    expiry_s: int | None
+    user_properties: tuple[tuple[str, str], ...] = ()
+
+
+class Delivery(NamedTuple):
+    """What a broker delivered."""
+
+    topic: str
+    payload: bytes
+    is_retained: bool = False
+    user_properties: tuple[tuple[str, str], ...] = ()
+
+
+class Received(NamedTuple):
+    """A PDU out of a delivery.
+
+    btp_port  of the topic; None where that names none.
+    source    the client that sent it, where the payload carries it; else empty. At most MAX_SOURCE octets of UTF-8.
+    """
+
+    pdu: bytes
+    btp_port: int | None
+    source: str
+
+
+class Identity(NamedTuple):
+    """Who the station is to a broker.
+
+    host     its name there, unique.
+    station  stationID of its messages.
+    uuid     its name in profiles that want one.
+    prefix   where topics begin, in profiles that leave that open.
+    """
+
+    host: str
+    station: int
+    uuid: str
+    prefix: str
+
+
+class RefusedError(ProtocolError):
+    """What a broker delivered is not passed on, for a reason that is counted."""
+
+    def __init__(self, reason: Reason, message: str, hint: str = "") -> None:
+        super().__init__(message, hint)
+        self.reason = reason
+
+
+class Codec(Protocol):
+    """The message library, where a payload needs it. What it cannot do is a ValueError that names path and reason."""
+
+    def decode(self, kind: str, octets: bytes) -> dict[str, object]:
+        """The value of a PDU, its header included; kind is the type's name."""
+
+    def encode(self, kind: str, value: dict[str, object]) -> bytes:
+        """The PDU of a value, its header included."""
+
+
+class Sending(NamedTuple):
+    """What a payload is made of.
+
+    kind    name of the type; its messageID where it has none.
+    now_ms  Unix time.
+    """
+
+    kind: str
+    btp_port: int
+    pdu: bytes
+    own: Ego
+    now_ms: int
+
+
+class Payload(Protocol):
+    """A form of payloads. Knows no topic."""
+
+    def write(self, sending: Sending) -> bytes:
+        """Raises RequestError where the form cannot hold the message."""
+
+    def read(self, kind: str, payload: bytes) -> tuple[bytes, str]:
+        """PDU and source; kind is the type that the topic names, or empty. Raises RefusedError."""
+
+
+def source_of(text: str) -> str:
+    """A name that a peer gave itself, if it is fit to be shown; else nothing."""
+    return text if text.isprintable() and len(text.encode()) <= MAX_SOURCE else ""

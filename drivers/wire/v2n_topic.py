@@ -1,0 +1,97 @@
+"""Topics with gaps: `v2x/btp/{port}` for what is published, and as the filter that finds it again."""
+
+import re
+from collections.abc import Mapping
+from difflib import get_close_matches
+
+from board.errors import ConfigurationError, RequestError
+
+VARIABLES = ("host", "station", "uuid", "type", "port", "quadkey", "prefix")
+OPEN = ("type", "port")  # of a filter: whatever stands there is received
+MAX_TOPIC = 65535  # octets of UTF-8 (MQTT 5.0, 1.5.4)
+
+_GAP = re.compile(r"\{([^{}]*)\}")
+_FORBIDDEN = re.compile("[+#\0]")
+# One level of a topic; of a tile one digit a level.
+_PATTERNS = {"type": "(?P<type>[^/]+)", "port": "(?P<port>[^/]+)", "quadkey": "[0-3](?:/[0-3])*"}
+
+
+class Template:
+    """Where messages are published, or a filter of what is received.
+
+    Raises ConfigurationError for a variable that does not exist, and for what no topic or filter may hold.
+    """
+
+    def __init__(self, text: str, is_filter: bool = False) -> None:
+        self.text = text
+        self.variables = frozenset(_GAP.findall(text))
+        for name in sorted(self.variables - set(VARIABLES)):
+            raise ConfigurationError(f"{text!r}: {{{name}}} is no variable of topics", _remedy(name))
+        rest = _GAP.sub("", text)
+        if "{" in rest or "}" in rest:
+            raise ConfigurationError(f"{text!r}: a brace has no partner", "write {type}")
+        if not text or len(text.encode("utf-8", "replace")) > MAX_TOPIC:
+            raise ConfigurationError(f"{text[:60]!r}: a topic has 1 to {MAX_TOPIC} octets")
+        _check(text, is_filter)
+
+    def needs(self, name: str) -> bool:
+        return name in self.variables
+
+    def fill(self, values: Mapping[str, str]) -> str:
+        """The topic. Raises RequestError where a value makes none of it."""
+        topic = _GAP.sub(lambda gap: values[gap[1]], self.text)
+        if _FORBIDDEN.search(topic) or len(topic.encode("utf-8", "replace")) > MAX_TOPIC:
+            raise RequestError(f"{topic[:60]!r} is no topic: {self.text!r} was filled with {_shown(values)}")
+        return topic
+
+    def filter(self, values: Mapping[str, str]) -> str:
+        """What the broker is asked for: `+` where any type or port may stand."""
+        return _GAP.sub(lambda gap: "+" if gap[1] in OPEN else values[gap[1]], self.text)
+
+    def pattern(self, values: Mapping[str, str]) -> re.Pattern[str]:
+        """What a topic that the filter lets through looks like; groups are `type` and `port`."""
+        parts = []
+        for level in self.text.split("/"):
+            if level == "#":
+                parts[-1] += "(?:/.*)?" if parts else ""
+            else:
+                parts.append("[^/]*" if level == "+" else _level(level, values))
+        return re.compile("/".join(parts) or ".*", re.DOTALL)
+
+
+def check_value(name: str, value: str) -> None:
+    """Raises ConfigurationError where a value of the station would not be what it is in a topic."""
+    if not value:
+        raise ConfigurationError(f"{name} is empty, and the profile's topics name it", f"set {name}")
+    if _FORBIDDEN.search(value) or (name != "prefix" and "/" in value):
+        raise ConfigurationError(f"{name} {value!r} cannot stand in a topic", "leave + # / and NUL out")
+    if not value.isprintable():
+        raise ConfigurationError(f"{name} {value!r} cannot stand in a topic", "leave control characters out")
+
+
+def _level(level: str, values: Mapping[str, str]) -> str:
+    found, end = "", 0
+    for gap in _GAP.finditer(level):
+        found += re.escape(level[end : gap.start()]) + (_PATTERNS.get(gap[1]) or re.escape(values[gap[1]]))
+        end = gap.end()
+    return found + re.escape(level[end:])
+
+
+def _check(text: str, is_filter: bool) -> None:
+    if "\0" in text or (not is_filter and _FORBIDDEN.search(text)):
+        raise ConfigurationError(f"{text!r}: no message can be published there", "leave + # and NUL out")
+    levels = text.split("/")
+    for place, level in enumerate(levels):
+        is_wild = level == "+" or (level == "#" and place == len(levels) - 1)
+        if not is_wild and ("+" in level or "#" in level):
+            remedy = "+ is a whole level and # the last one: v2x/+/#"
+            raise ConfigurationError(f"{text!r}: {level!r} is no level of a filter", remedy)
+
+
+def _remedy(name: str) -> str:
+    close = get_close_matches(name, VARIABLES, n=1)
+    return f"did you mean {{{close[0]}}}?" if close else "known: " + " ".join(f"{{{name}}}" for name in VARIABLES)
+
+
+def _shown(values: Mapping[str, str]) -> str:
+    return ", ".join(f"{name} {value!r}" for name, value in values.items())[:120]
