@@ -1,26 +1,64 @@
-"""The profiles that ship, and those of users: TOML files."""
+"""The profiles that ship, and those of users: TOML files; and the message library, for those that decode."""
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
-from board.describe import load, read, remedy
-from board.errors import ConfigurationError
+from board import describe
+from board.errors import BlockedError, ConfigurationError
 from drivers.wire.v2n_description import ProfileDescription
+from drivers.wire.v2n_message import Codec, Edition
 
 FOLDER = Path(__file__).parent / "profiles"
+TEMPLATE = FOLDER / "template.toml"  # explains each key; it is one itself
 
 
 def names() -> list[str]:
     """The profiles that ship."""
-    return sorted(path.stem for path in FOLDER.glob("*.toml") if path.stem != "template")
+    return sorted(path.stem for path in FOLDER.glob("*.toml") if path != TEMPLATE)
 
 
-def profile(name: str) -> ProfileDescription:
+def load(name: str) -> ProfileDescription:
     """A profile by its name, or by the path of a TOML file. Raises ConfigurationError."""
-    if "/" not in name and not name.endswith(".toml"):
-        if name not in names():
-            hint = f"{remedy(name, names())}; or give the path of a TOML file"
-            raise ConfigurationError(f"profile {name!r} is none that ships", hint)
+    if name in names():
         path = FOLDER / f"{name}.toml"
-    else:
+    elif name.endswith(".toml"):
         path = Path(name)
-    return read(ProfileDescription, load(path), str(path))
+    else:
+        hint = f"{describe.remedy(name, names())}; the path of a profile of your own ends in .toml"
+        raise ConfigurationError(f"profile: there is no {name!r}", hint)
+    return describe.read(ProfileDescription, describe.load(path), str(path))
+
+
+def codec(description: ProfileDescription) -> Codec | None:
+    """The message library, if the profile needs it. Raises BlockedError where it cannot be imported."""
+    if not description.needs_codec:
+        return None
+    try:
+        import captain_messages
+    except ImportError as error:
+        what = f"profile {description.name} decodes, and the message library cannot be imported: {error}"
+        raise BlockedError(what, "`make codec` builds it") from error
+    return MessageLibrary(captain_messages.all())
+
+
+class MessageLibrary:
+    """The editions of captain_messages, chosen by the ITS PDU header."""
+
+    def __init__(self, messages: Sequence[Any]) -> None:
+        self._messages = sorted((message for message in messages if message.ids), key=lambda message: message.rank)
+
+    def decode(self, pdu: bytes) -> tuple[Edition, dict[str, Any]]:
+        """The first edition that it is a message of: those of its protocolVersion first, then by rank."""
+        announced = [message for message in self._messages if pdu[1] in message.ids]
+        failed = ValueError(f"messageID {pdu[1]} is of no message of the library")
+        for message in sorted(announced, key=lambda message: pdu[0] not in message.versions):
+            try:
+                return message, message.decode(pdu)
+            except ValueError as error:
+                failed = error if str(failed).startswith("messageID") else failed
+        raise failed
+
+    def editions(self, kind: str) -> Sequence[Edition]:
+        number = int(kind) if kind.isdecimal() and len(kind) <= 3 else None
+        return [message for message in self._messages if message.type == kind or number in message.ids]

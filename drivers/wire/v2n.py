@@ -4,11 +4,13 @@ Sans I/O: a profile knows templates, forms of payloads and rules, and nothing of
 """
 
 import re
+from collections.abc import Iterator
 from typing import NamedTuple
 
-from board.errors import ConfigurationError
+from board.errors import ConfigurationError, RequestError
 from drivers.message import ITS_HEADER, MAX_PDU, Ego
 from drivers.reason import Reason
+from drivers.wire.quadkey import Tile, follow, from_digits, tile
 from drivers.wire.v2n_description import Form, ProfileDescription, Row, TypeRule
 from drivers.wire.v2n_message import (
     MAX_PAYLOAD,
@@ -22,11 +24,14 @@ from drivers.wire.v2n_message import (
     Sending,
 )
 from drivers.wire.v2n_payload import Base64, Binary, VCaptain
-from drivers.wire.v2n_topic import Template, check_value
+from drivers.wire.v2n_payload_nap import NapReceived, NapToSend
+from drivers.wire.v2n_payload_orange import Orange
+from drivers.wire.v2n_topic import Template, check_value, fill_text
 
 __all__ = ["Codec", "Delivery", "Identity", "Profile", "Publication", "Received", "RefusedError"]
 
 _NO_RULE = TypeRule()
+_SLOWER = 0.9  # of a speed: below it the tiles are small again
 
 
 class _Place(NamedTuple):
@@ -34,7 +39,7 @@ class _Place(NamedTuple):
 
     template: Template
     payload: Payload
-    types: frozenset[str]
+    types: tuple[str, ...]
     pattern: re.Pattern[str]
 
     def holds(self, kind: str) -> bool:
@@ -44,9 +49,9 @@ class _Place(NamedTuple):
 class Profile:
     """One profile of one station.
 
-    codec  of the forms that need one (needs_codec).
+    codec  for a description that needs_codec.
 
-    Raises ConfigurationError where the identity cannot stand in the profile's topics.
+    Raises ConfigurationError where the identity cannot stand in the profile's topics or payloads.
     """
 
     def __init__(self, description: ProfileDescription, identity: Identity, codec: Codec | None = None) -> None:
@@ -59,11 +64,12 @@ class Profile:
             "uuid": identity.uuid,
             "prefix": identity.prefix or description.prefix,
         }
-        rows: tuple[Row, ...] = (*description.publish, *description.subscribe)
-        for name in sorted({name for row in rows for name in Template(row.topic, True).variables} & set(self._own)):
-            check_value(name, self._own[name])
+        self._check_identity()
+        self._kinds = {rule.topic: kind for kind, rule in description.types.items() if rule.topic}
         self._publish = [self._place(row) for row in description.publish]
         self._subscribe = [self._place(row) for row in description.subscribe]
+        self._centre: Tile | None = None
+        self._larger = 0  # levels, for the speed
 
     def publications(self, kind: str, btp_port: int, pdu: bytes, own: Ego, now_ms: int) -> list[Publication]:
         """What is published for a PDU.
@@ -74,33 +80,41 @@ class Profile:
         Raises RequestError where the profile cannot carry it.
         """
         kind = kind or str(pdu[1])
-        rule = self.description.types.get(kind, _NO_RULE)
+        rule = self._rule(kind)
         qos = self.description.qos if rule.qos is None else rule.qos
         retain = self.description.retain if rule.retain is None else rule.retain
         expiry_s = self.description.expiry_s if rule.expiry_s is None else rule.expiry_s
         values = {**self._own, "type": rule.topic or kind, "port": str(btp_port)}
         sending = Sending(kind, btp_port, pdu, own, now_ms)
-        return [
-            Publication(place.template.fill(values), place.payload.write(sending), qos, retain, expiry_s)
-            for place in self._publish
-            if place.holds(kind)
-        ]
+        found = []
+        for place in self._publish:
+            if place.holds(kind):
+                if place.template.needs("quadkey"):
+                    values["quadkey"] = "/".join(self._own_tile(own))
+                topic, payload = place.template.fill(values), place.payload.write(sending)
+                found.append(Publication(topic, payload, qos, retain, expiry_s))
+        if not found:
+            what = f"profile {self.description.name} has no topic for {kind}"
+            raise RequestError(what, "add a row [[publish]] to it, or take another profile")
+        return found
 
     def subscriptions(self, own: Ego) -> frozenset[tuple[str, int]]:
-        """Filters and their quality of service, for where the station is now."""
-        qos = self.description.qos
-        return frozenset((place.template.filter(self._own), qos) for place in self._subscribe)
+        """Filters and their quality of service, for where the station is now; they stay where it was last known.
+
+        A station that was never anywhere asks for no tile, unless the profile has a fallback.
+        """
+        centre = self._subscribed_tile(own)
+        tiles = ["/".join(one.digits()) for one in centre.around()] if centre else []
+        return frozenset(asked for place in self._subscribe for asked in self._asked(place, tiles))
 
     def receive(self, delivery: Delivery) -> Received:
         """The PDU of a delivery. Raises RefusedError."""
         topic, payload, is_retained, _ = delivery
         if len(payload) > MAX_PAYLOAD:
             raise RefusedError(Reason.PAYLOAD, f"{topic[:64]}: {len(payload)} octets are above {MAX_PAYLOAD}")
-        place, found = self._find(topic)
-        kind = found.get("type") or ""
-        if is_retained and not self.description.types.get(kind, _NO_RULE).accept_retained:
+        place, kind, port = self._find(topic)
+        if is_retained and not self._rule(kind).accept_retained:
             raise RefusedError(Reason.RETAINED, f"{topic[:64]}: the broker had kept it")
-        port = _port(topic, found["port"]) if found.get("port") else None
         pdu, source = place.payload.read(kind, payload)
         _check_pdu(topic, pdu)
         return Received(pdu, port, source)
@@ -122,20 +136,62 @@ class Profile:
         if not topic or not text:
             return None
         status = self.description.status
-        payload = Template(text).fill(self._own).encode()
+        payload = fill_text(text, self._own).encode()
         return Publication(Template(topic).fill(self._own), payload, status.qos, status.retain, None)
 
-    def _find(self, topic: str) -> tuple[_Place, dict[str, str | None]]:
+    def _rule(self, kind: str) -> TypeRule:
+        return self.description.types.get(kind, _NO_RULE)
+
+    def _own_tile(self, own: Ego) -> str:
+        tiles = self.description.tiles
+        depth = tiles.depth(tiles.publish_depth)
+        if own.is_known:
+            return tile(own.position, depth).digits()
+        if tiles.fallback:
+            return tiles.fallback[:depth]
+        hint = "wait for GNSS, give the station a surveyed place, or set tiles.fallback in the profile"
+        raise RequestError(f"profile {self.description.name} publishes by tile, and the position is not known", hint)
+
+    def _subscribed_tile(self, own: Ego) -> Tile | None:
+        """The tile in the middle of what is asked for: it and its size follow with some hysteresis."""
+        tiles = self.description.tiles
+        if own.is_known:
+            speed = abs(own.speed) / 100
+            larger = sum(speed >= limit for limit in tiles.speeds_m_s)
+            slower = sum(speed >= limit * _SLOWER for limit in tiles.speeds_m_s)
+            self._larger = min(max(self._larger, larger), slower)
+            depth = tiles.depth(max(1, tiles.subscribe_depth - self._larger))
+            self._centre = follow(own.position, depth, self._centre)
+        elif self._centre is None and tiles.fallback:
+            return from_digits(tiles.fallback[: tiles.depth(tiles.subscribe_depth)])
+        return self._centre
+
+    def _asked(self, place: _Place, tiles: list[str]) -> Iterator[tuple[str, int]]:
+        is_tiled = place.template.needs("quadkey")
+        for kind in place.types if place.types and place.template.needs("type") else (None,):
+            rule = self._rule(kind) if kind else _NO_RULE
+            values = {**self._own, "type": rule.topic or kind} if kind else self._own
+            qos = self.description.qos if rule.qos is None else rule.qos
+            for digits in tiles if is_tiled else ("",):
+                yield place.template.filter({**values, "quadkey": digits}), qos
+
+    def _find(self, topic: str) -> tuple[_Place, str, int | None]:
+        """The row that a topic is of, the type and the BTP port that it names. Raises RefusedError."""
         for place in self._subscribe:
             match = place.pattern.fullmatch(topic)
-            if match:
-                return place, match.groupdict()
+            if not match:
+                continue
+            found = match.groupdict()
+            name = found.get("type") or ""
+            kind = self._kinds.get(name, name)
+            if place.holds(kind) or not name:
+                return place, kind, _port(topic, found.get("port"))
         known = ", ".join(row.topic for row in self.description.subscribe)
         raise RefusedError(Reason.TOPIC, f"topic {topic[:64]!r} is none of {known}")
 
     def _place(self, row: Row) -> _Place:
         template = Template(row.topic, is_filter=True)
-        return _Place(template, self._form(row.payload), frozenset(row.types), template.pattern(self._own))
+        return _Place(template, self._form(row.payload), row.types, template.pattern(self._own))
 
     def _form(self, form: Form) -> Payload:
         match form:
@@ -145,10 +201,26 @@ class Profile:
                 return Binary()
             case "base64":
                 return Base64()
-        raise ConfigurationError(f"profile {self.description.name}: payload {form!r} is not there")
+            case "orange":
+                check_value("uuid", self.identity.uuid)
+                return Orange(self.identity.uuid, self.description.types)
+        if self._codec is None:
+            what = f"profile {self.description.name}: payload {form!r} needs the message library, which is not there"
+            raise ConfigurationError(what, "`make codec` builds it")
+        return (NapReceived if form == "nap" else NapToSend)(self.identity.station, self._codec)
+
+    def _check_identity(self) -> None:
+        rows: tuple[Row, ...] = (*self.description.publish, *self.description.subscribe)
+        status = self.description.status
+        topics = [*(row.topic for row in rows), *filter(None, (status.topic, status.lost_topic))]
+        for name, value in self._own.items():
+            if any(Template(topic, is_filter=True).needs(name) for topic in topics):
+                check_value(name, value)
 
 
-def _port(topic: str, text: str) -> int:
+def _port(topic: str, text: str | None) -> int | None:
+    if text is None:
+        return None
     if not re.fullmatch("[0-9]{1,5}", text) or int(text) > 65535:
         raise RefusedError(Reason.TOPIC, f"topic {topic[:64]!r}: {text[:16]!r} is no BTP port")
     return int(text)
@@ -156,7 +228,7 @@ def _port(topic: str, text: str) -> int:
 
 def _check_pdu(topic: str, pdu: bytes) -> None:
     size = len(pdu)
-    if size >= ITS_HEADER and size <= MAX_PDU:
+    if ITS_HEADER <= size <= MAX_PDU:
         return
     reason = Reason.EMPTY_PDU if not pdu else Reason.SHORT_PDU if size < ITS_HEADER else Reason.LONG_PDU
     raise RefusedError(reason, f"{topic[:64]}: a PDU of {size} octets; {ITS_HEADER} to {MAX_PDU} are possible")

@@ -1,10 +1,11 @@
-"""A profile as it is written down: topics, payloads and rules. drivers/profiles/template.toml explains each key."""
+"""A profile as it is written down: topics, forms of payloads, rules. profiles/template.toml explains its keys."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from board.errors import ConfigurationError
-from drivers.wire.v2n_topic import Template
+from drivers.wire.quadkey import MAX_DEPTH, from_digits
+from drivers.wire.v2n_topic import Template, check_text
 
 Form = Literal["vcaptain", "binary", "base64", "orange", "nap", "nap-body"]
 
@@ -15,7 +16,7 @@ class Row:
 
     topic    template.
     payload  form of what is there.
-    types    that go there; empty: all.
+    types    that go there, or are asked for; empty: all.
     """
 
     topic: str
@@ -43,10 +44,11 @@ class SubscribeRow(Row):
 class TypeRule:
     """What differs for one type of message.
 
-    topic            its name in topics; empty: its own.
+    topic            its name in topics and envelopes; empty: its own.
     qos, retain      as in the profile where absent.
-    expiry_s         after which a broker forgets it.
+    expiry_s         after which a broker forgets it (MQTT 5); as in the profile where absent.
     accept_retained  take what a broker had kept.
+    schema_version   of the envelope, standard of the PDU, origin: members that the form orange has.
     """
 
     topic: str = ""
@@ -54,18 +56,22 @@ class TypeRule:
     retain: bool | None = None
     expiry_s: int | None = None
     accept_retained: bool = False
+    schema_version: str = "2.0.0"
+    standard: str = "unknown"
+    origin: str = ""
 
     def __post_init__(self) -> None:
         _check_qos(self.qos)
-        if self.expiry_s is not None and self.expiry_s < 1:
-            raise ConfigurationError(f"expiry_s: {self.expiry_s} is no time", "give seconds, at least 1")
+        _check_expiry(self.expiry_s)
+        if self.topic:
+            _check_type(self.topic)
 
 
 @dataclass(frozen=True)
 class Status:
     """What the station says of itself; {host}, {station}, {uuid} and {prefix} are filled in.
 
-    topic                     empty: says nothing.
+    topic                     empty: it says nothing.
     lost_topic                of the last will; empty: topic.
     connected, closing, lost  texts; empty: not said.
     """
@@ -80,10 +86,49 @@ class Status:
 
     def __post_init__(self) -> None:
         _check_qos(self.qos)
-        for text in filter(None, (self.topic, self.lost_topic, self.connected, self.closing, self.lost)):
-            wrong = Template(text).variables - {"host", "station", "uuid", "prefix"}
-            for name in sorted(wrong):
-                raise ConfigurationError(f"{text!r}: {{{name}}} is of a message", "take {host}, {station} or {uuid}")
+        for topic in filter(None, (self.topic, self.lost_topic)):
+            Template(topic)
+        for text in (self.topic, self.lost_topic, self.connected, self.closing, self.lost):
+            check_text(text)
+
+
+@dataclass(frozen=True)
+class Tiles:
+    """Which tiles {quadkey} stands for.
+
+    publish_depth    levels of own messages' tile.
+    subscribe_depth  levels of the tile, and its 8 neighbours, that messages are taken from when standing.
+    speeds_m_s       at each of these the tiles are one level larger.
+    least, most      bounds of both depths.
+    fallback         quadkey of a station that does not know where it is; empty: it publishes and takes nothing.
+    """
+
+    publish_depth: int = 22
+    subscribe_depth: int = 17
+    speeds_m_s: tuple[float, ...] = ()
+    least: int = 1
+    most: int = MAX_DEPTH
+    fallback: str = ""
+
+    def __post_init__(self) -> None:
+        for name in ("publish_depth", "subscribe_depth", "least", "most"):
+            if not 1 <= getattr(self, name) <= MAX_DEPTH:
+                raise ConfigurationError(f"{name}: {getattr(self, name)} is no depth", f"give 1 to {MAX_DEPTH}")
+        if self.least > self.most:
+            raise ConfigurationError(f"least: {self.least} is above most, {self.most}")
+        if self.publish_depth < self.subscribe_depth:
+            what = f"publish_depth: {self.publish_depth} is above the tiles of subscribe_depth, {self.subscribe_depth}"
+            raise ConfigurationError(what, "nobody would find these messages: publish at least as deep")
+        if any(speed <= 0 for speed in self.speeds_m_s) or list(self.speeds_m_s) != sorted(set(self.speeds_m_s)):
+            raise ConfigurationError(f"speeds_m_s: {list(self.speeds_m_s)} do not rise", "write [8.3, 22.0]")
+        if self.fallback:
+            try:
+                from_digits(self.fallback)
+            except ValueError as error:
+                raise ConfigurationError(f"fallback: {error}", "write its digits: 1202213023") from error
+
+    def depth(self, wanted: int) -> int:
+        return min(max(wanted, self.least), self.most)
 
 
 @dataclass(frozen=True)
@@ -107,12 +152,51 @@ class ProfileDescription:
     retain: bool = False
     expiry_s: int | None = None
     status: Status = field(default_factory=Status)
+    tiles: Tiles = field(default_factory=Tiles)
     types: dict[str, TypeRule] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         _check_qos(self.qos)
+        _check_expiry(self.expiry_s)
+        for row in (*self.publish, *self.subscribe):
+            for kind in row.types:
+                _check_type(kind)
+
+    @property
+    def needs_codec(self) -> bool:
+        """Whether a form of payload decodes messages."""
+        return any(row.payload.startswith("nap") for row in (*self.publish, *self.subscribe))
+
+    def adapted(
+        self, qos: int | None = None, status_topic: str = "", depths: tuple[int, ...] = ()
+    ) -> "ProfileDescription":
+        """The profile with what an interface wants otherwise.
+
+        qos           of all that is sent and taken.
+        status_topic  of the last will: where boxes of old listen for that is "v2xstatus".
+        depths        least and most levels of tiles; empty: the profile's.
+        """
+        found = self
+        if qos is not None:
+            types = {name: replace(rule, qos=qos) for name, rule in self.types.items()}
+            found = replace(found, qos=qos, types=types, status=replace(self.status, qos=qos))
+        if status_topic:
+            found = replace(found, status=replace(found.status, lost_topic=status_topic))
+        if depths:
+            found = replace(found, tiles=replace(self.tiles, least=depths[0], most=depths[1]))
+        return found
 
 
 def _check_qos(qos: int | None) -> None:
     if qos not in (None, 0, 1, 2):
         raise ConfigurationError(f"qos: {qos} is no quality of service", "give 0, 1 or 2")
+
+
+def _check_expiry(expiry_s: int | None) -> None:
+    if expiry_s is not None and not 1 <= expiry_s < 1 << 32:
+        raise ConfigurationError(f"expiry_s: {expiry_s} is no time of MQTT", "give whole seconds, at least 1")
+
+
+def _check_type(name: str) -> None:
+    if not name or any(letter in "+#/\0" for letter in name):
+        raise ConfigurationError(f"types: {name!r} cannot be a level of a topic", "leave + # / and NUL out")

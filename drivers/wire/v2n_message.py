@@ -1,10 +1,12 @@
 """What goes to a broker and comes from it, and who says so: shared by profiles and their payloads."""
 
-from typing import NamedTuple, Protocol
+from collections.abc import Sequence
+from typing import Any, NamedTuple, Protocol
 
 from board.errors import ProtocolError
 from drivers.message import Ego
 from drivers.reason import Reason
+from drivers.wire.v2n_type import Type
 
 MAX_PAYLOAD = 65536  # octets; a PDU of 1500 is 2000 as base64, and some 20,000 as JSON
 MAX_SOURCE = 255  # octets
@@ -68,14 +70,31 @@ class RefusedError(ProtocolError):
         self.reason = reason
 
 
+class Edition(Protocol):
+    """A message of one edition of its standard, in the message library.
+
+    ids and versions are of the ITS PDU header. What encode() cannot do is a ValueError that names path and reason.
+    """
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def ids(self) -> Sequence[int]: ...
+    @property
+    def versions(self) -> Sequence[int]: ...
+
+    def encode(self, value: object, /) -> bytes: ...
+    def type_tree(self) -> Type: ...
+
+
 class Codec(Protocol):
-    """The message library, where a payload needs it. What it cannot do is a ValueError that names path and reason."""
+    """The message library, where a payload needs it."""
 
-    def decode(self, kind: str, octets: bytes) -> dict[str, object]:
-        """The value of a PDU, its header included; kind is the type's name."""
+    def decode(self, pdu: bytes) -> tuple[Edition, dict[str, Any]]:
+        """The edition that a PDU is of, and its value, header included. Raises ValueError."""
 
-    def encode(self, kind: str, value: dict[str, object]) -> bytes:
-        """The PDU of a value, its header included."""
+    def editions(self, kind: str) -> Sequence[Edition]:
+        """Those of a type, by its name or messageID, the preferred one first; none where it is not known."""
 
 
 class Sending(NamedTuple):

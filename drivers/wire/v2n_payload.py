@@ -2,7 +2,7 @@
 
 import binascii
 
-from board.errors import RequestError
+from board.errors import ConfigurationError
 from drivers.reason import Reason
 from drivers.wire.v2n_message import RefusedError, Sending, source_of
 
@@ -34,6 +34,10 @@ class VCaptain:
     """
 
     def __init__(self, host: str) -> None:
+        if not host or not host.isprintable() or set(host) & set("<>("):
+            raise ConfigurationError(
+                f"host {host!r} cannot stand in a payload", "leave ( < > and control characters out"
+            )
         self._host = host.encode()
 
     def write(self, sending: Sending) -> bytes:
@@ -62,13 +66,6 @@ def from_base64(text: bytes, what: str) -> bytes:
     if binascii.b2a_base64(octets, newline=False) != text:
         raise RefusedError(Reason.PAYLOAD, f"{what} is not base64: bits are left over: {text[-8:]!r}")
     return octets
-
-
-def to_host(host: str) -> str:
-    """A host that vcaptain's payload can carry. Raises RequestError."""
-    if "<" in host or ">" in host:
-        raise RequestError(f"host {host!r} has angle brackets, which the payload needs", "choose another host")
-    return host
 
 
 def _sender(front: bytes) -> str:

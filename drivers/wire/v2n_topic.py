@@ -1,11 +1,12 @@
 """Topics with gaps: `v2x/btp/{port}` for what is published, and as the filter that finds it again."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 
 from board.errors import ConfigurationError, RequestError
 
+OF_STATION = ("host", "station", "uuid", "prefix")
 VARIABLES = ("host", "station", "uuid", "type", "port", "quadkey", "prefix")
 OPEN = ("type", "port")  # of a filter: whatever stands there is received
 MAX_TOPIC = 65535  # octets of UTF-8 (MQTT 5.0, 1.5.4)
@@ -26,7 +27,7 @@ class Template:
         self.text = text
         self.variables = frozenset(_GAP.findall(text))
         for name in sorted(self.variables - set(VARIABLES)):
-            raise ConfigurationError(f"{text!r}: {{{name}}} is no variable of topics", _remedy(name))
+            raise ConfigurationError(f"{text!r}: {{{name}}} is no variable of topics", _remedy(name, VARIABLES))
         rest = _GAP.sub("", text)
         if "{" in rest or "}" in rest:
             raise ConfigurationError(f"{text!r}: a brace has no partner", "write {type}")
@@ -45,18 +46,20 @@ class Template:
         return topic
 
     def filter(self, values: Mapping[str, str]) -> str:
-        """What the broker is asked for: `+` where any type or port may stand."""
-        return _GAP.sub(lambda gap: "+" if gap[1] in OPEN else values[gap[1]], self.text)
+        """What the broker is asked for: `+` for a level with a type or a port that is not given."""
+        levels = []
+        for level in self.text.split("/"):
+            is_open = any(gap[1] in OPEN and gap[1] not in values for gap in _GAP.finditer(level))
+            levels.append("+" if is_open else _GAP.sub(lambda gap: values[gap[1]], level))
+        return "/".join(levels)
 
     def pattern(self, values: Mapping[str, str]) -> re.Pattern[str]:
         """What a topic that the filter lets through looks like; groups are `type` and `port`."""
-        parts = []
-        for level in self.text.split("/"):
-            if level == "#":
-                parts[-1] += "(?:/.*)?" if parts else ""
-            else:
-                parts.append("[^/]*" if level == "+" else _level(level, values))
-        return re.compile("/".join(parts) or ".*", re.DOTALL)
+        *levels, last = self.text.split("/")
+        parts = [_level(level, values) for level in levels]
+        if last == "#":
+            return re.compile("/".join(parts) + "(?:/.*)?" if parts else ".*", re.DOTALL)
+        return re.compile("/".join((*parts, _level(last, values))), re.DOTALL)
 
 
 def check_value(name: str, value: str) -> None:
@@ -69,7 +72,19 @@ def check_value(name: str, value: str) -> None:
         raise ConfigurationError(f"{name} {value!r} cannot stand in a topic", "leave control characters out")
 
 
+def check_text(text: str) -> None:
+    """Raises ConfigurationError for a text of the station's status that names more than the station."""
+    for name in sorted(set(_GAP.findall(text)) - set(OF_STATION)):
+        raise ConfigurationError(f"{text!r}: {{{name}}} is not of the station", _remedy(name, OF_STATION))
+
+
+def fill_text(text: str, values: Mapping[str, str]) -> str:
+    return _GAP.sub(lambda gap: values[gap[1]], text)
+
+
 def _level(level: str, values: Mapping[str, str]) -> str:
+    if level == "+":
+        return "[^/]*"
     found, end = "", 0
     for gap in _GAP.finditer(level):
         found += re.escape(level[end : gap.start()]) + (_PATTERNS.get(gap[1]) or re.escape(values[gap[1]]))
@@ -88,9 +103,9 @@ def _check(text: str, is_filter: bool) -> None:
             raise ConfigurationError(f"{text!r}: {level!r} is no level of a filter", remedy)
 
 
-def _remedy(name: str) -> str:
-    close = get_close_matches(name, VARIABLES, n=1)
-    return f"did you mean {{{close[0]}}}?" if close else "known: " + " ".join(f"{{{name}}}" for name in VARIABLES)
+def _remedy(name: str, known: Sequence[str]) -> str:
+    close = get_close_matches(name, known, n=1)
+    return f"did you mean {{{close[0]}}}?" if close else "known: " + " ".join(f"{{{word}}}" for word in known)
 
 
 def _shown(values: Mapping[str, str]) -> str:

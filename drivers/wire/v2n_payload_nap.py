@@ -1,0 +1,131 @@
+"""JSON of Vanetza-NAP: what it says of a message that it received, and a message that it is asked to send.
+
+received   {"timestamp", "rssi", "stationID", ..., "fields": {"header": {...}, "cam": {...}}}
+to send    the member `cam` alone, whose header is made here; or header and `cam`, as they are
+
+Members and units: README and examples of nap-it/vanetza-nap.
+"""
+
+import json
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from board.errors import RequestError
+from drivers.reason import Reason
+from drivers.wire.v2n_message import Codec, Edition, RefusedError, Sending
+from drivers.wire.v2n_payload_json import member, read_object, refuse, shown
+from drivers.wire.v2n_payload_si import ConversionError, from_json, names, to_json
+from drivers.wire.v2n_type import Type
+
+NOT_MEASURED_DBM = -1  # as in its examples
+UNKNOWN_STATION_TYPE = 0
+STATION_IDS = ("stationID", "stationId")  # in the header, by release; and beside the body, where the sender wants one
+
+
+class NapReceived:
+    """The envelope around header and body.
+
+    station  stationID of this one: who received.
+    """
+
+    def __init__(self, station: int, codec: Codec) -> None:
+        self._station = station
+        self._codec = codec
+
+    def write(self, sending: Sending) -> bytes:
+        fields = _decoded(self._codec, sending)
+        header = fields["header"]
+        return _dump(
+            {
+                "timestamp": sending.now_ms / 1000,
+                "rssi": NOT_MEASURED_DBM,
+                "stationID": next(header[name] for name in STATION_IDS if name in header),
+                "stationAddr": "",
+                "receiverID": self._station,
+                "receiverType": UNKNOWN_STATION_TYPE,
+                "packet_size": len(sending.pdu),
+                "fields": fields,
+            }
+        )
+
+    def read(self, kind: str, payload: bytes) -> tuple[bytes, str]:
+        envelope = read_object(payload)
+        if envelope.get("receiverID") == self._station:
+            raise RefusedError(Reason.OWN_ECHO, f"receiverID: {self._station} is this station")
+        fields = member(envelope, "fields", dict)
+        member(fields, "header", dict, "fields")
+        return _encoded(self._codec, kind, lambda edition: from_json(edition.type_tree(), fields, "fields")), ""
+
+
+class NapToSend:
+    """The body, with a header of this station.
+
+    station  stationID in headers that are made here.
+    """
+
+    def __init__(self, station: int, codec: Codec) -> None:
+        self._station = station
+        self._codec = codec
+
+    def write(self, sending: Sending) -> bytes:
+        fields = _decoded(self._codec, sending)
+        body = {name: value for name, value in fields.items() if name != "header"}
+        return _dump(next(iter(body.values())) if len(body) == 1 else body)
+
+    def read(self, kind: str, payload: bytes) -> tuple[bytes, str]:
+        given = read_object(payload)
+        editions = self._codec.editions(kind)
+        return _encoded(self._codec, kind, lambda edition: self._value(edition, editions, kind, given)), ""
+
+    def _value(self, edition: Edition, editions: Sequence[Edition], kind: str, given: dict[str, Any]) -> Any:
+        tree = edition.type_tree()
+        if "header" in given:
+            return from_json(tree, given, kind)
+        body = {name: value for name, value in given.items() if name not in STATION_IDS}
+        station = next((given[name] for name in STATION_IDS if name in given), self._station)
+        components = list(names(tree))
+        whole = {components[0]: body} if len(components) == 1 else body
+        return from_json(tree, {"header": _header(tree, edition, editions, kind, station), **whole}, kind)
+
+
+def _header(tree: Type, edition: Edition, editions: Sequence[Edition], kind: str, station: object) -> dict[str, Any]:
+    number = int(kind) if kind.isdecimal() and int(kind) in edition.ids else edition.ids[0]
+    version, message, sender = (field.name for field in tree.fields[0].type.fields)
+    return {version: _version(edition, editions), message: number, sender: station}
+
+
+def _version(edition: Edition, editions: Sequence[Edition]) -> int:
+    """The highest protocolVersion that makes receivers take it for this edition and no preferred one."""
+    preferred = editions[: [one.name for one in editions].index(edition.name)]
+    own = [version for version in edition.versions if all(version not in one.versions for one in preferred)]
+    return max(own or edition.versions)
+
+
+def _decoded(codec: Codec, sending: Sending) -> dict[str, Any]:
+    """Header and body as JSON. Raises RequestError."""
+    try:
+        edition, value = codec.decode(sending.pdu)
+        found: dict[str, Any] = to_json(edition.type_tree(), value, sending.kind)
+    except ValueError as error:
+        raise RequestError(f"{sending.kind} is not to be had as JSON: {error}") from error
+    return found
+
+
+def _encoded(codec: Codec, kind: str, convert: Callable[[Edition], Any]) -> bytes:
+    """The PDU, in the first edition that it fits. Raises RefusedError with what came closest to fit."""
+    editions = codec.editions(kind)
+    if not editions:
+        refuse("", f"{shown(kind)} is no type that the message library has")
+    closest = ""
+    for edition in editions:
+        try:
+            return edition.encode(convert(edition))
+        except ConversionError as error:
+            closest = closest or str(error)
+        except ValueError as error:
+            closest = f"{edition.name}: {error}"
+    raise RefusedError(Reason.PAYLOAD, closest)
+
+
+def _dump(value: dict[str, Any]) -> bytes:
+    return json.dumps(value, separators=(",", ":"), ensure_ascii=False).encode("utf-8", "replace")

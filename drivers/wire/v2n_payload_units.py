@@ -1,0 +1,50 @@
+"""How many units of the ASN.1 are one of Vanetza-NAP's JSON, by name of the type, and values that mean something else.
+
+Source: vanetza/asn1/rj/transformations/jer_transformations.gperf of nap-it/vanetza-nap (2026), compared with its
+examples/out_*.json. What is in no row is the ASN.1 integer on both sides: Wgs84AngleValue, of the heading in a VAM and
+in a DENM of release 2, for one, and every enumeration. TimestampIts is seconds since 2004, as a fraction.
+
+A value in the last column stands for itself on both sides: 800001 is an unknown altitude, not 8000.01 m.
+"""
+
+UNITS: dict[str, tuple[float, frozenset[int]]] = {
+    name: (scale, frozenset(themselves))
+    for name, scale, *themselves in (
+        ("Latitude", 1e7, 900_000_001),
+        ("Longitude", 1e7, 1_800_000_001),
+        ("DeltaLatitude", 1e7, 131_072),
+        ("DeltaLongitude", 1e7, 131_072),
+        ("AltitudeValue", 100, 800_001),
+        ("DeltaAltitude", 100, -12_700, 12_799, 12_800),
+        ("SensorHeight", 100),
+        ("SpeedValue", 100, 16_383),
+        ("SpeedValueExtended", 100, 16_383),
+        ("VelocityComponentValue", 100, 16_383),
+        ("SpeedConfidence", 100, 126, 127),
+        ("HeadingValue", 10, 3601),
+        ("HeadingConfidence", 10, 126, 127),
+        ("CartesianAngleValue", 10, 3601),
+        ("AngleConfidence", 10, 127),
+        ("AccelerationValue", 10, 161),
+        ("LongitudinalAccelerationValue", 10, 161),
+        ("LateralAccelerationValue", 10, 161),
+        ("VerticalAccelerationValue", 10, 161),
+        ("AccelerationConfidence", 10, 102),
+        ("YawRateValue", 100, 32_767),
+        ("DistanceValue", 100),
+        ("DistanceConfidence", 100, 101, 102),
+        ("CartesianCoordinate", 100),
+        ("CartesianCoordinateLarge", 100),
+        ("CoordinateConfidence", 100, 4096),
+        ("VehicleLengthValue", 10, 1023),
+        ("VehicleWidth", 10, 61, 62),
+        ("ObjectDimensionValue", 10),
+        ("SemiRangeLength", 10),
+        ("Radius", 10),
+        ("SteeringWheelAngleValue", 0.667),
+        ("TimestampIts", 1000),
+        ("TransmissionInterval", 1000),
+        ("SemiAxisLength", 100, 4094, 4095),
+        ("StandardLength12b", 10),
+    )
+}

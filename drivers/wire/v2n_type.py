@@ -1,0 +1,36 @@
+"""A type of the message library, as payloads see it: what asn1/README.md calls type_tree()."""
+
+from collections.abc import Sequence
+from typing import Protocol
+
+
+class Field(Protocol):
+    """A component of a SEQUENCE, or an alternative of a CHOICE; addition is 0 in the root."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def type(self) -> "Type": ...
+    @property
+    def addition(self) -> int: ...
+
+
+class Type(Protocol):
+    """A type of the message library; low and high are of its size, names those of bits and enumerations."""
+
+    @property
+    def name(self) -> str | None: ...
+    @property
+    def kind(self) -> str: ...
+    @property
+    def low(self) -> int | None: ...
+    @property
+    def high(self) -> int | None: ...
+    @property
+    def names(self) -> Sequence[tuple[str, int]]: ...
+    @property
+    def fields(self) -> Sequence[Field]: ...
+    @property
+    def element(self) -> "Type | None": ...
+    @property
+    def rows(self) -> "Sequence[tuple[int, Type]]": ...
