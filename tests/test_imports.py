@@ -30,13 +30,18 @@ class Rule(NamedTuple):
 # The longest folder that holds a file decides.
 TABLE = {
     "board": Rule(("gpiod", "smbus2", "serial")),
-    "drivers": Rule(("board", "serial"), frozenset({"board.slot", "board.supply", "board.health", "board.identity"})),
+    # The last two only in the process of the MQTT client.
+    "drivers": Rule(
+        ("board", "serial", "paho", "captain_messages"),
+        frozenset({"board.slot", "board.supply", "board.health", "board.identity"}),
+    ),
     "drivers/wire": Rule(("board.errors", "board.time", *WORDS), DO_IO),
     "drivers/sim": Rule(("board", "drivers.wire", *WORDS)),
     "pps": Rule(("board",)),
     # The station itself knows nothing of its commands, and draws and decodes nothing.
     "firmware": Rule(
-        ("board", "drivers", "pps", "zmq"), frozenset({"firmware.codec", "firmware.lab", "firmware.user"})
+        ("board", "drivers", "pps", "zmq"),
+        frozenset({"firmware.codec", "firmware.lab", "firmware.tap", "firmware.user"}),
     ),
     "firmware/codec": Rule(
         ("board", "drivers.wire", *WORDS, "firmware", "captain_messages"), frozenset({"firmware.lab"})
@@ -44,6 +49,7 @@ TABLE = {
     "firmware/commands": Rule(("board", "drivers", "pps", "firmware", "zmq", "rich")),
     "firmware/user": Rule(("board", "drivers.wire", *WORDS, "firmware", "zmq", "rich"), frozenset({"firmware.lab"})),
     "firmware/lab": Rule(("board", "drivers", "firmware", "zmq", "rich")),
+    "firmware/tap": Rule(("board", "drivers", "firmware", "rich", "paho"), frozenset({"firmware.lab"})),
     "firmware/gateway": Rule(("board", "drivers", "pps", "zmq", "rich", "rclpy")),
     "asn1": Rule(("asn1tools",)),
     "image": Rule(()),
