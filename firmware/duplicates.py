@@ -8,10 +8,13 @@ from dataclasses import dataclass
 from drivers.message import Indication
 from drivers.reason import Reason
 from firmware.drops import Drops
+from firmware.paths import Lone, Paths
+from firmware.topics import Topics
 
 # PDUs remembered at once: 2 s of a channel that is full (1,700 frames/s) on four interfaces, rounded up.
 CAPACITY = 16384
 PARTS = 64  # in a flood one part of them is forgotten at a time
+LATE = 16  # a part of the window: what has left it is forgotten so much later, many PDUs at a time
 NOBODY: frozenset[str] = frozenset()
 
 
@@ -37,9 +40,6 @@ class Delivery:
         return interface == self.first or interface in self.others
 
 
-Lone = tuple[float, int, str]  # of a PDU that one interface has shown once: when, hash, interface
-
-
 class Duplicates:
     """A stage: pairs the k-th copy of a PDU from one interface with the k-th from another, inside a window.
 
@@ -53,75 +53,100 @@ class Duplicates:
     Nearly every PDU is seen once. Until its second copy comes one tuple is all that is kept of it.
     """
 
-    def __init__(self, window_s: float, drops: Drops, capacity: int = CAPACITY) -> None:
+    def __init__(self, window_s: float, drops: Drops, topics: Topics, capacity: int = CAPACITY) -> None:
         self.window_s = window_s
         self.suppressed = 0
+        self.paths = Paths(topics)
         self.first: dict[str, First] = {}
         self._drops = drops
         self._capacity = capacity
         self._deliveries: dict[int, Lone | list[Delivery]] = {}
         self._order: deque[Lone] = deque()
         self._until = math.inf  # when the oldest leaves the window
+        self._sweep_at = math.inf  # when it is looked at
 
     def __call__(self, indications: list[Indication]) -> list[Indication]:
         passed = []
         order, deliveries, capacity = self._order, self._deliveries, self._capacity
         for indication in indications:
             now = indication.monotonic
-            if now > self._until or len(order) >= capacity:
+            if now > self._sweep_at or len(order) >= capacity:
                 self._forget(now)
             pdu = indication.pdu
             key = hash(pdu)
-            lone = (now, key, indication.interface)
+            lone = (now, key, indication.interface, pdu[1:6])
             known = deliveries.setdefault(key, lone)
             if known is lone or self._is_next(known, lone, pdu):
                 if not order:
-                    self._until = now + self.window_s
+                    self._set_until(now)
                 order.append(lone)
                 passed.append(indication)
         return passed
 
+    def expire(self, now: float) -> None:
+        """Count what has left the window by now: a stage is not called while nothing comes."""
+        if now > self._until:
+            self._forget(now)
+
     def _is_next(self, known: Lone | list[Delivery], copy: Lone, pdu: bytes) -> bool:
         """Whether a further copy of a known PDU is one that no other interface has shown yet; if not, it is paired."""
-        when, key, interface = copy
+        when, key, interface, who = copy
+        if when > self._until:
+            self._forget(when)  # what has left the window is no counterpart
+            known = self._deliveries.setdefault(key, copy)
+            if known is copy:
+                return True
         if isinstance(known, tuple):
             known = self._deliveries[key] = [Delivery(known[2], known[0])]
         # An interface has shown all deliveries up to one of them and none after it: the search may halve.
         place = bisect_left(known, True, key=lambda delivery: not delivery.was_shown_by(interface))
         if place < len(known):
-            self._pair(known[place], when, interface)
+            self._pair(known[place], when, interface, who)
             self._drops.count(interface, Reason.DUPLICATE, pdu)
             return False
         known.append(Delivery(interface, when))
         return True
 
-    def _pair(self, delivery: Delivery, when: float, interface: str) -> None:
+    def _pair(self, delivery: Delivery, when: float, interface: str, who: bytes) -> None:
         delivery.others |= {interface}
         self.suppressed += 1
         first = self.first.setdefault(delivery.first, First())
         first.count += 1
         first.lead_s += when - delivery.when
+        self.paths.pair(who, delivery.first, when - delivery.when)
 
     def _forget(self, now: float) -> None:
         """Forget what has left the window, and a part of the rest where there is no more room."""
         order, deliveries = self._order, self._deliveries
         room = len(order) - self._capacity + self._capacity // PARTS + 1 if len(order) >= self._capacity else 0
         since = now - self.window_s
+        alone = []
         while order and (room > 0 or order[0][0] < since):
-            _, key, _ = order.popleft()
+            lone = order.popleft()
             room -= 1
+            key = lone[1]
             known = deliveries[key]
-            if isinstance(known, list) and len(known) > 1:
-                del known[0]
-            else:
+            if known is lone:
                 del deliveries[key]
-        self._until = order[0][0] + self.window_s if order else math.inf
+                alone.append(lone)
+            elif isinstance(known, list):
+                if not known.pop(0).others:
+                    alone.append(lone)
+                if not known:
+                    del deliveries[key]
+        self.paths.alone(alone)
+        self._set_until(order[0][0] if order else math.inf)
+
+    def _set_until(self, oldest: float) -> None:
+        self._until = oldest + self.window_s
+        self._sweep_at = self._until + self.window_s / LATE
 
     def status(self) -> dict[str, object]:
-        """How many were suppressed, and for each interface how often it was first and by how much on average."""
+        """How many were suppressed, how often each interface was first and by how much on average; and the paths."""
         return {
             "window_s": self.window_s,
             "suppressed": self.suppressed,
             "first": {name: first.count for name, first in self.first.items()},
             "lead_ms": {name: round(1000 * first.lead_s / first.count, 3) for name, first in self.first.items()},
+            **self.paths.status(),
         }

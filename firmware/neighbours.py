@@ -25,7 +25,7 @@ class Neighbours:
         self._capacity = capacity
 
     def heard(self, who: bytes, now: float, rssi_dbm: int | None) -> None:
-        """who is a MAC address where the interface knows it, else a stationID."""
+        """who is a MAC address where the interface knows it, else the client of a broker, else a stationID."""
         heard = self._heard
         heard[who] = now
         heard.move_to_end(who)

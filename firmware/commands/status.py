@@ -94,6 +94,7 @@ def tables(status: Mapping[str, object], now: float) -> list[Table]:
         *_reports(status),
         _drops(status, now),
         _duplicates(status),
+        *_paths(status),
         _policy(status),
     ]
 
@@ -197,6 +198,32 @@ def _duplicates(status: Mapping[str, object]) -> Table:
     suppressed = number(duplicates, "suppressed")
     title = f"duplicates within {window:g} s: {suppressed:.0f} suppressed"
     return Table(title, ("interface", ">first", ">lead ms"), rows if suppressed else ())
+
+
+def _paths(status: Mapping[str, object]) -> list[Table]:
+    """Only where messages come by more than one way."""
+    duplicates = within(status, "duplicates")
+    found = listed(duplicates, "paths")
+    rows = [row for path in found for row in _path(path)]
+    if not rows:
+        return []
+    kept, forgotten = number(duplicates, "paths_kept"), number(duplicates, "paths_forgotten")
+    more = f"the last {len(found)} of {kept:.0f} that are kept; {forgotten:.0f} forgotten"
+    notes = [more] if kept > len(found) else []
+    heads = ("station", "type", "interface", ">first", ">lead ms", ">alone")
+    return [Table("which way was first, and what one way alone has brought", heads, rows, notes)]
+
+
+def _path(path: Mapping[str, object]) -> list[tuple[str, ...]]:
+    """A line for each interface, the station's name and type in the first."""
+    first, lead, alone = (within(path, key) for key in ("first", "lead_ms", "alone"))
+    rows: list[tuple[str, ...]] = []
+    who = f"{number(path, 'station'):.0f}", text(path, "type") or "(no name)"
+    for name in sorted({*first, *alone}):
+        led = f"{number(lead, name):.1f}" if name in lead else ""
+        rows.append((*who, name, f"{number(first, name):.0f}", led, f"{number(alone, name):.0f}"))
+        who = "", ""
+    return rows
 
 
 def _policy(status: Mapping[str, object]) -> Table:

@@ -13,13 +13,14 @@ from firmware.duplicates import Duplicates
 from firmware.topics import Topics
 from tests.firmware.doubles import CAM_PDU, pdu_of
 
-CAM = Topics().by_number[2]
+TOPICS = Topics()
+CAM = TOPICS.by_number[2]
 
 
 class Bench:
     def __init__(self, window_s: float = 2.0, **limits: int) -> None:
         self.drops = Drops()
-        self.stage = Duplicates(window_s, self.drops, **limits)
+        self.stage = Duplicates(window_s, self.drops, TOPICS, **limits)
         self.now = 1000.0
 
     def passes(self, interface: str, pdu: bytes = CAM_PDU) -> bool:
@@ -166,6 +167,61 @@ def test_nothing_is_remembered_when_the_window_is_over() -> None:
     bench.now += 3
     bench.passes("A")
     assert list(bench.stage._deliveries) == [hash(CAM_PDU)]
+
+
+def test_a_copy_that_comes_just_after_the_window_has_no_counterpart_though_nothing_was_swept_yet() -> None:
+    bench = Bench(window_s=2.0)
+    bench.passes("A")
+    bench.now += 0.5
+    bench.passes("A")
+    bench.now += 1.501
+    assert not bench.passes("B")  # of the second
+    assert bench.stage.status()["lead_ms"] == {"A": 1501.0}
+
+
+def test_a_message_that_only_one_way_brings_is_known_when_its_window_has_passed() -> None:
+    bench = Bench(window_s=2.0)
+    bench.run("AA")
+    bench.now += 2.0
+    bench.stage.expire(bench.now)
+    assert bench.stage.status()["paths"] == []
+    bench.now += 0.001
+    bench.stage.expire(bench.now)
+    (path,) = bench.stage.status()["paths"]
+    assert path == {"station": 1337, "type": "cam", "first": {}, "lead_ms": {}, "alone": {"A": 2}}
+
+
+def test_who_was_first_is_known_for_each_station_and_type() -> None:
+    bench = Bench()
+    cam, denm = pdu_of(2, station=7), pdu_of(1, station=7)
+    for lead in (0.010, 0.020):
+        bench.passes("g5", cam)
+        bench.now += lead
+        bench.passes("v2n", cam)
+        bench.now += 3
+    bench.passes("v2n", denm)
+    bench.now += 0.4
+    bench.passes("g5", denm)
+    bench.passes("v2n", pdu_of(2, station=8))
+    bench.now += 3
+    bench.stage.expire(bench.now)
+    assert bench.stage.status()["paths"] == [
+        {"station": 7, "type": "denm", "first": {"v2n": 1}, "lead_ms": {"v2n": 400.0}, "alone": {}},
+        {"station": 7, "type": "cam", "first": {"g5": 2}, "lead_ms": {"g5": 15.0}, "alone": {}},
+        {"station": 8, "type": "cam", "first": {}, "lead_ms": {}, "alone": {"v2n": 1}},
+    ]
+
+
+@given(st.text("AB", max_size=60))
+def test_every_copy_is_counted_once_paired_or_alone(arrivals: str) -> None:
+    bench = Bench()
+    bench.run(arrivals)
+    bench.now += 3
+    bench.stage.expire(bench.now)
+    paths = bench.stage.status()["paths"]
+    paired = sum(sum(path["first"].values()) for path in paths)
+    alone = sum(sum(path["alone"].values()) for path in paths)
+    assert 2 * paired + alone == len(arrivals)
 
 
 def test_a_flood_of_one_pdu_costs_each_copy_no_walk_over_all_before() -> None:

@@ -47,6 +47,28 @@ def test_a_status_tells_links_queues_counters_and_drops_with_their_meaning():
     assert "duplicates within 2 s: 7 suppressed" in text
 
 
+def test_paths_are_told_for_each_station_type_and_interface():
+    paths = [
+        {"station": 4294967295, "type": "cam", "first": {"g5": 90, "v2n": 4}, "lead_ms": {"g5": 31.25, "v2n": 2.0},
+         "alone": {"v2n": 12}},
+        {"station": 7, "type": "", "first": {}, "lead_ms": {}, "alone": {"g5": 3}},
+    ]  # fmt: skip
+    told = STATUS["duplicates"] | {"paths": paths, "paths_kept": 40, "paths_forgotten": 5}
+    lines = shown(STATUS | {"duplicates": told})
+    at = lines.index("which way was first, and what one way alone has brought")
+    assert lines[at + 1 : at + 6] == [
+        "station     type       interface  first  lead ms  alone",
+        "4294967295  cam        g5            90     31.2      0",
+        "                       v2n            4      2.0     12",
+        "7           (no name)  g5             0               3",
+        "  the last 2 of 40 that are kept; 5 forgotten",
+    ]
+
+
+def test_without_paths_nothing_is_said_of_them():
+    assert not any("way" in line for line in shown(STATUS))
+
+
 def test_a_slow_subscriber_is_told_where_it_is():
     slow = {"slow_since": NOW, "slow_count": 3}
     titles = {
