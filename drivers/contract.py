@@ -67,8 +67,8 @@ class Host(Protocol):
     def drop(self, reason: Reason, sample: bytes = b"", count: int = 1) -> None:
         """Something received was not passed on."""
 
-    def confirm(self, request: Request, reason: Reason | None = None) -> None:
-        """A request that send() kept for LATER has left, or was dropped for a reason."""
+    def confirm(self, request: Request, reason: Reason | None = None, detail: str = "") -> None:
+        """A request that send() kept for LATER has left, or was dropped for a reason; detail: what that leaves out."""
 
     def writable(self) -> None:
         """Requests can be taken again after BUSY."""
@@ -109,6 +109,7 @@ class Shared(NamedTuple):
     is_mobile           itsGnIsMobile of EN 302 636-4-1.
     is_mac_configured   whether mac was given by the user: the M bit of the GeoNetworking address (clause 6.3).
     machine             where the kernel's files are: a driver of a USB module finds its ports there.
+    types               names of the message types by their row (MessageType.row); empty where one has none.
     """
 
     mac: bytes
@@ -120,6 +121,7 @@ class Shared(NamedTuple):
     is_mobile: bool = True
     is_mac_configured: bool = False
     machine: Machine = REAL
+    types: tuple[str, ...] = ()
 
 
 class Driver(Protocol):
@@ -164,11 +166,20 @@ class Borne(Protocol):
     def bearer(self) -> str:
         """Name of an interface with BEARER; empty: none is followed."""
 
-    def bearer_changed(self, is_up: bool, device: str) -> None:
+    def bearer_changed(self, is_up: bool, device: str, why: str) -> None:
         """The bearer came up or went down, or has another network device or address now; between start() and stop().
 
         device  of the network, as in wwan0; empty where it is not known.
+        why     in words, as its own link has it.
         """
+
+
+@runtime_checkable
+class Parting(Protocol):
+    """A driver with a last word to its peers: said by stop(), and waited for where the loop turns no more."""
+
+    def part(self) -> None:
+        """Wait until it is said, some tenths of a second at most; after stop()."""
 
 
 class DriverClass(Protocol):

@@ -12,7 +12,7 @@ from board import describe
 from board.address import mac_address
 from board.errors import ConfigurationError
 from drivers import DRIVERS
-from firmware import board_file, consistency
+from firmware import bearers, board_file, consistency
 from firmware.board_file import Board
 from firmware.tables import QueueOptions, Tables
 
@@ -71,6 +71,8 @@ def load(path: str | None, overrides: Sequence[str] = (), board: str | None = No
         interfaces.append(read)
     mistakes += [f"{where}: {text}" for text in consistency.mistakes(tables, there.slots)]
     mac = _collect(mistakes, lambda: _mac(tables, where))
+    if not mistakes:
+        mistakes = [f"{where}: {text}" for text in bearers.mistakes(interfaces, mac)]
     if mistakes:
         raise ConfigurationError("\n".join(mistakes))
     return Config(tables, tuple(interfaces), there, mac)

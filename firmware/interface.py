@@ -110,6 +110,8 @@ class Interface:
             rssi_dbm = rx.rssi_dbm
             if rx.source_mac != NO_MAC:
                 who = rx.source_mac
+            elif rx.source:
+                who = rx.source.encode()
         kind = self._by_number[pdu[1]]
         self.received[kind.row] += 1
         self.received_octets += size
@@ -124,8 +126,8 @@ class Interface:
     def drop(self, reason: Reason, sample: bytes = b"", count: int = 1) -> None:
         self._drops.count(self.name, reason, sample, count)
 
-    def confirm(self, request: Request, reason: Reason | None = None) -> None:
-        self.outlet.confirm(request, reason)
+    def confirm(self, request: Request, reason: Reason | None = None, detail: str = "") -> None:
+        self.outlet.confirm(request, reason, detail)
 
     def writable(self) -> None:
         self.outlet.writable()

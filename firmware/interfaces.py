@@ -66,6 +66,7 @@ class Interfaces:
             station.is_mobile,
             bool(station.mac),
             simulation.machine,
+            tuple(kind.name for kind in self._topics.kinds),
         )
         for entry in config.interfaces:
             yield entry.name, DRIVERS[entry.queue.driver](simulation.played(entry.options), shared), entry.queue

@@ -23,7 +23,7 @@ class Outgoing(Protocol):
         """Give it to the driver; None where the driver can never send it, which was dropped and told."""
 
     def sent(self, request: Request, handed_over: float) -> None: ...
-    def dropped(self, request: Request, reason: Reason, handed_over: float | None = None) -> None: ...
+    def dropped(self, request: Request, reason: Reason, handed_over: float | None = None, detail: str = "") -> None: ...
 
 
 class Outlet:
@@ -64,7 +64,7 @@ class Outlet:
         self._is_busy = False
         self._pump()
 
-    def confirm(self, request: Request, reason: Reason | None) -> None:
+    def confirm(self, request: Request, reason: Reason | None, detail: str = "") -> None:
         """What became of a request that the driver had kept; one that is not known is ignored."""
         handed_over = self._kept.pop(request.number, None)
         if handed_over is None:
@@ -72,7 +72,7 @@ class Outlet:
         if reason is None:
             self._interface.sent(request, handed_over[1])
         else:
-            self._interface.dropped(request, reason, handed_over[1])
+            self._interface.dropped(request, reason, handed_over[1], detail)
 
     def drop_kept(self, reason: Reason) -> None:
         """The driver stopped: what it had taken and not confirmed is gone."""

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 from board.errors import StationError
 from board.loop import Loop
 from board.time import EPOCH
-from drivers.contract import Answer
+from drivers.contract import Answer, Can, Parting
 from drivers.reason import Reason
+from firmware import bearers
 from firmware.board_file import Board
 from firmware.config import Config
 from firmware.drops import Drops
@@ -63,9 +64,8 @@ class Station:
         self.place = Place(loop.clock, tables.station.position, tables.station.is_mobile)
         self.timeline = Timeline(loop.clock)
         self.router = Router(loop, self.topics, self.drops, self.place.ego)
-        self.duplicates = Duplicates(0.0 if is_legacy else tables.reception.duplicate_window_s, self.drops)
-        if self.duplicates.window_s:
-            self.router.stages = (self.duplicates,)
+        window_s = 0.0 if is_legacy else tables.reception.duplicate_window_s
+        self.duplicates = Duplicates(window_s, self.drops, self.topics)
         self.router.set_policy(Policy(tables.policy, self.topics, self.router))
         self._interfaces: dict[str, Supervised] = {}
         self._carrier: Carrier | None = None
@@ -84,7 +84,12 @@ class Station:
         self._simulation = Simulation(loop, config.board)
         interfaces = Interfaces(loop, self.router, self.topics, self.drops, self.place, self.timeline)
         self._interfaces |= interfaces.make(config, self._simulation, self.endpoint.context)
+        hearing = [one for one in self.router.interfaces.values() if Can.RECEIVE in one.driver.capabilities.can]
+        # Where there is one way in, nothing comes by two.
+        if self.duplicates.window_s and len(hearing) > 1:
+            self.router.stages = (self.duplicates,)
         self._carrier = self._made_carrier(config.board)
+        bearers.join(self._interfaces)
 
     def start(self) -> None:
         """Start what is simulated, every interface that sits in no slot, then the slots; say that all runs."""
@@ -144,6 +149,9 @@ class Station:
             interface.stop()
         if self._carrier is not None:
             self._carrier.close()
+        for interface in self._interfaces.values():
+            if isinstance(driver := interface.interface.driver, Parting):
+                driver.part()
         self._simulation.stop()
         self.router.flush()
         self.endpoint.close()
@@ -172,6 +180,7 @@ class Station:
     def _refresh(self) -> None:
         """Bring the counters up to date, so that their sums match: what the users get, what the kernel dropped."""
         self.router.flush()
+        self.duplicates.expire(self.loop.clock())
         for interface in self._interfaces.values():
             interface.refresh()
 

@@ -33,6 +33,7 @@ class Host:
         self.drops: Counter[Reason] = Counter()
         self.samples: list[bytes] = []
         self.confirms: list[tuple[Request, Reason | None]] = []
+        self.confirm_details: list[str] = []
         self.links: list[tuple[bool, str]] = []
         self.failures: list[StationError] = []
         self.fixes: list[Fix] = []
@@ -68,8 +69,9 @@ class Host:
         if self.keeps:
             self.samples.append(sample)
 
-    def confirm(self, request: Request, reason: Reason | None = None) -> None:
+    def confirm(self, request: Request, reason: Reason | None = None, detail: str = "") -> None:
         self.confirms.append((request, reason))
+        self.confirm_details.append(detail)
 
     def writable(self) -> None:
         self.times_writable += 1

@@ -271,3 +271,25 @@ def test_octets_are_counted_both_ways(bench: Bench) -> None:
     bench.interface.indicate(CAM_PDU + b"more", 0)
     status = bench.interface.status()
     assert (status["received_octets"], status["sent_octets"]) == (2 * len(CAM_PDU) + 4, 0)
+
+
+def test_a_neighbour_behind_a_broker_is_known_by_its_client_where_it_says_so(bench: Bench) -> None:
+    for station, rx in ((1, RxInfo(source="car-7")), (2, RxInfo(source="car-7")), (3, RxInfo())):
+        bench.interface.indicate(pdu_of(2, station), 0, rx)
+    assert bench.interface.neighbours.count(bench.loop.now) == 2
+    bench.interface.indicate(pdu_of(2, 4), 0, RxInfo(source="car-8", source_mac=MAC))
+    bench.interface.indicate(pdu_of(2, 5), 0, RxInfo(source_mac=MAC))
+    assert bench.interface.neighbours.count(bench.loop.now) == 3
+
+
+def test_what_the_driver_says_of_a_failure_reaches_the_confirm(bench: Bench) -> None:
+    bench.driver.answer = Sent.LATER
+    first, second = request_of(1), request_of(2)
+    bench.interface.outlet.submit(first)
+    bench.interface.outlet.submit(second)
+    bench.interface.confirm(first, Reason.SEND_FAILED, "mqtts://broker.example:8883: Not authorized")
+    bench.interface.confirm(second)
+    assert [(confirm.outcome, confirm.detail) for confirm in bench.above.confirms] == [
+        (Outcome.DROPPED, "mqtts://broker.example:8883: Not authorized"),
+        (Outcome.SENT, ""),
+    ]

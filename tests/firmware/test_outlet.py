@@ -40,7 +40,7 @@ class Air:
         assert handed_over <= self.loop.now
         self.left.append((self.loop.now, request.number))
 
-    def dropped(self, request: Request, reason: Reason, handed_over: float | None = None) -> None:
+    def dropped(self, request: Request, reason: Reason, handed_over: float | None = None, detail: str = "") -> None:
         self.drops.append((request.number, reason))
 
     @property
