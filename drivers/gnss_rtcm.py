@@ -3,9 +3,9 @@
 import logging
 from collections.abc import Callable
 
+from board.journal import REPEATS, Journal
 from board.loop import Timer
 from drivers.contract import Host
-from drivers.gnss_journal import Journal
 from drivers.reason import Reason
 from drivers.wire.gnss_stream import GnssStream
 from drivers.wire.rtcm import Frame
@@ -59,7 +59,7 @@ class Attempts:
         self._source = source
         self._loop = host.loop
         self._frames = frames
-        self._journal = Journal(log, host.name, host.loop.clock)
+        self._journal = Journal(log, host.name, host.loop.clock, REPEATS)
         self._timer: Timer | None = None
         self._delay = FIRST_S
         self._why = ""
@@ -83,7 +83,7 @@ class Attempts:
         if why != self._why:
             self._why = why
             text = f"corrections from {self._source}: {why}; trying again, at most every {MOST_S:.0f} s"
-            self._journal.say(logging.WARNING, "corrections", text)
+            self._journal.say(logging.WARNING, text)
         self.wait(self._delay, again)
         self._delay = min(MOST_S, 2 * self._delay)
 

@@ -2,7 +2,7 @@
 
 import logging
 
-from drivers.gnss_journal import Journal
+from board.journal import Journal
 from drivers.wire.gnss_time import GPS_EPOCH, Leap, civil_ns, leap_of
 from drivers.wire.ubx_health import MonRf, SecSig
 from drivers.wire.ubx_messages import CORRECTION_AGE_S, Message, NavPvt, NavStatus, RxmRtcm
@@ -107,7 +107,7 @@ class ReceiverState:
         if now == before or (now in _QUIET and before in _QUIET):
             return
         level = logging.INFO if now in _QUIET else logging.WARNING
-        self._journal.say(level, f"{what} {now}", f"{what}: {now}, was {before}")
+        self._journal.say(level, f"{what}: {now}, was {before}", about=f"{what} {now}")
 
 
 def _word(words: tuple[str, ...], number: int) -> str:

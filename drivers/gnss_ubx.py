@@ -3,12 +3,12 @@
 import logging
 
 from board.errors import InterfaceError, ProtocolError, RequestError
+from board.journal import REPEATS, Journal
 from board.machine import Machine
 from board.time import TimeMark
 from drivers.gnss_bringup import Bringup
 from drivers.gnss_bus import BusLine
 from drivers.gnss_conversation import Conversation
-from drivers.gnss_journal import Journal
 from drivers.gnss_options import GnssOptions
 from drivers.gnss_port import Line, SerialLine
 from drivers.gnss_receiver import SILENT_S, Above
@@ -48,7 +48,7 @@ class UbxReceiver:
     def start(self) -> None:
         host = self._above.host
         self._loop = host.loop
-        self._state = ReceiverState(Journal(log, host.name, host.loop.clock))
+        self._state = ReceiverState(Journal(log, host.name, host.loop.clock, REPEATS))
         self._version: MonVer | None = None
         self._refused: list[str] = []
         self._bringups = self._in_vain = self._garbage = 0

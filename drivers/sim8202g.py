@@ -22,6 +22,7 @@ from collections.abc import Callable, Mapping
 from typing import ClassVar
 
 from board.errors import InterfaceError, ProtocolError, RequestError, StationError
+from board.journal import Journal, Rate
 from drivers.contract import Answer, Can, Capabilities, Host, Sent, Shared
 from drivers.message import Request
 from drivers.modem_bearer import AT_INTERFACE, AT_INTERFACES, BEARERS
@@ -43,7 +44,7 @@ from drivers.wire.modem_answers import registration, system_mode
 from drivers.wire.redact import redact, redact_garbage
 
 LEAVE_S = 10.0  # that a program has which ends a bearer
-COMPLAIN_S = 600.0  # between two lines of the journal about garbage
+GARBAGE = Rate(1, 600.0)  # lines of the journal about it: a port may be full of it for hours
 
 log = logging.getLogger("captain.modem")
 
@@ -66,8 +67,7 @@ class Sim8202g:
         self._life: Life | None = None
         self._leaving: list[Program] = []
         self._returns = False
-        self._complained: float | None = None
-        self._untold = 0  # octets of garbage since then
+        self._garbled: Journal | None = None  # kept as well: a garbled port is started again and again
         self._is_hot = False
         self.why = ""
 
@@ -212,13 +212,9 @@ class Sim8202g:
 
     def _garbage(self, garbage: at.Garbage) -> None:
         self._known.garbage += garbage.octets
-        self._untold += garbage.octets
-        now = self._host.loop.clock()
-        if self._complained is None or now >= self._complained + COMPLAIN_S:
-            self._complained = now
-            sample = redact_garbage(garbage.sample)
-            log.warning("%s: %d octets mean nothing at an AT port: %r", self._host.name, self._untold, sample)
-            self._untold = 0
+        self._garbled = self._garbled or Journal(log, self._host.name, self._host.loop.clock, GARBAGE)
+        sample = redact_garbage(garbage.sample)
+        self._garbled.say(logging.WARNING, f"{self._known.garbage} octets have meant nothing at an AT port: {sample!r}")
 
     def _broken(self, error: InterfaceError) -> None:
         self._port = None

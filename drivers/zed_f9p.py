@@ -5,12 +5,12 @@ from collections.abc import Callable, Mapping
 from typing import ClassVar
 
 from board.errors import InterfaceError, RequestError, StationError, StuckError
+from board.journal import REPEATS, Journal
 from board.loop import Timer
 from board.machine import Machine
 from board.time import Fix, TimeMark
 from drivers.contract import Answer, Can, Capabilities, Host, Sent, Shared
 from drivers.gnss_corrections import Corrections, corrections
-from drivers.gnss_journal import Journal
 from drivers.gnss_nmea import NmeaReceiver
 from drivers.gnss_options import GnssOptions
 from drivers.gnss_receiver import SILENT_S, Above, Receiver
@@ -59,7 +59,7 @@ class ZedF9p:
         self._ready = ""  # what the link is up with when the first epoch comes
         self._jumps = Jumps()
         self._withheld = 0
-        self._journal = Journal(log, host.name, host.loop.clock)
+        self._journal = Journal(log, host.name, host.loop.clock, REPEATS)
         self._timer = host.loop.after(LOOK_S, self._look)
         # First, for a receiver that fails while it starts stops all there is.
         self._corrections = corrections(self._options.corrections, host, self._receiver.correct)
@@ -124,7 +124,6 @@ class ZedF9p:
             kilometres = self._jumps.metres / 1000
             self._journal.say(
                 logging.WARNING,
-                "jump",
                 f"the position jumped by {kilometres:.1f} km; not passed on before {Jumps.CONFIRMED} epochs agree",
             )
         return is_believed

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from typing import Protocol
 
 from board.errors import RequestError, StationError
+from board.journal import Journal
 from board.loop import Loop
 from board.time import Fix, TimeMark
 from drivers.contract import Can, Driver, Sent
@@ -22,7 +23,6 @@ from drivers.message import (
 )
 from drivers.reason import Reason
 from firmware.drops import Drops
-from firmware.journal import Journal
 from firmware.neighbours import Neighbours
 from firmware.outlet import Outlet
 from firmware.tables import QueueOptions
@@ -87,7 +87,7 @@ class Interface:
         self._clock = loop.clock
         self._topics = topics
         self._by_number = topics.by_number
-        self._journal = Journal(log, loop.clock)
+        self._journal = Journal(log, name, loop.clock)
         self._any_port = False
         self._drops = drops
 
@@ -138,7 +138,7 @@ class Interface:
         has_changed = is_up is not self.is_up
         self.is_up = is_up
         self.why = why
-        self._journal.say(logging.INFO, "%s: %s: %s", self.name, "up" if is_up else "down", why)
+        self._journal.say(logging.INFO, f"{'up' if is_up else 'down'}: {why}")
         self.on_link(is_up, why)
         if has_changed:
             self.since = self.loop.clock()

@@ -22,7 +22,7 @@ from board.errors import BlockedError, InterfaceError, StationError, StuckError
 from board.loop import Loop, Timer
 from board.slot import Slot as Sequencer
 from board.slot import State as Sequence
-from firmware.journal import Journal
+from board.journal import Journal
 from firmware.slot_states import FAULTS, LEVELS, MEANINGS, OPERATED, Event, State
 from firmware.supervisor import Supervised
 
@@ -61,7 +61,7 @@ class Slot:
         self._sequencer = sequencer
         self._interface = interface
         self._noted = noted
-        self._journal = Journal(log, loop.clock)
+        self._journal = Journal(log, f"slot {self.name}", loop.clock)
         self._why = "no interface is configured for it" if interface is None else "not started"
         self._cause: StationError | None = None
         self._since = loop.clock()
@@ -139,7 +139,7 @@ class Slot:
         if state is self.state:
             return
         self.state, self._why, self._since = state, why, self._loop.clock()
-        self._journal.say(LEVELS.get(state, logging.INFO), "slot %s: %s: %s", self.name, state.value, why)
+        self._journal.say(LEVELS.get(state, logging.INFO), f"{state.value}: {why}")
         self._noted(f"slot {self.name}", f"{state.value}: {why}{self._awaited()}")
 
     def _awaited(self) -> str:

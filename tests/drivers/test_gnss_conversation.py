@@ -1,11 +1,8 @@
 """Questions to a receiver: one at a time, asked again, never answered by what belongs to another."""
 
-import logging
-
 import pytest
 
 from drivers.gnss_conversation import Conversation
-from drivers.gnss_journal import SELDOM_S, Journal
 from drivers.wire.ubx_messages import Ack, Nak, RxmRtcm
 
 ACK, NAK = Ack(6, 0x8A), Nak(6, 0x8A)
@@ -88,17 +85,3 @@ def test_closed_it_says_nothing_more(talk, loop):
     assert (talk.written, talk.answers) == ([b"1"], [])
     talk.ask(b"3")
     assert talk.written == [b"1", b"3"]
-
-
-def test_what_happens_again_and_again_is_said_once_a_minute_with_how_often(loop, caplog):
-    loop.patience_s = 0.0
-    journal = Journal(logging.getLogger("captain.gnss"), "gnss", loop.clock)
-    for _ in range(100):
-        journal.say(logging.WARNING, "jump", "it jumped")
-        loop.run_for(1)
-    journal.say(logging.WARNING, "other", "something else")
-    assert [record.message for record in caplog.records] == [
-        "gnss: it jumped",
-        f"gnss: it jumped; {SELDOM_S - 1:.0f} times more since then",
-        "gnss: something else",
-    ]

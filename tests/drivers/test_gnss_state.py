@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from drivers.gnss_journal import Journal
+from board.journal import Journal
 from drivers.gnss_state import LATE_S, ReceiverState
 from drivers.wire.gnss_time import GPS_EPOCH, Leap
 from drivers.wire.ubx import Frame, Kind

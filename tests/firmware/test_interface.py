@@ -9,12 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from board.errors import InterfaceError, RequestError
+from board.journal import DECISIONS
 from drivers.contract import Can, Sent
 from drivers.message import Area, Outcome, Position, RxInfo, Shape
 from drivers.reason import Reason
 from firmware.drops import Drops
 from firmware.interface import Interface
-from firmware.journal import BURST, EVERY_S
 from firmware.topics import Topics
 from tests.firmware.doubles import CAM_PDU, NotingStation, ScriptedDriver, interface_of, pdu_of, request_of
 from tests.virtual import VirtualLoop
@@ -188,8 +188,8 @@ def test_a_link_that_flaps_floods_no_journal_and_is_counted(bench: Bench, caplog
     for turn in range(1800):
         bench.interface.link(turn % 2 == 1, f"try {turn}")
         bench.loop.run_for(2.0)
-    assert len(caplog.records) <= BURST + 3600 / EVERY_S
-    assert caplog.records[-1].getMessage().endswith("(4 lines before it were left out)")
+    assert len(caplog.records) <= DECISIONS.burst + 3600 / DECISIONS.every_s
+    assert caplog.records[-1].getMessage().endswith("(4 lines before it left out)")
     assert bench.above.link_changes == 1 + 1800
 
 

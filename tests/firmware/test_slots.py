@@ -9,8 +9,8 @@ from contextlib import closing
 import pytest
 
 from board.errors import BlockedError, InterfaceError, StuckError
+from board.journal import DECISIONS
 from drivers.contract import Host
-from firmware.journal import BURST, EVERY_S
 from firmware.slot_states import FAULTS, Event, State
 from firmware.slots import CYCLES, RULES, STARTS, STEADY_S
 from tests.firmware.slot_bench import BOOT_S, DEAF, OFF_S, SETTLE_S, WAIT_S, Bench
@@ -339,7 +339,7 @@ def test_a_bad_contact_floods_no_journal(running: Bench, caplog: pytest.LogCaptu
         running.power.plug()
         running.loop.run_for(seconds)
     said = [record for record in caplog.records if record.name == "captain.slots" and record.levelno >= logging.INFO]
-    assert len(said) <= BURST + (running.loop.now - began) / EVERY_S
+    assert len(said) <= DECISIONS.burst + (running.loop.now - began) / DECISIONS.every_s
 
 
 def test_the_status_says_what_is_there_and_what_has_happened(running: Bench) -> None:
