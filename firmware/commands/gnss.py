@@ -4,11 +4,11 @@ import argparse
 import json
 from collections.abc import Mapping
 
-from board.errors import StationError
-from firmware.user import client
-from firmware.user.arguments import add_control, address
-from firmware.user.table import Screen, Table, counted, span
-from firmware.user.untrusted import named, number, text, texts, within
+from firmware.user import modules
+from firmware.user.arguments import add_control
+from firmware.user.modules import Kind, joined
+from firmware.user.table import Table, counted, span
+from firmware.user.untrusted import number, text, texts, within
 
 DESCRIPTION = """\
 Shows what the GNSS receivers of a station see: the fix and how good it is,
@@ -34,7 +34,7 @@ exit codes:
   1    no station answers, or it has no such receiver
   2    wrong usage
 """
-TECHNOLOGY = "gnss"
+KIND = Kind("receiver", "GNSS receiver", "technology", ("gnss",), "zed_f9p")
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -46,39 +46,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(arguments: argparse.Namespace) -> int:
-    found = _receivers(arguments)
+    found = modules.found(arguments, KIND)
     if arguments.ask == "status":
-        if arguments.json:
-            print(json.dumps(found))
-        else:
-            Screen().show([table(name, one) for name, one in found.items()])
+        modules.show(found, arguments.json, table)
         return 0
-    if len(found) > 1:
-        raise StationError(f"the station has {len(found)} receivers", f"name one of {', '.join(found)}")
-    name = next(iter(found))
-    answer = client.ask_local(
-        address(arguments),
-        arguments.control,
-        "operate",
-        interface=name,
-        ask="reset",
-        arguments={"kind": arguments.kind},
-    )
+    name = modules.the_only(found, KIND)
+    answer = modules.operate(arguments, name, kind=arguments.kind)
     print(json.dumps({name: {"reset": answer.get("reset")}}) if arguments.json else f"{name}: {arguments.kind} reset")
     return 0
-
-
-def _receivers(arguments: argparse.Namespace) -> dict[str, dict[str, object]]:
-    """The interfaces that are receivers, or the one that is asked for. Raises StationError where there is none."""
-    status = client.status(address(arguments), arguments.control)
-    found = {name: one for name, one in named(status, "interfaces") if text(one, "technology") == TECHNOLOGY}
-    if not found:
-        raise StationError("the station has no GNSS receiver", 'captain.toml: an interface with driver = "zed_f9p"')
-    if not arguments.interface:
-        return found
-    if arguments.interface not in found:
-        raise StationError(f"the station has no receiver {arguments.interface!r}", f"it has {', '.join(found)}")
-    return {arguments.interface: found[arguments.interface]}
 
 
 def table(name: str, one: Mapping[str, object]) -> Table:
@@ -91,7 +66,7 @@ def table(name: str, one: Mapping[str, object]) -> Table:
         ("time", _time(details)),
         ("signals", _words(details, "jamming", "spoofing")),
         ("antenna", ", power ".join(filter(None, (text(details, "antenna"), text(details, "antenna_power"))))),
-        ("corrections", ", ".join(filter(None, (text(corrections, "source"), text(corrections, "state"))))),
+        ("corrections", joined(text(corrections, "source"), text(corrections, "state"))),
         ("", _frames(corrections)),
         ("receiver", _words(details, "module", "firmware", "protocol")),
         ("port", text(details, "port")),
@@ -99,8 +74,7 @@ def table(name: str, one: Mapping[str, object]) -> Table:
     ]
     refused = texts(details, "refused")
     notes = [f"not known to its firmware: {', '.join(refused)}"] if refused else []
-    state = f"{text(one, 'state')} for {span(number(one, 'since_s'))}"
-    return Table(f"{name}: {state}: {text(one, 'why')}", ("what", "value"), [row for row in rows if row[1]], notes)
+    return modules.rows_of(name, one, rows, notes)
 
 
 def _fix(details: Mapping[str, object]) -> str:
@@ -111,7 +85,7 @@ def _fix(details: Mapping[str, object]) -> str:
         parts.append(f"{number(details, 'satellites'):.0f} satellites")
     if details.get("age_s") is not None:
         parts.append(f"{span(number(details, 'age_s'))} ago")
-    return ", ".join(filter(None, parts))
+    return joined(*parts)
 
 
 def _accuracy(details: Mapping[str, object]) -> str:

@@ -32,7 +32,7 @@ exit codes:
   1    no station answers, it has no such modem, or the modem did not say OK
   2    wrong usage
 """
-DRIVERS = ("sim8202g",)
+KIND = Kind("modem", "modem", "driver", ("sim8202g",), "sim8202g", "--interface:")
 LONGEST_S = 310.0  # AT+COPS=? is given 300 s
 
 
@@ -48,44 +48,18 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def main(arguments: argparse.Namespace) -> int:
     if (arguments.ask == "at") is not bool(arguments.command):
         raise UsageError(f"modem {arguments.ask}: {'give' if arguments.ask == 'at' else 'takes no'} COMMAND")
-    found = _modems(arguments)
+    found = modules.found(arguments, KIND)
     if arguments.ask == "status":
-        if arguments.json:
-            print(json.dumps(found))
-        else:
-            Screen().show([table(name, one) for name, one in found.items()])
+        modules.show(found, arguments.json, table)
         return 0
-    if len(found) > 1:
-        raise StationError(f"the station has {len(found)} modems", f"--interface: one of {', '.join(found)}")
-    name = next(iter(found))
+    name = modules.the_only(found, KIND)
     if arguments.ask == "reset":
-        answer = _operate(arguments, name, client.ANSWER_S)
+        answer = modules.operate(arguments, name)
         print(json.dumps(answer) if arguments.json else f"{name}: reset begun; `captain modem status` tells more")
         return 0
-    answer = _operate(arguments, name, LONGEST_S, command=arguments.command, force=arguments.force)
+    answer = modules.operate(arguments, name, LONGEST_S, command=arguments.command, force=arguments.force)
     print(json.dumps(answer) if arguments.json else "\n".join([*texts(answer, "lines"), text(answer, "result")]))
     return 0 if text(answer, "result").partition(":")[0] in ("OK", "CONNECT") else 1
-
-
-def _operate(arguments: argparse.Namespace, name: str, timeout: float, **more: object) -> dict[str, object]:
-    place = address(arguments)
-    answer = client.ask_local(
-        place, arguments.control, "operate", timeout, interface=name, ask=arguments.ask, arguments=more
-    )
-    return {key: value for key, value in answer.items() if key != "ok"}
-
-
-def _modems(arguments: argparse.Namespace) -> dict[str, dict[str, object]]:
-    """The interfaces that are modems, or the one that is asked for. Raises StationError where there is none."""
-    status = client.status(address(arguments), arguments.control)
-    found = {name: one for name, one in named(status, "interfaces") if text(one, "driver") in DRIVERS}
-    if not found:
-        raise StationError("the station has no modem", 'captain.toml: an interface with driver = "sim8202g"')
-    if not arguments.interface:
-        return found
-    if arguments.interface not in found:
-        raise StationError(f"the station has no modem {arguments.interface!r}", f"it has {', '.join(found)}")
-    return {arguments.interface: found[arguments.interface]}
 
 
 # -- the table of one modem; what a peer left out or wrote otherwise is shown as absent
@@ -102,22 +76,17 @@ def table(name: str, one: Mapping[str, object]) -> Table:
         ("cell", _words(text(cell, "plmn"), *_numbers(cell, "area", "cell"))),
         ("radio", _words(text(cell, "band"), *_numbers(cell, "physical_cell", "channel"))),
         ("signal", _signal(within(cell, "strength"), details)),
-        ("5G radio", _words(text(leg, "band"), *_numbers(leg, "physical_cell", "channel"))),
+        ("5G radio", joined(text(leg, "band"), *_numbers(leg, "physical_cell", "channel"))),
         ("5G signal", _signal(within(leg, "strength"), {})),
-        ("bearer", _words(text(details, "device"), *texts(details, "addresses"))),
+        ("bearer", joined(text(details, "device"), *texts(details, "addresses"))),
         ("card", _card(details)),
-        ("modem", _words(text(details, "model"), text(details, "firmware"), text(details, "usb"))),
+        ("modem", joined(text(details, "model"), text(details, "firmware"), text(details, "usb"))),
         ("temperature", f"{number(details, 'temperature_c'):.0f} C" if "temperature_c" in details else ""),
         ("counted", _counted(details)),
     ]
-    state = f"{text(one, 'state')} for {span(number(one, 'since_s'))}"
     # A modem is asked for its readings while it is up; what is shown else was read before, or on the way up again.
     notes = [] if text(one, "state") == "up" else [f"readings may be {span(number(one, 'since_s'))} old or older"]
-    return Table(f"{name}: {state}: {text(one, 'why')}", ("what", "value"), [row for row in rows if row[1]], notes)
-
-
-def _words(*words: str) -> str:
-    return ", ".join(filter(None, words))
+    return modules.rows_of(name, one, rows, notes)
 
 
 def _numbers(cell: Mapping[str, object], *keys: str) -> list[str]:
@@ -131,12 +100,12 @@ def _signal(strength: Mapping[str, object], details: Mapping[str, object]) -> st
         if key in strength
     ]
     rssi = f"RSSI {number(details, 'rssi_dbm'):g} dBm" if "rssi_dbm" in details else ""
-    return _words(*measured, rssi)
+    return joined(*measured, rssi)
 
 
 def _card(details: Mapping[str, object]) -> str:
     left = f"{number(details, 'pin_attempts'):.0f} attempts for its PIN" if "pin_attempts" in details else ""
-    return _words(text(details, "sim"), left)
+    return joined(text(details, "sim"), left)
 
 
 def _counted(details: Mapping[str, object]) -> str:
