@@ -4,11 +4,12 @@ import argparse
 import json
 from collections.abc import Mapping
 
-from board.errors import StationError, UsageError
-from firmware.user import client
-from firmware.user.arguments import add_control, address
-from firmware.user.table import Screen, Table, counted, span
-from firmware.user.untrusted import named, number, text, texts, within
+from board.errors import UsageError
+from firmware.user import modules
+from firmware.user.arguments import add_control
+from firmware.user.modules import Kind, joined
+from firmware.user.table import Table, counted, span
+from firmware.user.untrusted import number, text, texts, within
 
 DESCRIPTION = """\
 Shows what the cellular modems of a station see: how far one has come, its
@@ -72,9 +73,9 @@ def table(name: str, one: Mapping[str, object]) -> Table:
     leg = within(cell, "leg")
     rows = [
         ("step", text(details, "step")),
-        ("network", _words(text(details, "operator"), text(details, "registration"), text(cell, "access"))),
-        ("cell", _words(text(cell, "plmn"), *_numbers(cell, "area", "cell"))),
-        ("radio", _words(text(cell, "band"), *_numbers(cell, "physical_cell", "channel"))),
+        ("network", joined(text(details, "operator"), text(details, "registration"), text(cell, "access"))),
+        ("cell", joined(text(cell, "plmn"), *_numbers(cell, "area", "cell"))),
+        ("radio", joined(text(cell, "band"), *_numbers(cell, "physical_cell", "channel"))),
         ("signal", _signal(within(cell, "strength"), details)),
         ("5G radio", joined(text(leg, "band"), *_numbers(leg, "physical_cell", "channel"))),
         ("5G signal", _signal(within(leg, "strength"), {})),

@@ -13,11 +13,11 @@ from tests.asn1.disagreements import TABLE
 from tests.asn1.effective import effective
 from tests.asn1.imported import snippet
 from tests.asn1.older import UnsaidError, seen_by_older
-from tests.asn1.oracles import Asn1tools
+from tests.asn1.oracles import Asn1tools, Pycrate
 from tests.asn1.reach import pruned
 from tests.asn1.reference import Encoder
 from tests.asn1.test_library import CPM_R2
-from tests.asn1.trial import Tally, Trial, chunks
+from tests.asn1.trial import Tally, Trial, chunks, reads
 from tests.asn1.truth import report, schema, tasks
 from tests.asn1.values import Values
 
@@ -111,6 +111,13 @@ def test_a_codec_with_a_fault_is_found_out(faults: dict[str, Any]):
     tally = Trial(schema(), schema().messages["cam-1.4.1"], Broken("cam-1.4.1", **faults), {}).run(0, 10)
     assert tally.unexplained == 10
     assert len(tally.examples) == 3
+
+
+def test_a_long_bit_string_agrees_though_python_does_not_print_its_number():
+    # pycrate's is an integer: 14285 bits are more than the 4300 digits that str() makes.
+    schema, root = snippet("Root ::= BIT STRING (SIZE (0..15000))", "Root")
+    pycrate, value = Pycrate(schema, root), (b"\xff" * 1785 + b"\xf8", 14285)
+    assert reads(pycrate, value, pycrate.encode(pycrate.shape(value))).is_equal
 
 
 def test_a_run_is_the_same_however_it_is_cut():
