@@ -34,10 +34,18 @@ def gnss_bus(channel: socket.socket) -> None:
     serve(channel)
 
 
+def mqtt(channel: socket.socket) -> None:
+    """Is a broker's client."""
+    from drivers.mqtt_client import serve
+
+    serve(channel)
+
+
 WORKERS: Mapping[str, Callable[[socket.socket], None]] = {
     **echo.WORKERS,
     "board": board,
     "sim-board": simulated_board,
     "som301e": som301e,
     "gnss-bus": gnss_bus,
+    "mqtt": mqtt,
 }

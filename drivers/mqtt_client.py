@@ -1,0 +1,113 @@
+"""The process with the MQTT client: one loop over the station's channel and the broker's socket.
+
+Started by `mqtt.py` as a worker. It reads settings, then requests, and tells what is received and how the broker is;
+wire/v2n_talk.py has the messages. It ends, with a good-bye to the broker, when the station closes its socket.
+"""
+
+import math
+import select
+import socket
+import time
+
+from board.child import MAX_MESSAGE
+from board.errors import StationError
+from drivers import mqtt_credentials, mqtt_profile
+from drivers.mqtt_network import Network, jitter
+from drivers.mqtt_outbox import Outbox
+from drivers.mqtt_session import Session
+from drivers.mqtt_settings import MqttSettings, broker, settings
+from drivers.reason import Reason
+from drivers.wire import v2n_talk as talk
+from drivers.wire.v2n import Identity, Profile
+
+AT_ONCE = 32  # messages of the station, before the broker has its turn
+
+# Messages in the socket are those that nothing overtakes. The kernel doubles it and counts some 800 octets for a CAM.
+SEND_BUFFER = 32768
+
+
+def serve(channel: socket.socket) -> None:
+    """Run the client until the station closes its end of the channel."""
+    first = channel.recv(MAX_MESSAGE)
+    if not first:
+        return
+    channel.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
+    try:
+        process = Process(channel, settings(first))
+    except StationError as error:
+        channel.send(talk.fault(error.message, error.hint))
+        channel.recv(MAX_MESSAGE)  # until it is heard: the end of a process would be told first
+        return
+    process.run()
+
+
+class Process:
+    """Session, network and the way to the station. Raises StationError where the settings cannot work."""
+
+    def __init__(self, channel: socket.socket, wanted: MqttSettings) -> None:
+        profile = profile_of(wanted)
+        check(wanted)
+        self._channel = channel
+        self._network = Network(wanted, profile.lost())
+        self._outbox = Outbox(channel, frozenset(wanted.urgent), self._dropped)
+        self._session = Session(wanted, profile, self._network, self._outbox.say, jitter, time.time_ns)
+        self._network.session = self._session
+
+    def run(self) -> None:
+        session, network, outbox = self._session, self._network, self._outbox
+        session.start(time.monotonic())
+        while True:
+            self._wait()
+            is_over = not self._read()
+            now = time.monotonic()
+            network.turn(now)
+            if now >= session.deadline():
+                session.expire(now)
+            if outbox.is_waiting:
+                outbox.flush()
+            if is_over:
+                break
+        session.close(now)
+        network.finish()
+
+    def _wait(self) -> None:
+        """Until something can be done."""
+        network = self._network
+        reads, writes = network.wants()
+        if self._outbox.is_waiting:
+            writes.append(self._channel.fileno())
+        due = min(self._session.deadline(), network.deadline())
+        left = 0.0 if network.has_more else max(0.0, due - time.monotonic())
+        select.select([self._channel.fileno(), *reads], writes, [], None if left == math.inf else left)
+
+    def _read(self) -> bool:
+        """Take what the station says; False when it has closed its end."""
+        for _ in range(AT_ONCE):
+            try:
+                message = self._channel.recv(MAX_MESSAGE, socket.MSG_DONTWAIT)
+            except BlockingIOError:
+                return True
+            except ConnectionResetError:
+                return False  # with messages of ours unread
+            if not message:
+                return False
+            self._session.take(message, time.monotonic())
+        return True
+
+    def _dropped(self, pdu: bytes) -> None:
+        self._session.drop(Reason.RECEIVE_QUEUE, pdu)
+
+
+def profile_of(wanted: MqttSettings) -> Profile:
+    """The profile that the settings name. Raises StationError."""
+    identity = Identity(wanted.host, wanted.station, wanted.uuid, wanted.prefix)
+    description = mqtt_profile.load(wanted.profile).adapted(wanted.qos, wanted.status_topic, wanted.depths)
+    return Profile(description, identity, mqtt_profile.codec(description))
+
+
+def check(wanted: MqttSettings) -> None:
+    """Whether files can be used that the settings name. Raises InterfaceError: no try will help."""
+    if wanted.password_file:
+        mqtt_credentials.password(wanted)
+    if broker(wanted.url).has_tls:
+        mqtt_credentials.context(wanted)

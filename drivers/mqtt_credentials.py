@@ -1,0 +1,82 @@
+"""What a client shows a broker and trusts: files of certificates, keys and passwords, read at each connect.
+
+They may be renewed while the station runs.
+"""
+
+import os
+import ssl
+import stat
+
+from board.errors import InterfaceError
+from drivers.mqtt_settings import MqttSettings
+
+MAX_PASSWORD = 65535  # octets: the length of a field of CONNECT
+
+
+def context(settings: MqttSettings) -> ssl.SSLContext:
+    """TLS as the settings say it: 1.2 at least, a known authority, the host's name. Raises InterfaceError."""
+    made = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    made.minimum_version = ssl.TLSVersion.TLSv1_2
+    if settings.ca:
+        _load_ca(made, settings.ca)
+    else:
+        made.load_default_certs()
+    if settings.certificate:
+        _check_owner_only("key", settings.key)
+        _load_own(made, settings.certificate, settings.key)
+    return made
+
+
+def password(settings: MqttSettings) -> bytes:
+    """The first line of the file. Raises InterfaceError."""
+    path = settings.password_file
+    _check_owner_only("password_file", path)
+    try:
+        with open(path, "rb") as file:
+            found = file.read(MAX_PASSWORD + 2).partition(b"\n")[0].removesuffix(b"\r")
+    except OSError as error:
+        raise _unreadable("password_file", path, error) from error
+    if not 0 < len(found) <= MAX_PASSWORD:
+        raise InterfaceError(f"password_file {path}: its first line is no password", "write the password into it")
+    return found
+
+
+def _load_ca(made: ssl.SSLContext, path: str) -> None:
+    try:
+        made.load_verify_locations(path)
+    except ssl.SSLError as error:
+        hint = "name a file in PEM form, with BEGIN CERTIFICATE in it"
+        raise InterfaceError(f"ca {path}: holds no certificate: {error.reason}", hint) from error
+    except OSError as error:
+        raise _unreadable("ca", path, error) from error
+
+
+def _load_own(made: ssl.SSLContext, certificate: str, key: str) -> None:
+    try:
+        # Without a password given here OpenSSL would ask a terminal for that of an encrypted key.
+        made.load_cert_chain(certificate, key, password="")
+    except ssl.SSLError as error:
+        if error.reason == "KEY_VALUES_MISMATCH":
+            hint = "name the key that the certificate was made for"
+            raise InterfaceError(f"key {key}: is not the key of certificate {certificate}", hint) from error
+        hint = "name files in PEM form; a key must not be encrypted: `openssl pkey` decrypts one"
+        raise InterfaceError(f"certificate {certificate} or key {key}: cannot be read: {error.reason}", hint) from error
+    except OSError as error:
+        # It does not say which of the two.
+        path, name = (key, "key") if os.access(certificate, os.R_OK) else (certificate, "certificate")
+        raise _unreadable(name, path, error) from error
+
+
+def _check_owner_only(name: str, path: str) -> None:
+    try:
+        mode = os.stat(path).st_mode
+    except OSError as error:
+        raise _unreadable(name, path, error) from error
+    if not stat.S_ISREG(mode):
+        raise InterfaceError(f"{name} {path}: is no regular file", f"correct option {name}")
+    if mode & 0o077:
+        raise InterfaceError(f"{name} {path}: others may read it (mode {stat.S_IMODE(mode):04o})", f"chmod 600 {path}")
+
+
+def _unreadable(name: str, path: str, error: OSError) -> InterfaceError:
+    return InterfaceError(f"{name} {path}: {error.strerror}", f"correct option {name}, or put the file there")

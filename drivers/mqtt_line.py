@@ -1,0 +1,91 @@
+"""A connection to a broker, between paho-mqtt and the socket: paho is given whole packets only."""
+
+import socket
+import ssl
+from collections.abc import Iterator
+
+from drivers.wire.mqtt_packets import Oversized, Packets
+from drivers.wire.v2n_message import MAX_PAYLOAD
+
+# Beside a payload: the topic, user properties and what else a PUBLISH carries.
+MAX_PACKET = MAX_PAYLOAD + 8192  # octets
+
+READ = 65536  # octets at once
+
+
+class Line:
+    """What paho takes for its socket.
+
+    error      what the last write ended with.
+    is_closed  paho wants no more of it; end() closes it.
+    """
+
+    def __init__(self, connection: socket.socket) -> None:
+        self.error: OSError | None = None
+        self.is_closed = False
+        self._connection = connection
+        self._packets = Packets(MAX_PACKET)
+        self._whole = b""
+        self._at = 0
+
+    # paho's side.
+
+    def recv(self, size: int) -> bytes:
+        """Of whole packets only."""
+        at = self._at
+        found = self._whole[at : at + size]
+        if not found:
+            raise BlockingIOError
+        self._at = at + len(found)
+        return found
+
+    def send(self, octets: bytes) -> int:
+        try:
+            return self._connection.send(octets)
+        except (ssl.SSLWantWriteError, ssl.SSLWantReadError, BlockingIOError) as error:
+            raise BlockingIOError from error
+        except OSError as error:
+            self.error = error
+            raise
+
+    def fileno(self) -> int:
+        return self._connection.fileno()
+
+    def setblocking(self, flag: bool) -> None:
+        """It never blocks."""
+
+    def close(self) -> None:
+        self.is_closed = True
+
+    # Ours.
+
+    @property
+    def has_packets(self) -> bool:
+        """Whether paho has not read all of the last packets."""
+        return self._at < len(self._whole)
+
+    def put(self, packet: bytes) -> None:
+        """Give paho a packet to read."""
+        self._whole, self._at = packet, 0
+
+    def read(self) -> Iterator[bytes | Oversized]:
+        """What has arrived, once. Raises OSError, EOFError when the broker has closed, ProtocolError."""
+        try:
+            octets = self._connection.recv(READ)
+        except (ssl.SSLWantWriteError, ssl.SSLWantReadError, BlockingIOError):
+            return iter(())
+        if not octets:
+            raise EOFError
+        return self._packets.receive(octets)
+
+    @property
+    def has_more(self) -> bool:
+        """Whether octets were decrypted that no poll tells of."""
+        return isinstance(self._connection, ssl.SSLSocket) and self._connection.pending() > 0
+
+    def shut(self) -> None:
+        """Nothing more will be written: the broker reads to the end, then closes."""
+        self._connection.shutdown(socket.SHUT_WR)
+
+    def end(self) -> None:
+        self._connection.close()

@@ -1,0 +1,361 @@
+"""paho-mqtt as the client of a session: a new one for each connection, so that nothing of an earlier one is sent.
+
+paho keeps what was not acknowledged and sends it all again at a reconnect, stale or not. It also connects and
+looks names up where it is called; a Connector has done that before paho gets the socket.
+"""
+
+import os
+import select
+import socket
+import time
+from collections import deque
+from collections.abc import Callable, Collection
+from typing import Any
+
+from paho.mqtt.client import Client as PahoClient
+from paho.mqtt.client import ConnectFlags, DisconnectFlags, MQTTMessage
+from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
+from paho.mqtt.packettypes import PacketTypes
+from paho.mqtt.properties import Properties
+from paho.mqtt.reasoncodes import ReasonCode
+from paho.mqtt.subscribeoptions import SubscribeOptions
+
+from board.errors import InterfaceError, ProtocolError
+from drivers import mqtt_credentials, mqtt_trouble
+from drivers.mqtt_connector import Connector
+from drivers.mqtt_line import MAX_PACKET, Line
+from drivers.mqtt_session import Session
+from drivers.mqtt_settings import MqttSettings, broker
+from drivers.mqtt_window import Accepted
+from drivers.reason import Reason
+from drivers.wire.mqtt_packets import Oversized
+from drivers.wire.v2n import Delivery, Publication
+
+# paho looks at its keep-alive when it is asked to.
+LOOK_S = 1.0
+
+# Acknowledgements that wait because the broker reads nothing: then it is not read from either.
+MOST_OWED = 1000
+
+LINGER_S = 0.3  # for the last words to be read: the station kills this process a little later
+
+MAX_WORDS = 200  # characters of a broker's own explanation
+
+
+class Paho(PahoClient):
+    """With a socket that is connected already."""
+
+    def __init__(self, line: Line, settings: MqttSettings) -> None:
+        is_5 = settings.version == 5
+        super().__init__(
+            CallbackAPIVersion.VERSION2,
+            client_id=settings.client_id,
+            clean_session=None if is_5 else settings.clean,
+            protocol=MQTTProtocolVersion.MQTTv5 if is_5 else MQTTProtocolVersion.MQTTv311,
+            reconnect_on_failure=False,
+            manual_ack=True,
+        )
+        self.line = line
+        self.max_inflight_messages_set(0)  # the session counts
+
+    def _create_socket(self) -> Any:
+        return self.line
+
+
+class Network:
+    """mqtt_session.Client on one socket at a time.
+
+    will  what the broker publishes when the connection is lost.
+    """
+
+    def __init__(self, settings: MqttSettings, will: Publication | None) -> None:
+        self.session: Session
+        self._settings = settings
+        self._will = will
+        self._is_5 = settings.version == 5
+        self._broker = broker(settings.url)
+        self._connector: Connector | None = None
+        self._paho: Paho | None = None
+        self._is_accepted = False
+        self._asked: list[str] = []
+        self._owed = 0
+        self._look_at = 0.0
+        # paho's callbacks only put something here: what paho raises is never an error of ours.
+        self._events: deque[Callable[[float], None]] = deque()
+
+    # mqtt_session.Client.
+
+    @property
+    def waits_for(self) -> str:
+        return self._connector.waits_for if self._connector else "no CONNACK"
+
+    def connect(self) -> None:
+        self._connector = Connector(self._settings)
+
+    def disconnect(self) -> None:
+        paho = self._paho
+        if paho is None or not self._is_accepted:
+            self.drop()
+        else:
+            paho.disconnect()
+
+    def drop(self) -> None:
+        self._events.clear()
+        self._is_accepted = False
+        if self._connector is not None:
+            connector, self._connector = self._connector, None
+            connector.close()
+            if connector.socket is not None:
+                connector.socket.close()
+        if self._paho is not None:
+            paho, self._paho = self._paho, None
+            paho.line.end()
+
+    def publish(self, publication: Publication) -> int:
+        topic, payload, qos, retain, expiry_s, user_properties = publication
+        paho = self._connected()
+        properties = None
+        if self._is_5 and (expiry_s is not None or user_properties):
+            properties = _properties(PacketTypes.PUBLISH)
+            if expiry_s is not None:
+                properties.MessageExpiryInterval = expiry_s
+            if user_properties:
+                properties.UserProperty = list(user_properties)
+        return paho.publish(topic, payload, qos, retain, properties).mid
+
+    def subscribe(self, filters: Collection[tuple[str, int]]) -> None:
+        self._asked = [name for name, _ in filters]
+        if self._is_5:
+            # A shared subscription must not exclude own messages (MQTT 5.0, clause 3.8.3.1).
+            self._connected().subscribe(
+                [(name, SubscribeOptions(qos, noLocal=not name.startswith("$share/"))) for name, qos in filters]
+            )
+        else:
+            self._connected().subscribe(list(filters))
+
+    def unsubscribe(self, filters: Collection[str]) -> None:
+        self._connected().unsubscribe(list(filters))
+
+    # The loop of the process.
+
+    def wants(self) -> tuple[list[int], list[int]]:
+        """Descriptors that are waited for, to read from and to write to."""
+        if self._connector is not None:
+            return [self._connector.fileno()], []
+        paho = self._paho
+        if paho is None:
+            return [], []
+        reads = [] if self._owed > MOST_OWED else [paho.line.fileno()]
+        return reads, [paho.line.fileno()] if paho.want_write() else []
+
+    @property
+    def has_more(self) -> bool:
+        """Whether something is there to be done at once."""
+        return bool(self._events) or (self._paho is not None and self._paho.line.has_more)
+
+    def deadline(self) -> float:
+        return self._look_at if self._paho is not None else float("inf")
+
+    def turn(self, now: float) -> None:
+        """Do what can be done without waiting."""
+        if self._connector is not None:
+            self._connect_ended(now)
+        if self._paho is not None:
+            self._exchange(self._paho, now)
+        self._tell(now)
+
+    def finish(self) -> None:
+        """After disconnect(): wait until it is written and the broker has closed, or for LINGER_S."""
+        end = time.monotonic() + LINGER_S
+        paho = self._paho
+        if paho is None:
+            return
+        try:
+            while not paho.line.is_closed and (left := end - time.monotonic()) > 0:
+                if select.select([], [paho.line.fileno()], [], left)[1]:
+                    paho.loop_write()
+            paho.line.shut()
+            while (left := end - time.monotonic()) > 0:
+                if select.select([paho.line.fileno()], [], [], left)[0]:
+                    for _ in paho.line.read():
+                        pass  # a socket that is closed with octets unread takes back what it has sent last
+        except (OSError, EOFError, ProtocolError):
+            pass
+        self.drop()
+
+    def _connect_ended(self, now: float) -> None:
+        connector = self._connector
+        if connector is None or (connector.socket is None and not connector.why_not):
+            return
+        self._connector = None
+        connector.close()
+        if connector.socket is None:
+            self.session.failed(connector.why_not, now)
+            return
+        try:
+            self._paho = self._greet(connector.socket)
+        except InterfaceError as error:
+            connector.socket.close()
+            self.session.failed(mqtt_trouble.why(error), now)
+        self._look_at = now + LOOK_S
+
+    def _greet(self, connection: socket.socket) -> Paho:
+        """CONNECT on a connection that stands."""
+        settings, will = self._settings, self._will
+        paho = Paho(Line(connection), settings)
+        paho.on_connect = self._on_connect
+        paho.on_disconnect = self._on_disconnect
+        paho.on_message = self._on_message
+        paho.on_publish = self._on_publish
+        paho.on_subscribe = self._on_subscribe
+        paho.on_unsubscribe = self._on_unsubscribe
+        if settings.username:
+            paho.username_pw_set(settings.username)
+            paho.password = mqtt_credentials.password(settings)  # type: ignore[assignment] # octets are none of its types
+        if will is not None:
+            paho.will_set(will.topic, will.payload, will.qos, will.retain)
+        host, port, _ = self._broker
+        if self._is_5:
+            properties = _properties(PacketTypes.CONNECT)
+            properties.MaximumPacketSize = MAX_PACKET
+            if not settings.clean:
+                properties.SessionExpiryInterval = settings.session_expiry_s
+            paho.connect(host, port, settings.keep_alive_s, clean_start=settings.clean, properties=properties)
+        else:
+            paho.connect(host, port, settings.keep_alive_s)
+        self._owed = 0
+        return paho
+
+    def _exchange(self, paho: Paho, now: float) -> None:
+        """Read, write, and let paho look at its clock; or tell why that is over."""
+        try:
+            for packet in paho.line.read():
+                if isinstance(packet, Oversized):
+                    self._oversized(packet)
+                    continue
+                paho.line.put(packet)
+                while paho.line.has_packets and not paho.line.is_closed:
+                    paho.loop_read()
+            if paho.want_write():
+                paho.loop_write()
+            if now >= self._look_at:
+                self._look_at = now + LOOK_S
+                paho.loop_misc()
+            if not paho.want_write():
+                self._owed = 0
+        except EOFError:
+            self._ended("has closed the connection")
+        except (OSError, ProtocolError) as error:
+            self._ended(mqtt_trouble.why(error))
+        except Exception as error:  # noqa: BLE001 paho meets octets that it does not expect
+            self._ended(f"sends what is no MQTT: {type(error).__name__}: {error}")
+
+    def _tell(self, now: float) -> None:
+        """Tell the session what has happened; it may make more happen."""
+        while self._events:
+            self._events.popleft()(now)
+
+    def _connected(self) -> Paho:
+        assert self._paho is not None
+        return self._paho
+
+    def _ended(self, why: str) -> None:
+        self._events.append(lambda now: self._over(why, now))
+
+    def _over(self, why: str, now: float) -> None:
+        paho = self._paho
+        if paho is not None and paho.line.error is not None:
+            why = mqtt_trouble.why(paho.line.error)
+        was_accepted = self._is_accepted
+        self.drop()
+        (self.session.lost if was_accepted else self.session.failed)(why, now)
+
+    # paho's callbacks.
+
+    def _on_connect(
+        self, _: Any, __: Any, flags: ConnectFlags, code: ReasonCode, properties: Properties | None
+    ) -> None:
+        if code.is_failure:
+            self._ended(f"refuses the connection: {mqtt_trouble.refusal(str(code), _words(properties))}")
+            return
+        accepted = Accepted(
+            receive_maximum=getattr(properties, "ReceiveMaximum", 65535),
+            maximum_packet=getattr(properties, "MaximumPacketSize", 268_435_460),
+            maximum_qos=getattr(properties, "MaximumQoS", 2),
+            retains=bool(getattr(properties, "RetainAvailable", 1)),
+            is_resumed=flags.session_present,
+        )
+        self._events.append(lambda now: self._accept(accepted, now))
+
+    def _accept(self, accepted: Accepted, now: float) -> None:
+        self._is_accepted = True
+        self.session.connected(accepted, now)
+
+    def _on_disconnect(
+        self, _: Any, __: Any, flags: DisconnectFlags, code: ReasonCode, properties: Properties | None
+    ) -> None:
+        if flags.is_disconnect_packet_from_server:
+            self._ended(f"ends the connection: {mqtt_trouble.refusal(str(code), _words(properties))}")
+        elif str(code) == "Keep alive timeout":
+            self._ended("does not answer to PINGREQ")
+        else:
+            self._ended(f"is not understood: {code}")
+
+    def _on_message(self, _: Any, __: Any, message: MQTTMessage) -> None:
+        self._events.append(lambda now: self._deliver(message, now))
+
+    def _on_publish(self, _: Any, __: Any, mid: int, code: ReasonCode, properties: Properties | None) -> None:
+        why = f"refuses it: {mqtt_trouble.refusal(str(code), _words(properties))}" if code.is_failure else ""
+        self._events.append(lambda now: self.session.published(mid, why, now))
+
+    def _on_subscribe(self, _: Any, __: Any, mid: int, codes: list[ReasonCode], properties: Properties | None) -> None:
+        words = _words(properties)
+        refused = {
+            name: mqtt_trouble.refusal(str(code), words)
+            for name, code in zip(self._asked, codes, strict=False)
+            if code.is_failure
+        }
+        refused |= dict.fromkeys(self._asked[len(codes) :], "its SUBACK says nothing of it")
+        self._events.append(lambda now: self.session.subscribed(refused, now))
+
+    def _on_unsubscribe(self, *_: Any) -> None:
+        self._events.append(self.session.unsubscribed)
+
+    # What was received.
+
+    def _deliver(self, message: MQTTMessage, now: float) -> None:
+        if message.qos:
+            self._acknowledge(message.mid)
+        try:
+            topic = message.topic
+        except UnicodeDecodeError:
+            self.session.drop(Reason.TOPIC, bytes(message.payload))
+            return
+        properties = tuple(getattr(message.properties, "UserProperty", ()))
+        self.session.received(Delivery(topic, bytes(message.payload), message.retain, properties), now)
+
+    def _oversized(self, packet: Oversized) -> None:
+        if packet.number:
+            self._acknowledge(packet.number)
+        self.session.drop(Reason.PAYLOAD, packet.sample)
+
+    def _acknowledge(self, number: int) -> None:
+        paho = self._paho
+        if paho is not None:
+            paho.ack(number, 1)
+            self._owed += paho.want_write()
+
+
+def _properties(kind: int) -> Properties:
+    return Properties(kind)  # type: ignore[no-untyped-call]
+
+
+def _words(properties: Properties | None) -> str:
+    """A broker's own explanation, as far as it can be shown."""
+    words = str(getattr(properties, "ReasonString", ""))[:MAX_WORDS]
+    return words if words.isprintable() else ""
+
+
+def jitter() -> float:
+    """0 to 1, so that stations which a broker has lost together do not come back together."""
+    return os.urandom(1)[0] / 255

@@ -1,0 +1,332 @@
+"""A station's session with a broker: when it connects and gives up, what it takes in, what the station is told.
+
+Opens nothing and reads no clock: `Client` does the network, `take` brings what the station says, `say` tells it.
+What cannot leave yet waits in the window (mqtt_window.py), and no more than fits: the station's queue has the rest.
+"""
+
+import math
+from collections.abc import Callable, Collection
+from enum import Enum, auto
+from typing import Protocol
+
+from board.errors import RequestError
+from drivers.message import Ego, Position
+from drivers.mqtt_echo import Echoes
+from drivers.mqtt_settings import MqttSettings, broker
+from drivers.mqtt_subscriptions import Subscriptions
+from drivers.mqtt_tally import Tally
+from drivers.mqtt_window import MAX_QOS, Accepted, Window
+from drivers.reason import Reason
+from drivers.wire import v2n_talk as talk
+from drivers.wire.v2n import Delivery, Profile, Publication, RefusedError
+
+# A connection that was up for so long was a good one: what comes after it begins with the first delay again.
+STEADY_S = 10.0
+
+LOOK_S = 1.0  # between two changes of what is subscribed to: a vehicle at the edge of a tile goes to and fro
+
+SHOWN = 16  # subscriptions in status, of the many that tiles are
+
+NOWHERE = Ego(0, Position(), is_known=False)
+
+
+class Client(Protocol):
+    """The network, as a session needs it. Each call returns at once; what comes of it is told to the session later."""
+
+    @property
+    def waits_for(self) -> str:
+        """What a connection that is begun lacks, in words: "no answer to its SYN"."""
+
+    def connect(self) -> None:
+        """Begin; ends in Session.connected() or Session.failed()."""
+
+    def disconnect(self) -> None:
+        """Write what waits, say DISCONNECT, and close. Nothing is told of it."""
+
+    def drop(self) -> None:
+        """Close or give up without a word, so that the broker publishes the last will. Nothing is told of it."""
+
+    def publish(self, publication: Publication) -> int:
+        """A token; ends in Session.published(), or never if the connection is lost first."""
+
+    def subscribe(self, filters: Collection[tuple[str, int]]) -> None:
+        """Ends in Session.subscribed()."""
+
+    def unsubscribe(self, filters: Collection[str]) -> None:
+        """Ends in Session.unsubscribed()."""
+
+
+class Phase(Enum):
+    """Of the connection."""
+
+    BEARER = auto()  # there is none before the bearer is up
+    PAUSE = auto()  # between two tries
+    CONNECTING = auto()
+    SUBSCRIBING = auto()  # it is accepted, the first subscriptions are not acknowledged
+    UP = auto()
+    CLOSED = auto()
+
+
+_CONNECTED = frozenset({Phase.SUBSCRIBING, Phase.UP})
+
+
+class Session:
+    """One broker, as long as the process runs.
+
+    say      takes messages of v2n_talk for the station.
+    jitter   0 to 1.
+    unix_ns  Unix time.
+    """
+
+    def __init__(
+        self,
+        settings: MqttSettings,
+        profile: Profile,
+        client: Client,
+        say: Callable[[bytes], None],
+        jitter: Callable[[], float],
+        unix_ns: Callable[[], int],
+    ) -> None:
+        self.phase = Phase.BEARER
+        self._settings = settings
+        self._broker = broker(settings.url)
+        self._profile = profile
+        self._client = client
+        self._say = say
+        self._jitter = jitter
+        self._unix_ns = unix_ns
+        self._own = NOWHERE
+        self._accepted = Accepted()
+        self._echoes = Echoes()
+        self._tally = Tally()
+        self._window = Window(self._publish, self._tell, settings.in_flight)
+        self._subscriptions = Subscriptions(client, self._wanted)
+        self._failures = 0
+        self._since = 0.0  # the phase
+        self._retry_at = self._look_at = self._beat_at = math.inf
+        self._told: tuple[bool, str] | None = None
+        self._has_spoken = False
+
+    # The station's side.
+
+    def start(self, now: float) -> None:
+        self._beat_at = now + talk.BEAT_S
+        self._begin(not self._settings.has_bearer, now)
+
+    def take(self, message: bytes, now: float) -> None:
+        """A message of the station, but for the settings."""
+        match message[0]:
+            case talk.SEND:
+                self._send(talk.parse_send(message), now)
+            case talk.EGO:
+                self._own = talk.parse_ego(message)
+                if self.phase in _CONNECTED:
+                    self._look_at = min(self._look_at, now + LOOK_S)
+            case talk.BEARER if self._settings.has_bearer and self.phase is not Phase.CLOSED:
+                # Another address, or none: a connection from the old one hears nothing any more.
+                self._client.drop()
+                self._window.close()
+                self._begin(talk.parse_bearer(message)[0], now)
+
+    def close(self, now: float) -> None:
+        """Say good-bye. What the client has not written a moment later is lost."""
+        if self.phase is Phase.UP:
+            self._window.add_own(self._profile.closing(), now)
+        self._client.disconnect()
+        self._enter(Phase.CLOSED, now)
+        self._tell_counts()
+
+    # The client's side.
+
+    def connected(self, accepted: Accepted, now: float) -> None:
+        """The broker has accepted the connection."""
+        self._accepted = accepted
+        self._tally.connections += 1
+        self._enter(Phase.SUBSCRIBING, now)
+        self._subscriptions.begin(accepted.is_resumed)
+        self._subscriptions.follow(now)
+        self._look(now)
+
+    def failed(self, why: str, now: float) -> None:
+        """The connection did not come up."""
+        self._failures += 1
+        self._pause(why, now)
+
+    def lost(self, why: str, now: float) -> None:
+        """The connection is gone that was accepted."""
+        was_good = self.phase is Phase.UP and now - self._since >= STEADY_S
+        self._failures = 0 if was_good else self._failures + 1
+        self._pause(why, now)
+
+    def subscribed(self, refused: dict[str, str], now: float) -> None:
+        """The broker has answered subscribe(). refused: filters that it does not deliver, and its words."""
+        self._subscriptions.answered(refused, now)
+        self._look(now)
+
+    def unsubscribed(self, now: float) -> None:
+        """The broker has answered unsubscribe()."""
+        self._subscriptions.left(now)
+
+    def published(self, token: int, why: str, now: float) -> None:
+        """A publication was written (QoS 0) or acknowledged. why is empty, or why the broker refused it."""
+        self._window.published_one(token, f"{self._broker}: {why}" if why else "", now)
+
+    def received(self, delivery: Delivery, now: float) -> None:
+        """What the broker delivered."""
+        received_ns = self._unix_ns()
+        try:
+            pdu, btp_port, source = self._profile.receive(delivery)
+        except RefusedError as error:
+            self.drop(error.reason, delivery.payload)
+            return
+        if not source and self._echoes.holds(delivery.payload, now):
+            self.drop(Reason.OWN_ECHO, pdu)
+            return
+        self._tally.received += 1
+        self._tell(talk.received(talk.Received(received_ns, pdu, btp_port, source)))
+
+    def drop(self, reason: Reason, sample: bytes, count: int = 1) -> None:
+        """Something received is not passed on: the station hears of it with the next beat."""
+        self._tally.drop(reason, sample, count)
+
+    # Time.
+
+    def deadline(self) -> float:
+        """When expire() has something to do."""
+        return min(self._retry_at, self._look_at, self._beat_at, self._window.deadline(), self._owed()[0])
+
+    def expire(self, now: float) -> None:
+        """Do what is due."""
+        self._window.expire(now, self._told[1] if self._told and not self._told[0] else "")
+        overdue_at, why = self._owed()
+        if now >= overdue_at:
+            self._client.drop()
+            ended = self.failed if self.phase is Phase.CONNECTING else self.lost
+            ended(why, now)
+        if now >= self._retry_at:
+            self._connect(now)
+        if now >= self._look_at:
+            self._look_at = math.inf
+            if self.phase in _CONNECTED:
+                self._subscriptions.follow(now)
+        if now >= self._beat_at:
+            self._beat(now)
+
+    def _owed(self) -> tuple[float, str]:
+        """When it is too late for what the broker owes, and what that is."""
+        limit_s, ack_s = self._settings.connect_s, 2.0 * self._settings.keep_alive_s
+        if self.phase is Phase.CONNECTING:
+            return self._since + limit_s, f"{self._client.waits_for} within {limit_s:g} s"
+        if self.phase not in _CONNECTED:
+            return math.inf, ""
+        at, why = math.inf, ""
+        if owed := self._subscriptions.awaits():
+            at, why = owed[1] + limit_s, f"no {owed[0]} within {limit_s:g} s"
+        if (oldest := self._window.oldest()) and oldest[0] + ack_s < at:
+            lacks = f"no PUBACK within {ack_s:g} s" if oldest[1] else f"reads nothing for {ack_s:g} s"
+            at, why = oldest[0] + ack_s, lacks
+        return at, why
+
+    # Connecting.
+
+    def _begin(self, may_connect: bool, now: float) -> None:
+        self._failures = 0
+        self._state(False, "connects" if may_connect else "waits for its bearer")
+        if may_connect:
+            self._connect(now)
+        else:
+            self._enter(Phase.BEARER, now)
+
+    def _enter(self, phase: Phase, now: float) -> None:
+        self.phase = phase
+        self._since = now
+        self._retry_at = math.inf
+
+    def _connect(self, now: float) -> None:
+        self._enter(Phase.CONNECTING, now)
+        self._client.connect()
+
+    def _pause(self, why: str, now: float) -> None:
+        self._window.close()
+        self._enter(Phase.PAUSE, now)
+        settings = self._settings
+        delay = min(settings.longest_delay_s, settings.first_delay_s * 2.0 ** min(self._failures, 16))
+        self._retry_at = now + delay * (0.5 + self._jitter() / 2)
+        self._tally.last_error = why
+        self._state(False, why)
+
+    def _look(self, now: float) -> None:
+        """All subscriptions may be answered by now: then the link is up."""
+        if self._subscriptions.awaits() and self.phase is Phase.SUBSCRIBING:
+            return
+        if self.phase is Phase.SUBSCRIBING:
+            self._enter(Phase.UP, now)
+            self._window.open(self._accepted, str(self._broker), now)
+            self._window.add_own(self._profile.connected(), now)
+        why = "connected"
+        for name, words in sorted(self._subscriptions.refused.items())[:1]:
+            more = len(self._subscriptions.refused) - 1
+            why += f", but refuses subscription {name}{f' and {more} more' if more else ''}: {words}"
+        self._state(True, why)
+
+    # Publishing.
+
+    def _send(self, wanted: talk.ToSend, now: float) -> None:
+        number, deadline, btp_port, row, pdu = wanted
+        try:
+            now_ms = self._unix_ns() // 1_000_000
+            publications = self._profile.publications(self._settings.types[row], btp_port, pdu, self._own, now_ms)
+        except RequestError as error:
+            self._tell(talk.sent(number, Reason.SEND_FAILED, f"{self._broker}: {error.message}"))
+            return
+        if not publications:
+            why = f"profile {self._settings.profile} publishes no message of this type"
+            self._tell(talk.sent(number, Reason.SEND_FAILED, f"{self._broker}: {why}"))
+        elif deadline <= now:
+            self._tell(talk.sent(number, Reason.EXPIRED))
+        elif self._window.is_full():
+            self._tell(talk.sent(number, Reason.QUEUE_FULL))
+        else:
+            self._window.add(number, deadline, publications, now)
+
+    def _publish(self, publication: Publication, now: float) -> int:
+        self._echoes.add(publication.payload, now)
+        return self._client.publish(publication)
+
+    def _wanted(self) -> frozenset[tuple[str, int]]:
+        return frozenset((name, min(qos, MAX_QOS)) for name, qos in self._profile.subscriptions(self._own))
+
+    # Telling.
+
+    def _state(self, is_up: bool, why: str) -> None:
+        """Tell it where it is another: a broker that never answers fills no journal."""
+        told = (is_up, f"{self._broker}: {why}")
+        if told != self._told:
+            self._told = told
+            self._tell(talk.state(*told))
+
+    def _tell(self, message: bytes) -> None:
+        self._has_spoken = True
+        self._say(message)
+
+    def _beat(self, now: float) -> None:
+        self._beat_at = now + talk.BEAT_S
+        if self.phase is Phase.UP:
+            self._subscriptions.try_refused(now)
+        self._tell_counts()
+        if not self._has_spoken:
+            self._say(talk.ALIVE_NOW)
+        self._has_spoken = False
+
+    def _tell_counts(self) -> None:
+        names = sorted(name for name, _ in self._subscriptions.subscribed)
+        window = self._window
+        of_session = {
+            "published": window.published,
+            "confirmed": window.confirmed,
+            "unacknowledged": window.unacknowledged,
+            "subscriptions": len(names),
+            "first_subscriptions": names[:SHOWN],
+        }
+        for message in self._tally.messages(of_session):
+            self._tell(message)

@@ -1,0 +1,90 @@
+"""What a station is subscribed to at a broker: follows what is wanted, one packet at a time, without a gap."""
+
+from collections.abc import Callable, Collection
+from typing import Protocol
+
+Filters = frozenset[tuple[str, int]]  # topic filters and their quality of service
+
+# What the broker has refused to deliver is asked for again: its rules may have changed.
+REFUSED_S = 60.0
+
+
+class Subscriber(Protocol):
+    """The part of a client that is needed here."""
+
+    def subscribe(self, filters: Collection[tuple[str, int]]) -> None: ...
+
+    def unsubscribe(self, filters: Collection[str]) -> None: ...
+
+
+class Subscriptions:
+    """Those of one connection.
+
+    wanted      tells what is wanted now.
+    subscribed  what the broker delivers.
+    refused     filters that it does not, and its words.
+    """
+
+    def __init__(self, client: Subscriber, wanted: Callable[[], Filters]) -> None:
+        self.subscribed: Filters = frozenset()
+        self.refused: dict[str, str] = {}
+        self._client = client
+        self._wanted = wanted
+        self._asked: Filters = frozenset()
+        self._leaving: Filters = frozenset()
+        self._since = 0.0  # the last packet
+        self._refused_since = 0.0
+
+    def begin(self, is_resumed: bool) -> None:
+        """A new connection begins with nothing, unless the broker still has what the last one had."""
+        if not is_resumed:
+            self.subscribed = frozenset()
+        self._asked = self._leaving = frozenset()
+        self.refused = {}
+
+    def awaits(self) -> tuple[str, float] | None:
+        """The packet that the broker owes, and since when."""
+        if self._asked:
+            return "SUBACK", self._since
+        return ("UNSUBACK", self._since) if self._leaving else None
+
+    def follow(self, now: float) -> None:
+        """Ask for what is not subscribed to yet, else leave what is not wanted any more."""
+        if self._asked or self._leaving:
+            return
+        wanted = self._wanted()
+        names = {name for name, _ in wanted}
+        self.refused = {name: why for name, why in self.refused.items() if name in names}
+        self._since = now
+        self._asked = frozenset(one for one in wanted - self.subscribed if one[0] not in self.refused)
+        if self._asked:
+            self._client.subscribe(sorted(self._asked))
+            return
+        old = self.subscribed - wanted
+        gone = {name for name, _ in old} - names
+        if gone:
+            self._leaving = old
+            self._client.unsubscribe(sorted(gone))
+        else:
+            self.subscribed -= old  # the same filters, by now of another quality of service
+
+    def answered(self, refused: dict[str, str], now: float) -> None:
+        """SUBACK: what it refuses, and its words."""
+        asked, self._asked = self._asked, frozenset()
+        if refused:
+            self.refused |= refused
+            self._refused_since = now
+        self.subscribed |= {one for one in asked if one[0] not in refused}
+        self.follow(now)
+
+    def left(self, now: float) -> None:
+        """UNSUBACK."""
+        self.subscribed -= self._leaving
+        self._leaving = frozenset()
+        self.follow(now)
+
+    def try_refused(self, now: float) -> None:
+        """Ask once more for what was refused REFUSED_S ago."""
+        if self.refused and not self._asked and now - self._refused_since >= REFUSED_S:
+            self.refused = {}
+            self.follow(now)

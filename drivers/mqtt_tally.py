@@ -1,0 +1,42 @@
+"""What an MQTT session has counted, told the station once a beat."""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+
+from drivers.reason import Reason
+from drivers.wire import v2n_talk as talk
+
+
+class Tally:
+    """Drops that the station has not heard of, and counts since the process began.
+
+    received     messages that were passed on.
+    connections  that were accepted.
+    last_error   why the last connection ended or did not begin.
+    """
+
+    def __init__(self) -> None:
+        self.received = self.connections = 0
+        self.last_error = ""
+        self._drops: Counter[Reason] = Counter()
+        self._samples: dict[Reason, bytes] = {}
+        self._told: dict[str, object] = {}
+
+    def drop(self, reason: Reason, sample: bytes, count: int = 1) -> None:
+        self._drops[reason] += count
+        self._samples[reason] = sample[: talk.MAX_SAMPLE]
+
+    def messages(self, of_session: Mapping[str, object]) -> Iterator[bytes]:
+        """DROPPED for each reason that was met since the last time, and DETAILS where they have changed."""
+        for reason, count in self._drops.items():
+            yield talk.dropped(reason, count, self._samples[reason])
+        self._drops.clear()
+        found = {
+            "connections": self.connections,
+            "received": self.received,
+            **of_session,
+            "last_error": self.last_error,
+        }
+        if found != self._told:
+            self._told = found
+            yield talk.details(found)
