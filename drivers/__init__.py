@@ -51,6 +51,12 @@ def _sim8202g() -> DriverClass:
     return Sim8202g
 
 
+def _mqtt() -> DriverClass:
+    from drivers.mqtt import Mqtt
+
+    return Mqtt
+
+
 LOADERS: dict[str, Callable[[], DriverClass]] = {
     "udp": _udp,
     "ethernet": _ethernet,
@@ -59,6 +65,7 @@ LOADERS: dict[str, Callable[[], DriverClass]] = {
     "zed_f9p": _zed_f9p,
     "som301e": _som301e,
     "sim8202g": _sim8202g,
+    "mqtt": _mqtt,
 }
 
 

@@ -1,10 +1,15 @@
 """One bench per driver: the interface under test and what is at the other end of it."""
 
 import os
+import signal
 import socket
 import subprocess
+import sys
+import tempfile
 from abc import ABC, abstractmethod
+from base64 import b64decode, b64encode
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import ClassVar, Literal, Protocol
 
@@ -17,6 +22,8 @@ from drivers.gnss_options import GnssOptions
 from drivers.message import Ego, Position
 from drivers.modem_options import ModemOptions
 from drivers.morse import Morse, MorseOptions
+from drivers.mqtt import Mqtt
+from drivers.mqtt_options import MqttOptions
 from drivers.sim.machine import SimulatedDevice
 from drivers.sim.modem import SimulatedModem
 from drivers.sim.receiver import Receiver
@@ -29,11 +36,16 @@ from drivers.wire import btp, frame, morse
 from drivers.wire.geonet import GeoNetworking, Received
 from drivers.wire.serial_frame import Frame
 from drivers.zed_f9p import ZedF9p
+from tests.broker.certificates import Authority, Identity
+from tests.broker.client import Client
+from tests.broker.mosquitto import Mosquitto
 from tests.drivers.host import SHARED, Host, request
 from tests.drivers.modem import Carried
 from tests.drivers.radio import SimulatedRadio, free_addresses, library
+from tests.system.ports import Ports
 from tests.virtual import VirtualLoop
 
+MQTT_PROGRAM = [sys.executable, "-P", str(Path(__file__).with_name("mqtt_program.py"))]
 GROUP = "239.118.122.97:8947"
 NOWHERE = Ego(722_130_000_000, Position(), is_known=False)
 
@@ -411,6 +423,72 @@ class ModemBench(ModuleBench):
         self._path.symlink_to(next(one.target for one in device.interfaces if one.number == 2))
 
 
+@cache
+def _identities() -> tuple[Authority, Identity, Identity, Identity]:
+    """An authority; what the broker, the station and the other end show."""
+    authority = Authority(Path(tempfile.mkdtemp(prefix="captain-bench-")))
+    return authority, authority.server(), authority.client("bench"), authority.client("other")
+
+
+class MqttBench:
+    """A real broker with TLS, another client at it, and a certificate of the authority that can be taken away."""
+
+    patience_s = 20.0  # a process has to start
+
+    def __init__(self, loop: VirtualLoop, folder: Path) -> None:
+        loop.patience_s = 0.5  # for the process to answer
+        self._authority, server, own, self._other = _identities()
+        ports = Ports()
+        self._broker = Mosquitto(folder, ports, self._authority, server=server)
+        ports.release()  # the network namespace is this test's alone
+        self._client: Client | None = None
+        self._ca = folder / "ca.pem"
+        options = MqttOptions(
+            url=self._broker.url, client_id="bench", ca=str(self._ca), certificate=str(own.certificate), key=str(own.key)
+        )  # fmt: skip
+        self._mqtt = UnhurriedMqtt(options, SHARED._replace(types=("cam", "denm")), MQTT_PROGRAM)
+        self.driver: Driver = self._mqtt
+
+    def plug(self) -> None:
+        self._ca.symlink_to(self._authority.certificate)
+        self._broker.start()
+        self._client = Client(self._broker.port, "other", authority=self._authority, identity=self._other)
+        self._client.subscribe("v2x/btp/+", no_local=True)
+
+    def unplug(self) -> None:
+        self._ca.unlink()
+        worker = self._mqtt._worker
+        assert worker is not None
+        assert worker._child is not None
+        os.kill(worker._child._process.pid, signal.SIGKILL)
+        self.close()
+
+    def close(self) -> None:
+        if self._client is not None:
+            self._client.close()
+            self._client = None
+        self._broker.stop()
+
+    def say(self, pdu: bytes) -> None:
+        assert self._client is not None
+        port = request(pdu).btp_port
+        self._client.publish(f"v2x/btp/{port}", b"other(%d): <%s>" % (port, b64encode(pdu)))
+
+    def heard(self) -> list[bytes]:
+        assert self._client is not None
+        found = []
+        while not self._client.messages.empty():
+            payload = self._client.messages.get().payload
+            found.append(b64decode(payload[payload.index(b"<") + 1 : -1]))
+        return found
+
+
+class UnhurriedMqtt(Mqtt):
+    """One whose process may be silent while a test lets hours go by, which are microseconds to the process."""
+
+    silence_s = 0.0
+
+
 MODULES: dict[str, Callable[[VirtualLoop, Path], ModuleBench]] = {
     "zed_f9p": ReceiverBench,
     "sim8202g": ModemBench,
@@ -424,5 +502,6 @@ BENCHES: dict[str, Callable[[VirtualLoop, Path], Bench | ModuleBench]] = {
     "uart": UartBench,
     "morse": MorseBench,
     "som301e": Som301eBench,
+    "mqtt": MqttBench,
     **MODULES,
 }

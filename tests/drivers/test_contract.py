@@ -18,7 +18,8 @@ every = pytest.mark.parametrize("kind", BENCHES)
 carrying = pytest.mark.parametrize("kind", [kind for kind in BENCHES if kind not in MODULES])  # messages
 
 WITH_GEONETWORKING = ("udp-ethernet", "udp-listen", "ethernet", "som301e")
-IN_A_PROCESS = ("som301e",)  # the link comes up when that says so
+IN_A_PROCESS = ("som301e", "mqtt")  # the link comes up when that says so
+BROUGHT_UP = (*MODULES, "mqtt")  # it is down at first, and says what is done
 PDUS = [CAM, DENM, CAM + bytes(300), bytes(range(256))]
 
 
@@ -85,7 +86,7 @@ def test_its_link_is_up_when_start_returns(bench, loop, host, kind):
     bench.driver.start(host)
     if kind in IN_A_PROCESS:
         told(loop, lambda: host.links, bench.patience_s)
-    if kind in MODULES:  # it is brought up first, and says so
+    if kind in BROUGHT_UP:
         assert not host.links[0][0]
         told(loop, lambda: host.is_up, bench.patience_s)
         host.links = [link for link in host.links if link[0]]

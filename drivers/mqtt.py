@@ -1,0 +1,273 @@
+"""MQTT as an interface: the same messages by a broker, from wherever a mobile network reaches.
+
+The client lives in a process of its own (mqtt_client.py): names, TCP and TLS block, and a broker may send without end.
+What waits while the broker is away waits in the station's queue, with priorities and lifetimes.
+"""
+
+import os
+import uuid
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, ClassVar, NamedTuple
+
+from board.errors import BlockedError, InterfaceError
+from board.loop import Timer
+from board.worker import Worker
+from drivers.contract import BUSY, LATER, Can, Capabilities, Host, Sent, Shared
+from drivers.message import MAX_PDU, Ego, Request, RxInfo
+from drivers.mqtt_options import Identity, MqttOptions, check_files, files_identity
+from drivers.mqtt_settings import MqttSettings
+from drivers.wire import v2n_talk as wire
+
+METADATA = frozenset(("btp_port", "source"))
+
+# For the broker to be told good-bye when the station ends; over a mobile network, with what was not acknowledged.
+PART_S = 0.3
+
+# The process says something every second. One that says nothing is frozen, by a debugger or by the kernel.
+SILENCE_S = 5.0
+
+# Own state is told once a second at most, and where it is another: half a tile of the finest quadkey, a speed that
+# moves tiles' depth, a turn.
+EGO_S = 1.0
+MOVED = 450  # 1e-7 degree: 5 m
+FASTER = 50  # 0.01 m/s
+TURNED = 100  # 0.1 degree
+FULL_TURN = 3600
+
+
+class Link(NamedTuple):
+    """Whether the broker is there, and why in words."""
+
+    is_up: bool
+    why: str
+
+
+class Bearer(NamedTuple):
+    """How the interface is that the connection goes by."""
+
+    is_up: bool = False
+    device: str = ""
+    why: str = "not started"
+
+
+class Mqtt:
+    """PDUs by a broker.
+
+    command    of the process with the client, as Worker has it.
+    silence_s  seconds after which a process that says nothing is frozen.
+    """
+
+    silence_s: ClassVar[float] = SILENCE_S
+
+    Options: ClassVar[type] = MqttOptions
+
+    def __init__(self, options: MqttOptions, shared: Shared, command: Sequence[str] = ()) -> None:
+        self.capabilities = Capabilities(Can.RECEIVE | Can.TRANSMIT, "mqtt", MAX_PDU, METADATA)
+        self.bearer = options.bearer
+        self._options = options
+        self._shared = shared
+        self._command = command
+        self._worker: Worker | None = None
+        self._parting: Worker | None = None
+        self._timer: Timer | None = None
+        self._restarts = 0
+        self._last_error = ""
+        self._unusable: tuple[Identity, str, str] | None = None  # message and hint
+        self._take: dict[int, Callable[[bytes], None]] = {
+            wire.RECEIVED: self._received,
+            wire.SENT: self._sent,
+            wire.STATE: self._state,
+            wire.DROPPED: self._dropped,
+            wire.DETAILS: self._told,
+            wire.FAULT: self._fault,
+            wire.ALIVE: lambda message: None,  # Worker has noted it
+        }
+
+    def start(self, host: Host) -> None:
+        check_files(self._options)
+        if self._unusable is not None:
+            identity, message, hint = self._unusable
+            if identity == files_identity(self._options):
+                raise BlockedError(message, hint)
+        self._host = host
+        self._kept: dict[int, Request] = {}
+        self._is_busy = False
+        self._bearer = Bearer()
+        self._said: Link | None = None  # by the process
+        self._link: Link | None = None  # by the driver
+        self._ego: Ego | None = None
+        self._details: Mapping[str, object] = {}
+        self._start_failed = ""
+        self._is_starting = True
+        self._worker = Worker(
+            host.loop, "mqtt", self._message, self._changed, self._writable, command=self._command,
+            silence_s=self.silence_s,
+        )  # fmt: skip
+        self._worker.start()
+        self._is_starting = False
+        if self._start_failed:
+            self.stop()
+            raise InterfaceError(f"the process with the MQTT client {self._start_failed}")
+
+    def send(self, request: Request) -> Sent:
+        worker = self._worker
+        if worker is None or len(self._kept) >= self._options.max_in_flight or not worker.send(_message(request)):
+            self._is_busy = True
+            return BUSY
+        self._kept[request.number] = request
+        return LATER
+
+    def refresh(self) -> None:
+        """The process says by itself what it drops."""
+
+    def stop(self) -> None:
+        """The process says good-bye to the broker, and is not waited for."""
+        if self._worker is not None:
+            self._parting, self._worker = self._worker, None
+            self._parting.stop()
+        if self._timer is not None:
+            self._timer.cancel()
+
+    def part(self) -> None:
+        if self._parting is not None:
+            self._parting.finish(PART_S)
+
+    def bearer_changed(self, is_up: bool, device: str, why: str) -> None:
+        if self._worker is None:
+            return
+        before, self._bearer = self._bearer, Bearer(is_up, device, why)
+        if is_up or before.is_up:
+            self._tell_bearer()
+        self._show()
+
+    def _changed(self, is_up: bool, why: str) -> None:
+        """The process runs, or has ended."""
+        if is_up and self._worker is not None:
+            self._worker.send(settings(self._options, self._shared).message())
+            self._tell_bearer()
+            self._tell_ego()
+        elif self._is_starting:
+            self._start_failed = why.partition("; starts again")[0]
+        elif not is_up:
+            # Without its number: the same fault is said once.
+            ending = why.partition("; starts again")[0].removeprefix("process ").lstrip("0123456789 ")
+            self._fail(InterfaceError(f"the process with the MQTT client {ending}"))
+
+    def _fail(self, error: InterfaceError) -> None:
+        self._restarts += 1
+        self._last_error = error.message
+        self.stop()
+        self._tell()
+        self._host.fail(error)
+
+    # What the process is told.
+
+    def _tell_bearer(self) -> None:
+        if self.bearer and self._worker is not None and self._worker.is_up:
+            self._worker.send(wire.bearer(self._bearer.is_up, self._bearer.device))
+
+    def _tell_ego(self) -> None:
+        if self._worker is None:
+            return
+        own = self._host.ego()
+        if self._ego is None or is_another(self._ego, own):
+            self._ego = own
+            self._worker.send(wire.ego(own))
+        self._timer = self._host.loop.after(EGO_S, self._tell_ego)
+
+    # What the process says.
+
+    def _message(self, message: bytes) -> None:
+        self._take[message[0]](message)
+
+    def _received(self, message: bytes) -> None:
+        received_ns, pdu, btp_port, source = wire.parse_received(message)
+        self._host.indicate(pdu, received_ns, RxInfo(btp_port, source=source))
+
+    def _sent(self, message: bytes) -> None:
+        number, reason, why = wire.parse_sent(message)
+        self._host.confirm(self._kept.pop(number), reason, why)
+        self._writable()
+
+    def _writable(self) -> None:
+        if self._is_busy:
+            self._is_busy = False
+            self._host.writable()
+
+    def _state(self, message: bytes) -> None:
+        self._said = Link(*wire.parse_state(message))
+        if not self._said.is_up:
+            self._last_error = self._said.why
+        self._show()
+
+    def _show(self) -> None:
+        """Tell the link where it is another one. Without its bearer there is none, whatever the process has said."""
+        link = self._said
+        if self.bearer and not self._bearer.is_up:
+            link = Link(False, f"bearer {self.bearer} is down: {self._bearer.why}")
+        if link is not None and link != self._link:
+            self._link = link
+            self._host.link(*link)
+
+    def _dropped(self, message: bytes) -> None:
+        reason, count, sample = wire.parse_dropped(message)
+        self._host.drop(reason, sample, count)
+
+    def _told(self, message: bytes) -> None:
+        self._details = wire.parse_details(message)
+        self._tell()
+
+    def _fault(self, message: bytes) -> None:
+        text, hint = wire.parse_fault(message)
+        # No try will help before a file is another: the next start says the same at once.
+        self._unusable = files_identity(self._options), text, hint
+        self._fail(BlockedError(text, hint))
+
+    def _tell(self) -> None:
+        about = {"broker": self._options.url, "profile": self._options.profile}
+        if self.bearer:
+            about["bearer"] = self.bearer
+        lives = {"restarts": self._restarts, "last_error": self._last_error}
+        self._host.tell({**about, **self._details, **lives})
+
+
+def settings(options: MqttOptions, shared: Shared) -> MqttSettings:
+    """What the process needs to know, with what options leave out."""
+    name = os.uname().nodename
+    client_id = options.client_id or name
+    made_uuid = uuid.uuid5(uuid.NAMESPACE_URL, f"{shared.mac.hex()}/{client_id}")
+    same: dict[str, Any] = {
+        field: getattr(options, field)
+        for field in ("url", "profile", "prefix", "ca", "certificate", "key", "username", "password_file", "version")
+    }
+    same |= {
+        field: getattr(options, field)
+        for field in ("keep_alive_s", "clean", "session_expiry_s", "qos", "device", "status_topic", "depths")
+    }
+    return MqttSettings(
+        **same,
+        types=shared.types,
+        urgent=tuple(sorted(shared.lanes[0])) if shared.lanes else (),
+        client_id=client_id,
+        host=options.host or client_id,
+        station=options.station or int.from_bytes(shared.mac[2:]),
+        uuid=options.uuid or str(made_uuid),
+        has_bearer=bool(options.bearer),
+        in_flight=options.max_in_flight,
+    )
+
+
+def is_another(before: Ego, now: Ego) -> bool:
+    """Whether own state has changed by so much that topics may be others."""
+    turn = abs(now.heading - before.heading) % FULL_TURN
+    return (
+        (before.is_known, before.is_accurate) != (now.is_known, now.is_accurate)
+        or abs(now.position.latitude - before.position.latitude) >= MOVED
+        or abs(now.position.longitude - before.position.longitude) >= MOVED
+        or abs(now.speed - before.speed) >= FASTER
+        or min(turn, FULL_TURN - turn) >= TURNED
+    )
+
+
+def _message(request: Request) -> bytes:
+    return wire.send(wire.ToSend(request.number, request.deadline, request.btp_port, request.kind.row, request.pdu))

@@ -1,0 +1,168 @@
+"""Options of an interface with driver = "mqtt", and the files that they name."""
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from board.describe import Range, remedy
+from board.errors import BlockedError, ConfigurationError
+from drivers.mqtt_profile import names
+from drivers.mqtt_settings import IN_FLIGHT, KEEP_ALIVE_S, SESSION_EXPIRY_S, broker
+
+MAX_DEVICE = 15  # characters of a network device's name: IFNAMSIZ of linux/if.h, less the 0 behind it
+DEEPEST = 22  # quadkey levels: a tile of 10 m
+OTHERS = 0o077  # permissions of group and others
+
+Depth = Annotated[int, Range(1, DEEPEST)]
+
+
+@dataclass(frozen=True)
+class MqttOptions:
+    """Options of an interface with driver = "mqtt".
+
+    url          of the broker: "mqtts://broker.example:8883"; "mqtt://" is without TLS.
+    profile      vcaptain, raw, orange or nap; or the path of a TOML file with another.
+    client_id    unique per broker; empty: the host's name.
+    host         that messages and status name as their sender; empty: the client_id.
+    station      stationID, where topics of the profile have one; 0: made of the station's address.
+    uuid         of this client, where messages of the profile have one; empty: made of address and client_id.
+    prefix       that topics begin with, where the profile lets them.
+    ca           file of certificates that sign brokers; empty: those of the system.
+    certificate, key  of this client, for a broker that asks for one; both or none.
+    username     and password_file, where the broker asks for them.
+    version      of MQTT: 5 or "3.1.1".
+    keep_alive_s  a broker that is silent for twice that is gone.
+    clean        false: the broker keeps for session_expiry_s what arrives while the station is away.
+    qos          0 or 1 for all that is sent, in place of the profile's.
+    plaintext    true: without TLS even to another machine.
+    device       network device that the connection is bound to (CAP_NET_RAW); empty: any.
+    bearer       interface with the modem that the connection goes by; empty: none is followed.
+    status_topic  in place of the profile's: older boxes have "v2xstatus".
+    depths       least and most quadkey levels, in place of the profile's: [14, 18].
+    max_in_flight  messages that the broker has not acknowledged; what waits beyond it waits in the queue.
+    """
+
+    url: str
+    profile: str = "vcaptain"
+    client_id: str = ""
+    host: str = ""
+    station: Annotated[int, Range(0, 4_294_967_295)] = 0
+    uuid: str = ""
+    prefix: str = ""
+    ca: str = ""
+    certificate: str = ""
+    key: str = ""
+    username: str = ""
+    password_file: str = ""
+    version: Literal[5, "3.1.1"] = 5
+    keep_alive_s: Annotated[int, Range(5, 3600)] = KEEP_ALIVE_S
+    clean: bool = True
+    session_expiry_s: Annotated[int, Range(1, 2_592_000)] = SESSION_EXPIRY_S
+    qos: Annotated[int, Range(0, 1)] | None = None
+    plaintext: bool = False
+    device: str = ""
+    bearer: str = ""
+    status_topic: str = ""
+    depths: tuple[Depth, ...] = ()
+    max_in_flight: Annotated[int, Range(1, 1000)] = IN_FLIGHT
+
+    def __post_init__(self) -> None:
+        for check in (self._check_broker, self._check_profile, self._check_names, self._check_credentials):
+            check()
+        if len(self.device) > MAX_DEVICE or "/" in self.device:
+            raise ConfigurationError(f'device: "{self.device}" is no network device', "`ip -brief link` lists them")
+        if self.depths and (len(self.depths) != 2 or self.depths[0] > self.depths[1]):
+            raise ConfigurationError(f"depths: {list(self.depths)} is not the least and the most", "write [14, 18]")
+
+    def _check_broker(self) -> None:
+        there = broker(self.url)
+        if there.has_tls:
+            return
+        if not (there.is_loopback or self.plaintext):
+            hint = "write mqtts://, or plaintext = true where everybody on the way may read and change messages"
+            raise ConfigurationError(f'url: "{self.url}" is without TLS to another machine', hint)
+        for name in ("ca", "certificate", "key"):
+            if getattr(self, name):
+                raise ConfigurationError(f'{name}: there is no TLS in "{self.url}"', "write mqtts://, or leave it out")
+
+    def _check_profile(self) -> None:
+        if not self.is_profile_file and self.profile not in names():
+            hint = f"{remedy(self.profile, names())}; the path of a profile of your own ends in .toml"
+            raise ConfigurationError(f'profile: there is no "{self.profile}"', hint)
+
+    def _check_names(self) -> None:
+        for name in ("client_id", "host", "uuid"):
+            _check_word(name, getattr(self, name), "/+#() ")
+        for name in ("prefix", "status_topic"):
+            _check_word(name, getattr(self, name), "+# ")
+
+    def _check_credentials(self) -> None:
+        if bool(self.certificate) != bool(self.key):
+            given, missing = ("certificate", "key") if self.certificate else ("key", "certificate")
+            raise ConfigurationError(f"{given} is given without {missing}", "give both or none")
+        if bool(self.username) != bool(self.password_file):
+            given, missing = ("username", "password_file") if self.username else ("password_file", "username")
+            raise ConfigurationError(f"{given} is given without {missing}", "give both or none")
+
+    @property
+    def is_profile_file(self) -> bool:
+        return "/" in self.profile or self.profile.endswith(".toml")
+
+    def files(self) -> Iterator[tuple[str, str, bool]]:
+        """Those that options name: the option, the path, and whether only its owner may read it."""
+        if self.is_profile_file:
+            yield "profile", self.profile, False
+        for name, is_secret in (("ca", False), ("certificate", False), ("key", True), ("password_file", True)):
+            if path := getattr(self, name):
+                yield name, path, is_secret
+
+
+def _check_word(name: str, word: str, forbidden: str) -> None:
+    if strange := [letter for letter in word if letter in forbidden or not letter.isprintable()]:
+        hint = "a topic and the sender in a payload must be told apart from it"
+        raise ConfigurationError(f"{name}: {word!r} has {strange[0]!r}", hint)
+
+
+def check_files(options: MqttOptions) -> None:
+    """Raises BlockedError for one that is not there, that cannot be read, or that others may read and must not."""
+    for name, path, is_secret in options.files():
+        try:
+            with open(path, "rb") as file:
+                mode = os.fstat(file.fileno()).st_mode & 0o777
+                file.read(1)
+        except OSError as error:
+            raise BlockedError(f"{name} {path}: {error.strerror}", _hint(error, name, path)) from error
+        if is_secret and mode & OTHERS:
+            raise BlockedError(f"{name} {path}: others may read it (mode {mode:04o})", f"chmod 600 {path}")
+
+
+def _hint(error: OSError, name: str, path: str) -> str:
+    if isinstance(error, PermissionError):
+        return f"give it to the user that the station runs as: chown {_own_name()} {path}"
+    return f"correct option {name}, or put the file there"
+
+
+def _own_name() -> str:
+    import pwd
+
+    try:
+        return pwd.getpwuid(os.geteuid()).pw_name
+    except KeyError:
+        return str(os.geteuid())
+
+
+Identity = tuple[tuple[int, int, int], ...]
+
+
+def files_identity(options: MqttOptions) -> Identity:
+    """Another one when any of the files is another, or has another content."""
+    return tuple(_identity(path) for _, path, _ in options.files())
+
+
+def _identity(path: str) -> tuple[int, int, int]:
+    try:
+        stat = os.stat(path)
+    except OSError:
+        return 0, 0, 0
+    return stat.st_ino, stat.st_size, stat.st_mtime_ns

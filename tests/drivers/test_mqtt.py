@@ -1,0 +1,407 @@
+"""The MQTT interface and its process as the driver sees it: what each is told, and what the station hears of it."""
+
+import os
+from pathlib import Path
+from typing import ClassVar
+
+import pytest
+
+import drivers.mqtt
+from board.describe import read
+from board.errors import BlockedError, ConfigurationError, InterfaceError
+from drivers.contract import Borne, Can, Sent
+from drivers.message import Ego, Position
+from drivers.mqtt import Mqtt, is_another
+from drivers.mqtt_options import MqttOptions
+from drivers.mqtt_settings import settings
+from drivers.reason import Reason
+from drivers.wire import v2n_talk as talk
+from tests.drivers.host import CAM, DENM, EGO, SHARED, requests
+
+URL = "mqtts://broker.example:8883"
+
+
+class FakeWorker:
+    """board.worker.Worker whose process is the test."""
+
+    made: ClassVar[list["FakeWorker"]] = []
+    starts: ClassVar[bool] = True
+
+    def __init__(self, loop, name, on_message, on_state, on_writable, *, command, silence_s):
+        self.message, self.state, self.writable = on_message, on_state, on_writable
+        self.silence_s = silence_s
+        self.is_up = self.is_stopped = self.is_full = False
+        self.told: list[bytes] = []
+        self.made.append(self)
+
+    def start(self):
+        if not FakeWorker.starts:
+            self.state(False, "cannot be started: Too many open files; starts again in 0.2 s")
+
+    def run(self):
+        self.is_up = True
+        self.state(True, "process 7 runs")
+
+    def send(self, message):
+        if not self.is_up or self.is_full:
+            return False
+        self.told.append(message)
+        return True
+
+    def stop(self):
+        self.is_stopped = True
+        self.is_up = False
+
+    def take(self, kind):
+        """What it was told of one kind since the last time."""
+        found = [message for message in self.told if message[0] == kind]
+        self.told = [message for message in self.told if message[0] != kind]
+        return found
+
+
+@pytest.fixture(autouse=True)
+def _fake(monkeypatch):
+    monkeypatch.setattr(drivers.mqtt, "Worker", FakeWorker)
+    monkeypatch.setattr(FakeWorker, "made", [])
+
+
+@pytest.fixture
+def start(host):
+    """Start a driver whose process runs, unless that is left to the test."""
+
+    def start(runs=True, **options):
+        driver = Mqtt(MqttOptions(url=URL, **options), SHARED._replace(types=("cam", "denm")))
+        driver.start(host)
+        worker = FakeWorker.made[-1]
+        if runs:
+            worker.run()
+        return driver, worker
+
+    return start
+
+
+def said(host):
+    return host.links[-1] if host.links else None
+
+
+# What the process is told.
+
+
+def test_the_process_is_told_all_that_options_say_before_anything_else(start):
+    _, worker = start(
+        client_id="vm", prefix="fleet", qos=0, version="3.1.1", keep_alive_s=7, clean=False, depths=(14, 18), device="eth0"
+    )  # fmt: skip
+    found = settings(worker.told[0])
+    assert (found.url, found.profile, found.types, found.urgent) == (URL, "vcaptain", ("cam", "denm"), (1,))
+    assert (found.client_id, found.host, found.prefix, found.qos, found.version) == ("vm", "vm", "fleet", 0, "3.1.1")
+    assert (found.keep_alive_s, found.clean, found.depths, found.device) == (7, False, (14, 18), "eth0")
+    assert not found.has_bearer
+
+
+def test_what_options_leave_out_is_made_of_the_host_and_its_address(start):
+    found = settings(start()[1].told[0])
+    assert found.client_id == found.host == os.uname().nodename
+    assert found.station == int.from_bytes(SHARED.mac[2:])
+    assert len(found.uuid) == 36
+    assert settings(start()[1].told[0]).uuid == found.uuid
+    assert settings(start(client_id="another")[1].told[0]).uuid != found.uuid
+
+
+def test_a_host_of_its_own_is_not_the_client_id(start):
+    found = settings(start(client_id="vm-7", host="vm")[1].told[0])
+    assert (found.client_id, found.host) == ("vm-7", "vm")
+
+
+def test_the_process_is_told_own_state_when_it_runs_and_again_when_it_is_another(start, host, loop):
+    _, worker = start()
+    assert [talk.parse_ego(message) for message in worker.take(talk.EGO)] == [EGO]
+    loop.run_for(30)
+    assert worker.take(talk.EGO) == []
+    moved = EGO._replace(position=Position(EGO.position.latitude + 500, EGO.position.longitude))
+    host.ego = lambda: moved
+    loop.run_for(0.9)
+    assert worker.take(talk.EGO) == []
+    loop.run_for(0.2)
+    assert [talk.parse_ego(message) for message in worker.take(talk.EGO)] == [moved]
+
+
+def test_own_state_is_told_once_a_second_at_most(start, host, loop):
+    _, worker = start()
+    worker.told.clear()
+    host.ego = lambda: EGO._replace(speed=int(loop.now * 1000))
+    loop.run_for(10)
+    assert len(worker.take(talk.EGO)) == 10
+
+
+@pytest.mark.parametrize(
+    ("now", "is_so"),
+    [
+        (EGO, False),
+        (EGO._replace(its_ms=EGO.its_ms + 60_000), False),
+        (EGO._replace(position=Position(EGO.position.latitude + 449, EGO.position.longitude - 449)), False),
+        (EGO._replace(position=Position(EGO.position.latitude, EGO.position.longitude - 450)), True),
+        (EGO._replace(speed=49), False),
+        (EGO._replace(speed=-50), True),
+        (EGO._replace(heading=99), False),
+        (EGO._replace(heading=100), True),
+        (EGO._replace(heading=3501), False),
+        (EGO._replace(is_known=False), True),
+        (EGO._replace(is_accurate=False), True),
+    ],
+)
+def test_own_state_is_another_after_five_metres_a_turn_or_another_speed(now: Ego, is_so: bool):
+    assert is_another(EGO, now) is is_so
+
+
+# Requests.
+
+
+def test_a_request_is_handed_to_the_process_and_confirmed_when_that_says_so(start, host):
+    driver, worker = start()
+    (wanted,) = requests([CAM])
+    assert driver.send(wanted) is Sent.LATER
+    (message,) = worker.take(talk.SEND)
+    assert talk.parse_send(message) == talk.ToSend(1, wanted.deadline, 2001, 0, CAM)
+    worker.message(talk.sent(1))
+    assert (host.confirms, host.confirm_details) == ([(wanted, None)], [""])
+
+
+@pytest.mark.parametrize("reason", [Reason.SEND_FAILED, Reason.EXPIRED])
+def test_what_the_broker_says_against_a_request_reaches_its_confirm(start, host, reason):
+    driver, worker = start()
+    (wanted,) = requests([DENM])
+    driver.send(wanted)
+    worker.message(talk.sent(1, reason, f"{URL}: Not authorized"))
+    assert host.confirms == [(wanted, reason)]
+    assert host.confirm_details == [f"{URL}: Not authorized"]
+
+
+def test_no_more_are_taken_than_may_be_in_flight_and_the_next_one_when_one_is_acknowledged(start, host):
+    driver, worker = start(max_in_flight=3)
+    first, second, third, fourth = requests([CAM, DENM, CAM, DENM])
+    assert [driver.send(one) for one in (first, second, third)] == [Sent.LATER] * 3
+    assert host.times_writable == 0
+    assert driver.send(fourth) is Sent.BUSY
+    assert len(worker.take(talk.SEND)) == 3
+    worker.message(talk.sent(2))
+    assert host.times_writable == 1
+    assert driver.send(fourth) is Sent.LATER
+    worker.message(talk.sent(1))
+    assert host.times_writable == 1  # nobody waits
+
+
+def test_a_request_that_the_process_cannot_be_given_waits_until_it_reads_again(start, host):
+    driver, worker = start()
+    worker.is_full = True
+    (wanted,) = requests([CAM])
+    assert driver.send(wanted) is Sent.BUSY
+    worker.is_full = False
+    worker.writable()
+    assert host.times_writable == 1
+    assert driver.send(wanted) is Sent.LATER
+
+
+# What comes.
+
+
+def test_what_the_broker_delivers_is_indicated_with_its_port_and_source(start, host):
+    _, worker = start()
+    worker.message(talk.received(talk.Received(1_700_000_000_000_000_000, CAM, 2001, "car-7")))
+    worker.message(talk.received(talk.Received(1_700_000_000_000_000_001, DENM)))
+    assert host.pdus == [CAM, DENM]
+    (_, first_ns, first), (_, _, second) = host.indications
+    assert (first_ns, first.btp_port, first.source) == (1_700_000_000_000_000_000, 2001, "car-7")
+    assert (second.btp_port, second.source) == (None, "")
+
+
+def test_what_the_process_drops_is_counted_by_its_reason_with_a_sample(start, host):
+    _, worker = start()
+    worker.message(talk.dropped(Reason.PAYLOAD, 40, b"vm(2001): <%%%>"))
+    assert (host.drops, host.samples) == ({Reason.PAYLOAD: 40}, [b"vm(2001): <%%%>"])
+
+
+def test_its_link_is_what_the_process_says_once(start, host):
+    _, worker = start()
+    assert host.links == []
+    for _ in range(2):
+        worker.message(talk.state(False, f"{URL}: certificate has expired"))
+    worker.message(talk.state(True, f"{URL}: connected"))
+    assert host.links == [(False, f"{URL}: certificate has expired"), (True, f"{URL}: connected")]
+    assert host.failures == []
+
+
+def test_details_are_those_of_the_process_beside_the_drivers_own(start, host):
+    _, worker = start(bearer="modem")
+    worker.message(talk.state(False, "no route"))
+    worker.message(talk.details({"published": 7}))
+    assert host.details[-1] == {
+        "broker": URL, "profile": "vcaptain", "bearer": "modem", "published": 7, "restarts": 0, "last_error": "no route",
+    }  # fmt: skip
+
+
+# Failures.
+
+
+def test_a_process_that_ends_fails_the_interface_and_the_next_start_makes_another(start, host):
+    driver, worker = start()
+    worker.state(False, "process 4711 was killed by SIGKILL; starts again in 0.2 s")
+    assert [error.message for error in host.failures] == ["the process with the MQTT client was killed by SIGKILL"]
+    assert worker.is_stopped
+    driver.start(host)
+    assert len(FakeWorker.made) == 2
+
+
+def test_a_process_that_cannot_be_started_fails_the_start(host, monkeypatch):
+    monkeypatch.setattr(FakeWorker, "starts", False)
+    driver = Mqtt(MqttOptions(url=URL), SHARED)
+    with pytest.raises(InterfaceError, match=r"Too many open files$"):
+        driver.start(host)
+    assert host.failures == []
+    assert FakeWorker.made[0].is_stopped
+
+
+def test_what_cannot_work_as_configured_fails_without_another_process_until_a_file_is_another(host, tmp_path):
+    ca = tmp_path / "ca.pem"
+    ca.write_text("rubbish")
+    driver = Mqtt(MqttOptions(url=URL, ca=str(ca)), SHARED)
+    driver.start(host)
+    FakeWorker.made[0].run()
+    FakeWorker.made[0].message(talk.fault("ca.pem holds no certificate", "take the broker's CA"))
+    (error,) = host.failures
+    assert isinstance(error, BlockedError)
+    assert (error.message, error.hint) == ("ca.pem holds no certificate", "take the broker's CA")
+    for _ in range(3):
+        with pytest.raises(BlockedError, match="holds no certificate"):
+            driver.start(host)
+    assert len(FakeWorker.made) == 1
+    ca.write_text("another rubbish")
+    driver.start(host)
+    assert len(FakeWorker.made) == 2
+
+
+def test_stopped_it_tells_the_process_nothing_and_hears_of_no_bearer(start, host, loop):
+    driver, worker = start(bearer="modem")
+    driver.stop()
+    worker.told.clear()
+    driver.bearer_changed(True, "wwan0", "wwan0 has 10.0.0.7")
+    loop.run_for(10)
+    assert (worker.told, host.links, loop.delay()) == ([], [], None)
+
+
+# The bearer.
+
+
+def test_it_follows_the_bearer_that_it_names_and_carries_no_network_itself(start):
+    driver, worker = start(bearer="modem")
+    assert isinstance(driver, Borne)
+    assert driver.bearer == "modem"
+    assert Can.BEARER not in driver.capabilities.can
+    assert settings(worker.told[0]).has_bearer
+
+
+def test_without_its_bearer_it_is_down_whatever_the_process_says(start, host):
+    driver, worker = start(bearer="modem")
+    driver.bearer_changed(False, "", "no SIM")
+    assert said(host) == (False, "bearer modem is down: no SIM")
+    worker.message(talk.state(False, f"{URL}: waits for its bearer"))
+    assert len(host.links) == 1
+    driver.bearer_changed(False, "", "searching")
+    assert said(host) == (False, "bearer modem is down: searching")
+    assert {talk.parse_bearer(message)[0] for message in worker.take(talk.BEARER)} == {False}
+
+
+def test_a_bearer_that_comes_up_or_has_another_address_is_told_at_once(start, host):
+    driver, worker = start(bearer="modem")
+    worker.told.clear()
+    driver.bearer_changed(True, "wwan0", "wwan0 has 10.0.0.7")
+    driver.bearer_changed(True, "wwan0", "wwan0 has 10.0.0.8")
+    assert [talk.parse_bearer(message) for message in worker.take(talk.BEARER)] == [(True, "wwan0")] * 2
+    worker.message(talk.state(True, f"{URL}: connected"))
+    assert said(host) == (True, f"{URL}: connected")
+    driver.bearer_changed(False, "", "lost the network")
+    assert said(host) == (False, "bearer modem is down: lost the network")
+    assert [talk.parse_bearer(message) for message in worker.take(talk.BEARER)] == [(False, "")]
+
+
+def test_what_its_bearer_was_before_the_process_ran_is_told_when_it_runs(start):
+    driver, worker = start(runs=False, bearer="modem")
+    driver.bearer_changed(True, "wwan0", "wwan0 has 10.0.0.7")
+    assert worker.told == []
+    worker.run()
+    assert [talk.parse_bearer(message) for message in worker.take(talk.BEARER)] == [(True, "wwan0")]
+
+
+# Options.
+
+
+@pytest.mark.parametrize(
+    ("options", "what", "remedy"),
+    [
+        ({"url": "http://broker.example"}, "begins with neither", "mqtts://broker.example:8883"),
+        ({"url": "mqtt://broker.example"}, "without TLS to another machine", "plaintext = true"),
+        ({"url": "mqtt://localhost", "ca": "x"}, "no TLS", "mqtts://"),
+        ({"profile": "vcaptian"}, 'there is no "vcaptian"', "did you mean vcaptain?"),
+        ({"certificate": "c.pem"}, "certificate is given without key", "both or none"),
+        ({"key": "c.key"}, "key is given without certificate", "both or none"),
+        ({"username": "me"}, "username is given without password_file", "both or none"),
+        ({"password_file": "f"}, "password_file is given without username", "both or none"),
+        ({"client_id": "a/b"}, "client_id: 'a/b' has '/'", "topic"),
+        ({"host": "vm(1)"}, "host: 'vm(1)' has '('", "topic"),
+        ({"prefix": "v2x/#"}, "prefix: 'v2x/#' has '#'", "topic"),
+        ({"status_topic": "a\n"}, "has '\\n'", "topic"),
+        ({"device": "a-name-much-too-long"}, "is no network device", "ip -brief link"),
+        ({"depths": [18, 14]}, "[18, 14] is not the least and the most", "[14, 18]"),
+        ({"depths": [14]}, "is not the least and the most", "[14, 18]"),
+        ({"depths": [0, 14]}, "depths[0]: 0 is out of range", "at least 1 and at most 22"),
+        ({"version": 4}, "version: 4 is not a choice", "known: 5"),
+        ({"qos": 2}, "qos: 2 is out of range", "at most 1"),
+        ({"keep_alive_s": 1}, "keep_alive_s: 1 is out of range", "at least 5"),
+        ({"max_in_flight": 0}, "max_in_flight: 0 is out of range", "at least 1"),
+        ({"keepalive_s": 20}, "keepalive_s: is not a known key", "did you mean keep_alive_s?"),
+    ],
+)
+def test_a_wrong_option_is_named_with_what_to_do(options, what, remedy):
+    with pytest.raises(ConfigurationError) as caught:
+        read(MqttOptions, {"url": URL, **options}, "captain.toml: interfaces.v2n")
+    assert what in caught.value.message
+    assert remedy in caught.value.message
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"url": "mqtt://127.0.0.1"},
+        {"url": "mqtt://broker.example", "plaintext": True},
+        {"profile": "my.toml"},
+        {"status_topic": "v2xstatus", "prefix": "fleet/a"},
+        {"certificate": "c.pem", "key": "c.key", "username": "me", "password_file": "f"},
+    ],
+)
+def test_options_that_go_together_are_taken(options):
+    assert read(MqttOptions, {"url": URL, **options}, "captain.toml: interfaces.v2n")
+
+
+@pytest.mark.parametrize("option", ["ca", "profile"])
+def test_a_file_that_is_not_there_fails_the_start_by_its_name(host, tmp_path, option):
+    path = tmp_path / "absent.toml"
+    with pytest.raises(BlockedError) as caught:
+        Mqtt(MqttOptions(url=URL, **{option: str(path)}), SHARED).start(host)
+    assert caught.value.message == f"{option} {path}: No such file or directory"
+    assert option in caught.value.hint
+    assert FakeWorker.made == []
+
+
+@pytest.mark.parametrize("option", ["key", "password_file"])
+@pytest.mark.parametrize("mode", [0o640, 0o604, 0o660])
+def test_a_secret_that_others_may_read_fails_the_start_with_the_command_that_helps(host, tmp_path, option, mode):
+    path = Path(tmp_path / "secret")
+    path.write_text("x")
+    path.chmod(mode)
+    other = "certificate" if option == "key" else "username"
+    driver = Mqtt(MqttOptions(url=URL, **{option: str(path), other: "/dev/null"}), SHARED)
+    with pytest.raises(BlockedError, match="others may read it") as caught:
+        driver.start(host)
+    assert caught.value.hint == f"chmod 600 {path}"
+    path.chmod(0o600)
+    driver.start(host)
+    assert len(FakeWorker.made) == 1

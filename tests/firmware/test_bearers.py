@@ -1,0 +1,152 @@
+"""Drivers that go by a modem: told how it is from their start on, and no more often than there is news."""
+
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from board.errors import ConfigurationError, InterfaceError
+from drivers.contract import Can, Host
+from firmware import bearers, config
+from firmware.drops import Drops
+from firmware.interface import Interface
+from firmware.supervisor import Supervised
+from firmware.tables import QueueOptions
+from firmware.topics import Topics
+from tests.firmware.doubles import NotingStation, ScriptedDriver
+from tests.virtual import VirtualLoop
+
+
+class BorneDriver(ScriptedDriver):
+    """One that notes what it is told of its bearer."""
+
+    bearer = "modem"
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.told: list[tuple[bool, str, str]] = []
+
+    def bearer_changed(self, is_up: bool, device: str, why: str) -> None:
+        self.told.append((is_up, device, why))
+
+    def take(self) -> list[tuple[bool, str, str]]:
+        told, self.told = self.told, []
+        return told
+
+
+class Bench:
+    def __init__(self, loop: VirtualLoop) -> None:
+        self.driver = BorneDriver()
+        modem = ScriptedDriver(Can.BEARER)
+        modem.on_start = lambda host: host.link(False, "asks for its SIM")
+        self.heard: list[str] = []
+        self.all = {name: self._made(loop, name, driver) for name, driver in (("v2n", self.driver), ("modem", modem))}
+        self.modem = self.all["modem"].interface
+        self.modem.on_link = lambda is_up, why: self.heard.append(why)
+        self.all["v2n"].on_start = lambda: self.heard.append("v2n runs")
+        bearers.join(self.all)
+
+    def _made(self, loop: VirtualLoop, name: str, driver: ScriptedDriver) -> Supervised:
+        interface = Interface(name, driver, QueueOptions("scripted"), loop, NotingStation(), Topics(), Drops())
+        return Supervised(loop, interface, chance=lambda: 0.5)
+
+    def up(self, address: str = "10.0.0.7", device: str = "wwan0") -> None:
+        self.modem.tell({"device": device, "addresses": [address]})
+        self.modem.link(True, f"{device} has {address}")
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    with closing(VirtualLoop()) as loop:
+        yield Bench(loop)
+
+
+def test_what_its_bearer_is_a_driver_is_told_when_it_has_started(bench: Bench) -> None:
+    bench.all["v2n"].start()
+    assert bench.driver.take() == [(False, "", "not started")]
+    bench.all["modem"].start()
+    assert bench.driver.take() == [(False, "", "asks for its SIM")]
+
+
+def test_a_bearer_that_was_up_before_is_told_with_its_device(bench: Bench) -> None:
+    bench.all["modem"].start()
+    bench.up()
+    assert bench.driver.take() == []  # it does not run yet
+    bench.all["v2n"].start()
+    assert bench.driver.take() == [(True, "wwan0", "wwan0 has 10.0.0.7")]
+
+
+def test_another_address_is_news_and_other_words_of_the_same_are_none(bench: Bench) -> None:
+    bench.all["modem"].start()
+    bench.all["v2n"].start()
+    bench.driver.take()
+    bench.up("10.0.0.7")
+    bench.modem.link(True, "wwan0 has 10.0.0.7, 5 bars")
+    bench.up("10.0.0.8")
+    assert [state[:2] for state in bench.driver.take()] == [(True, "wwan0")] * 2
+    bench.modem.link(False, "lost the network")
+    assert bench.driver.take() == [(False, "", "lost the network")]
+
+
+def test_a_driver_that_has_failed_is_told_nothing_and_all_when_it_runs_again(bench: Bench) -> None:
+    bench.all["modem"].start()
+    bench.all["v2n"].start()
+    bench.driver.take()
+    bench.all["v2n"].interface.fail(InterfaceError("its process has ended"))
+    bench.up()
+    assert bench.driver.take() == []
+    bench.all["v2n"].start()
+    assert bench.driver.take() == [(True, "wwan0", "wwan0 has 10.0.0.7")]
+
+
+def test_whoever_listened_before_still_does(bench: Bench) -> None:
+    bench.all["v2n"].start()
+    bench.all["modem"].start()
+    assert bench.heard == ["v2n runs", "asks for its SIM"]
+
+
+def test_a_driver_may_fail_by_what_it_is_told(bench: Bench) -> None:
+    hosts: list[Host] = []
+    bench.driver.on_start = hosts.append
+    bench.driver.bearer_changed = lambda *_: hosts[0].fail(InterfaceError("no"))  # type: ignore[method-assign]
+    bench.all["v2n"].start()
+    assert bench.all["v2n"].state == "waiting"
+
+
+TOML = """
+[interfaces.v2n]
+driver = "mqtt"
+url = "mqtts://broker.example:8883"
+bearer = "{bearer}"
+[interfaces.modem]
+driver = "sim8202g"
+usb = "1-1.4"
+[interfaces.air]
+driver = "udp"
+listen = "127.0.0.1:0"
+"""
+
+
+@pytest.mark.parametrize(
+    ("bearer", "says"),
+    [
+        ("modm", "interfaces.v2n.bearer: 'modm' is no interface; did you mean modem?"),
+        ("zzz", "interfaces.v2n.bearer: 'zzz' is no interface; known: modem"),
+        ("air", "interfaces.v2n.bearer: 'air' carries no mobile network; known: modem"),
+        ("v2n", "interfaces.v2n.bearer: 'v2n' carries no mobile network; known: modem"),
+    ],
+)
+def test_a_bearer_that_is_none_is_a_mistake_of_the_configuration(tmp_path: Path, bearer: str, says: str) -> None:
+    path = tmp_path / "captain.toml"
+    path.write_text(TOML.format(bearer=bearer))
+    with pytest.raises(ConfigurationError) as caught:
+        config.load(str(path))
+    assert caught.value.message == f"{path}: {says}"
+
+
+@pytest.mark.parametrize("bearer", ["modem", ""])
+def test_a_bearer_that_is_one_and_none_at_all_are_taken(tmp_path: Path, bearer: str) -> None:
+    path = tmp_path / "captain.toml"
+    path.write_text(TOML.format(bearer=bearer))
+    assert config.load(str(path))
