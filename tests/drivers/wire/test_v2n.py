@@ -1,0 +1,367 @@
+"""Profiles: topics, status, subscriptions and what is refused of a broker."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from board.errors import ConfigurationError, RequestError
+from drivers.message import Ego, Position
+from drivers.mqtt_profile import load, names
+from drivers.reason import Reason
+from drivers.wire.v2n import Delivery, Received, RefusedError
+from drivers.wire.v2n_description import ProfileDescription, PublishRow, Status, SubscribeRow, Tiles, TypeRule
+from drivers.wire.v2n_topic import Template
+from firmware.topics import ROWS
+from tests.drivers.wire.v2n_station import HERE, NOW_MS, NOWHERE, PDU, delivered, profile
+
+NAMED = sorted({row.name for row in ROWS})
+TILED = ProfileDescription(
+    name="tiled",
+    publish=(PublishRow("t/{type}/{quadkey}", "binary"),),
+    subscribe=(SubscribeRow("t/{type}/{quadkey}/#", "binary"),),
+    tiles=Tiles(publish_depth=20, subscribe_depth=17, speeds_m_s=(8.0, 20.0)),
+)
+
+
+def test_the_legacy_contract_octet_for_octet():
+    # The contract's own example: host vm, port 2001.
+    (found,) = profile("vcaptain").publications("cam", 2001, PDU, NOWHERE, NOW_MS)
+    assert found.topic == "v2x/btp/2001"
+    assert found.payload == b"vm(2001): <AgIAAAU5AAECAw==>"
+    assert (found.qos, found.retain, found.expiry_s, found.user_properties) == (1, False, None, ())
+
+
+def test_the_legacy_profile_subscribes_with_and_without_a_port():
+    assert profile("vcaptain").subscriptions(NOWHERE) == {("v2x/btp/+", 1), ("v2x/btp", 1)}
+
+
+def test_the_legacy_status_texts():
+    station = profile("vcaptain")
+    said = [station.connected(), station.closing(), station.lost()]
+    assert [(one.topic, one.payload) for one in said if one] == [
+        ("v2x/status", b"vm: connection established"),
+        ("v2x/status", b"vm: connection closing - good bye"),
+        ("v2x/status", b"vm: lost connection"),
+    ]
+
+
+def test_the_last_will_of_old_boxes_is_an_option():
+    station = profile(load("vcaptain").adapted(status_topic="v2xstatus"))
+    connected, lost = station.connected(), station.lost()
+    assert connected
+    assert lost
+    assert (connected.topic, lost.topic) == ("v2x/status", "v2xstatus")
+
+
+def test_a_profile_without_a_status_says_nothing():
+    station = profile(load("raw").adapted(status_topic="v2xstatus"))
+    assert (station.connected(), station.closing(), station.lost()) == (None, None, None)
+
+
+def test_the_legacy_port_of_the_topic_is_kept():
+    payload = b"vm2(2001): <AgIAAAU5AAECAw==>"
+    station = profile("vcaptain")
+    assert station.receive(Delivery("v2x/btp/2009", payload)) == Received(PDU, 2009, "vm2")
+    assert station.receive(Delivery("v2x/btp", payload)) == Received(PDU, None, "vm2")
+
+
+def test_what_carries_the_own_host_is_an_echo():
+    with pytest.raises(RefusedError) as refused:
+        profile("vcaptain").receive(Delivery("v2x/btp/2001", b"vm(2001): <AgIAAAU5AAECAw==>"))
+    assert refused.value.reason is Reason.OWN_ECHO
+
+
+def test_a_host_whose_name_begins_with_ours_is_another():
+    for host in (b"vm2", b"vm ", b"v", b"VM"):
+        found = profile("vcaptain").receive(Delivery("v2x/btp/1", host + b"(1): <AgIAAAU5AAECAw==>"))
+        assert found.source == host.decode()
+
+
+@pytest.mark.parametrize(
+    "topic", ["v2x/btp/", "v2x/btp/-1", "v2x/btp/65536", "v2x/btp/2001x", "v2x/btp/٢", "v2x/btp/000001"]
+)
+def test_a_topic_without_a_port_number_is_refused(topic: str):
+    with pytest.raises(RefusedError, match=r"is no BTP port|is none of") as refused:
+        profile("vcaptain").receive(Delivery(topic, b"a(1): <AgIAAAU5AAECAw==>"))
+    assert refused.value.reason is Reason.TOPIC
+
+
+@pytest.mark.parametrize(
+    "topic", ["", "v2x", "v2x/btp/1/2", "/v2x/btp/1", "v2x/status", "$SYS/broker/version", "v2x/btp/1\n"]
+)
+def test_a_topic_outside_the_templates_is_refused_with_what_is_taken(topic: str):
+    with pytest.raises(RefusedError) as refused:
+        profile("vcaptain").receive(Delivery(topic, b"a(1): <AgIAAAU5AAECAw==>"))
+    assert refused.value.reason is Reason.TOPIC
+
+
+@pytest.mark.parametrize("name", ["vcaptain", "raw", "nap"])
+def test_what_the_broker_had_kept_is_refused(name: str):
+    topic = {"vcaptain": "v2x/btp/2001", "raw": "v2x/cam", "nap": "vanetza/in/cam_enc"}[name]
+    with pytest.raises(RefusedError) as refused:
+        profile(name).receive(Delivery(topic, PDU, is_retained=True))
+    assert refused.value.reason is Reason.RETAINED
+
+
+@pytest.mark.parametrize(
+    ("pdu", "reason"),
+    [
+        (b"", Reason.EMPTY_PDU),
+        (PDU[:5], Reason.SHORT_PDU),
+        (PDU[:6], None),
+        (bytes(1500), None),
+        (bytes(1501), Reason.LONG_PDU),
+    ],
+)
+def test_a_pdu_has_6_to_1500_octets(pdu: bytes, reason: Reason | None):
+    station = profile("raw")
+    if reason is None:
+        assert station.receive(Delivery("v2x/cam", pdu)).pdu == pdu
+        return
+    with pytest.raises(RefusedError) as refused:
+        station.receive(Delivery("v2x/cam", pdu))
+    assert refused.value.reason is reason
+
+
+@pytest.mark.parametrize("name", ["vcaptain", "raw", "orange", "nap"])
+def test_a_payload_above_64_kib_is_not_looked_at(name: str):
+    station = profile(name)
+    (topic, *_), *_ = sorted(station.subscriptions(HERE))
+    topic = topic.replace("+", "cam").replace("/#", "")
+    with pytest.raises(RefusedError, match="65537 octets are above 65536") as refused:
+        station.receive(Delivery(topic, b"<" * 65_537))
+    assert refused.value.reason is Reason.PAYLOAD
+
+
+@pytest.mark.parametrize("kind", NAMED)
+def test_every_type_has_a_topic_that_another_station_takes(kind: str):
+    (found,) = profile("raw").publications(kind, 2001, PDU, NOWHERE, NOW_MS)
+    assert found.topic == f"v2x/{kind}"
+    assert profile("raw", "vm2", 2).receive(delivered(found)) == Received(PDU, None, "")
+
+
+@given(st.binary(min_size=6, max_size=40))
+def test_an_unknown_type_is_called_by_its_message_id(pdu: bytes):
+    (found,) = profile("raw").publications("", 2001, pdu, NOWHERE, NOW_MS)
+    assert found.topic == f"v2x/{pdu[1]}"
+    assert profile("raw").receive(delivered(found)).pdu == pdu
+
+
+def test_two_stations_with_vcaptain_hear_each_other():
+    one, other = profile("vcaptain"), profile("vcaptain", "vm2")
+    (found,) = one.publications("denm", 2002, PDU, NOWHERE, NOW_MS)
+    assert other.receive(delivered(found)) == Received(PDU, 2002, "vm")
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("v2x/{tpye}", r"\{tpye\} is no variable of topics(?s:.*)did you mean \{type\}\?"),
+        ("v2x/{xyz}", r"known: \{host\} \{station\}"),
+        ("v2x/{type", "a brace has no partner"),
+        ("v2x/type}", "a brace has no partner"),
+        ("v2x/+", "no message can be published there"),
+        ("v2x/#", "no message can be published there"),
+        ("v2x/\0", "no message can be published there"),
+        ("", "1 to 65535 octets"),
+        ("x" * 65_536, "1 to 65535 octets"),
+    ],
+)
+def test_a_topic_that_cannot_be_is_a_mistake_of_the_profile(text: str, complaint: str):
+    with pytest.raises(ConfigurationError, match=complaint):
+        Template(text)
+
+
+@pytest.mark.parametrize("text", ["v2x/#/cam", "v2x/a+", "v2x/a#", "v2x/{type}#", "+v2x", "\0"])
+def test_a_filter_that_cannot_be_is_a_mistake_of_the_profile(text: str):
+    with pytest.raises(ConfigurationError):
+        Template(text, is_filter=True)
+
+
+@pytest.mark.parametrize("prefix", ["a+", "#", "a\0b", "a\nb"])
+def test_a_value_that_no_topic_can_hold_is_told_before_anything_is_sent(prefix: str):
+    with pytest.raises(ConfigurationError, match="cannot stand in a topic"):
+        profile("orange", prefix=prefix)
+
+
+@pytest.mark.parametrize(
+    ("name", "identity"), [("orange", {"uuid": ""}), ("vcaptain", {"host": ""}), ("orange", {"uuid": "a/b"})]
+)
+def test_an_identity_that_the_profile_needs_has_to_be_there(name: str, identity: dict[str, str]):
+    with pytest.raises(ConfigurationError):
+        profile(name, **identity)
+
+
+@pytest.mark.parametrize("host", ["a<b", "a>b", "a(b", "a\nb"])
+def test_a_host_that_the_legacy_payload_cannot_carry_is_told(host: str):
+    with pytest.raises(ConfigurationError, match="cannot stand in a payload"):
+        profile("vcaptain", host)
+
+
+def test_all_variables_of_a_topic():
+    everything = "{host}/{station}/{uuid}/{type}/{port}/{quadkey}/{prefix}"
+    description = ProfileDescription("all", (PublishRow(everything, "binary"),), (), tiles=Tiles(4, 3))
+    (found,) = profile(description, "h", 7, "u", "p/q").publications("cam", 2001, PDU, HERE, NOW_MS)
+    assert found.topic == "h/7/u/cam/2001/1/2/0/2/p/q"
+
+
+@pytest.mark.parametrize("kind", ["a/b+", "#", "\0"])
+def test_a_type_whose_name_is_no_level_cannot_be_sent(kind: str):
+    with pytest.raises(RequestError, match="is no topic"):
+        profile("raw").publications(kind, 1, PDU, HERE, NOW_MS)
+
+
+def test_a_type_that_no_row_has_cannot_be_sent():
+    description = ProfileDescription("few", (PublishRow("v2x/{type}", "binary", ("denm",)),), ())
+    assert profile(description).publications("denm", 1, PDU, HERE, NOW_MS)
+    with pytest.raises(RequestError, match="profile few has no topic for cam"):
+        profile(description).publications("cam", 1, PDU, HERE, NOW_MS)
+
+
+def test_a_row_with_types_asks_for_each_and_takes_no_other():
+    description = ProfileDescription(
+        "few",
+        (),
+        (SubscribeRow("v2x/{type}/{port}", "binary", ("cam", "mapem")),),
+        types={"mapem": TypeRule(topic="map", qos=2)},
+    )
+    station = profile(description)
+    assert station.subscriptions(HERE) == {("v2x/cam/+", 1), ("v2x/map/+", 2)}
+    assert station.receive(Delivery("v2x/map/5", PDU)).btp_port == 5
+    with pytest.raises(RefusedError):
+        station.receive(Delivery("v2x/denm/5", PDU))
+
+
+def test_rules_of_a_type_go_before_those_of_the_profile():
+    description = ProfileDescription(
+        "rules",
+        (PublishRow("v2x/{type}", "binary"),),
+        (),
+        qos=1,
+        expiry_s=30,
+        types={"denm": TypeRule(topic="d", qos=2, retain=True, expiry_s=600)},
+    )
+    station = profile(description)
+    (denm,) = station.publications("denm", 1, PDU, HERE, NOW_MS)
+    (cam,) = station.publications("cam", 1, PDU, HERE, NOW_MS)
+    assert denm[:1] + denm[2:5] == ("v2x/d", 2, True, 600)
+    assert cam[:1] + cam[2:5] == ("v2x/cam", 1, False, 30)
+
+
+def test_an_interface_can_choose_its_quality_of_service():
+    station = profile(load("orange").adapted(qos=2))
+    assert {qos for _, qos in station.subscriptions(HERE)} == {2}
+    assert {one.qos for one in station.publications("mapem", 1, PDU, HERE, NOW_MS)} == {2}
+
+
+def test_subscriptions_by_tile_move_with_the_station():
+    station = profile(TILED)
+    first = station.subscriptions(HERE)
+    assert len(first) == 9
+    assert station.subscriptions(HERE) == first
+    width = round(360e7 / 2**17)
+    east = HERE._replace(position=Position(HERE.position.latitude, HERE.position.longitude + width))
+    moved = station.subscriptions(east)
+    assert len(moved - first) == len(first - moved) == 3
+
+
+def test_a_published_tile_is_found_by_the_subscription_of_a_station_near():
+    (found,) = profile(TILED).publications("cam", 1, PDU, HERE, NOW_MS)
+    tiles = {one.removesuffix("/#").replace("+", "cam") for one, _ in profile(TILED).subscriptions(HERE)}
+    assert found.topic.rsplit("/", 3)[0] in tiles
+    assert profile(TILED).receive(delivered(found)).pdu == PDU
+
+
+def speed(metres_a_second: float) -> Ego:
+    return HERE._replace(speed=round(metres_a_second * 100))
+
+
+def depth(found: frozenset[tuple[str, int]]) -> int:
+    (levels,) = {topic.count("/") for topic, _ in found}
+    return levels - 2
+
+
+@pytest.mark.parametrize(("now", "levels"), [(0, 17), (7.99, 17), (8, 16), (-8, 16), (19.99, 16), (20, 15), (90, 15)])
+def test_tiles_grow_with_the_speed(now: float, levels: int):
+    assert depth(profile(TILED).subscriptions(speed(now))) == levels
+
+
+def test_tiles_shrink_only_well_below_the_speed_at_which_they_grew():
+    station = profile(TILED)
+    speeds = [7.0, 8.1, 7.9, 7.3, 7.1, 7.9, 25.0, 18.1, 17.9, 0.0]
+    assert [depth(station.subscriptions(speed(one))) for one in speeds] == [17, 16, 16, 16, 17, 17, 15, 15, 16, 17]
+
+
+def test_without_a_position_nothing_is_published_by_tile_and_it_says_why():
+    with pytest.raises(RequestError, match="the position is not known") as refused:
+        profile(TILED).publications("cam", 1, PDU, NOWHERE, NOW_MS)
+    assert "tiles.fallback" in refused.value.hint
+
+
+def test_a_station_that_was_never_anywhere_asks_for_no_tile():
+    assert profile(TILED).subscriptions(NOWHERE) == frozenset()
+
+
+def test_in_a_tunnel_the_subscriptions_stay():
+    station = profile(TILED)
+    before = station.subscriptions(HERE)
+    assert station.subscriptions(NOWHERE) == before
+
+
+def test_a_fallback_is_where_a_station_without_a_position_is():
+    tiles = Tiles(publish_depth=4, subscribe_depth=3, fallback="120222")
+    description = ProfileDescription("f", TILED.publish, TILED.subscribe, tiles=tiles)
+    (found,) = profile(description).publications("cam", 1, PDU, NOWHERE, NOW_MS)
+    assert found.topic == "t/cam/1/2/0/2"
+    assert ("t/+/1/2/0/#", 1) in profile(description).subscriptions(NOWHERE)
+
+
+def test_depths_of_the_interface_bound_both():
+    station = profile(load("orange").adapted(depths=(16, 18)))
+    assert {topic.count("/") for topic, _ in station.subscriptions(speed(30))} == {16 + 5}
+    (found,) = station.publications("cam", 1, PDU, HERE, NOW_MS)
+    assert found.topic.count("/") == 18 + 4
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"publish_depth": 16, "subscribe_depth": 17},
+        {"publish_depth": 31},
+        {"subscribe_depth": 0},
+        {"speeds_m_s": (20.0, 8.0)},
+        {"speeds_m_s": (-1.0,)},
+        {"least": 9, "most": 8},
+        {"fallback": "12a"},
+    ],
+)
+def test_tiles_that_cannot_be_are_a_mistake(wrong: dict[str, object]):
+    with pytest.raises(ConfigurationError):
+        Tiles(**wrong)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("wrong", [{"qos": 3}, {"expiry_s": 0}, {"expiry_s": 1 << 32}, {"topic": "a/b"}])
+def test_rules_that_cannot_be_are_a_mistake(wrong: dict[str, object]):
+    with pytest.raises(ConfigurationError):
+        TypeRule(**wrong)  # type: ignore[arg-type]
+
+
+def test_a_status_names_the_station_only():
+    with pytest.raises(ConfigurationError, match=r"\{type\} is not of the station"):
+        Status("v2x/status", connected="{type}")
+    assert profile(ProfileDescription("s", (), (), status=Status("s", connected="{host} + {station}"))).connected()
+
+
+@given(st.text(max_size=40), st.binary(max_size=80), st.booleans())
+def test_whatever_a_broker_delivers_is_taken_or_explained(topic: str, payload: bytes, is_retained: bool):
+    for station in STATIONS:
+        for one in (topic, *(known.replace("+", "cam").replace("/#", "") for known, _ in station.subscriptions(HERE))):
+            try:
+                found = station.receive(Delivery(one, payload, is_retained))
+            except RefusedError as error:
+                assert error.message
+            else:
+                assert 6 <= len(found.pdu) <= 1500
+
+
+STATIONS = [profile(name) for name in names()]
