@@ -4,6 +4,7 @@ import select
 import socket
 import ssl
 import threading
+import warnings
 from collections.abc import Callable
 from typing import Self
 
@@ -63,6 +64,9 @@ class Listener:
         self._accepting.start()
 
     def close(self) -> None:
+        """Idempotent."""
+        if self._over.is_set():
+            return
         self._over.set()
         self._socket.shutdown(socket.SHUT_RDWR)  # wakes accept()
         self._accepting.join(PATIENCE)
@@ -123,8 +127,9 @@ def old_tls(authority: Authority, server: Identity) -> ssl.SSLContext:
     """Of a server that knows TLS 1.1 at most."""
     context = tls(authority, server)
     context.set_ciphers("ALL:@SECLEVEL=0")
-    context.minimum_version = ssl.TLSVersion.TLSv1
-    context.maximum_version = ssl.TLSVersion.TLSv1_1
+    with warnings.catch_warnings(action="ignore", category=DeprecationWarning):  # that is the point of it
+        context.minimum_version = ssl.TLSVersion.TLSv1
+        context.maximum_version = ssl.TLSVersion.TLSv1_1
     return context
 
 

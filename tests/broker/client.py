@@ -1,12 +1,14 @@
 """An independent client of a broker: plain paho-mqtt, nothing of the station's own code."""
 
 import queue
+import socket
 import threading
 import time
 from collections.abc import Iterable
 from typing import Any, NamedTuple, Self
 
 import paho.mqtt.client as mqtt
+from paho.mqtt.enums import CallbackAPIVersion
 from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 from paho.mqtt.subscribeoptions import SubscribeOptions
@@ -53,8 +55,12 @@ class Client:
         self._connected, self._acknowledged = threading.Event(), threading.Event()
         self._refused: list[str] = []
         clean: dict[str, Any] = {} if version == 5 else {"clean_session": True}
-        self._paho = paho = mqtt.Client(
-            mqtt.CallbackAPIVersion.VERSION2, client_id=name, protocol=VERSIONS[version], **clean
+        self.paho = paho = mqtt.Client(
+            CallbackAPIVersion.VERSION2,
+            client_id=name,
+            protocol=VERSIONS[version],
+            reconnect_on_failure=False,
+            **clean,
         )
         if authority is not None:
             shown = (str(identity.certificate), str(identity.key)) if identity else (None, None)
@@ -67,24 +73,27 @@ class Client:
         paho.on_message = self._on_message
         paho.on_subscribe = lambda *_: self._acknowledged.set()
         paho.on_unsubscribe = lambda *_: self._acknowledged.set()
+        paho.on_disconnect = self._on_disconnect
         paho.connect(host, port, keep_alive_s)
         paho.loop_start()
-        assert self._connected.wait(PATIENCE), f"{name} is not connected to {host}:{port}"
-        assert not self._refused, f"{host}:{port} refuses {name}: {self._refused}"
+        is_told = self._connected.wait(PATIENCE)
+        if not is_told or self._refused:
+            self.close()
+            raise AssertionError(f"{name} is not connected to {host}:{port}: {self._refused or 'no CONNACK'}")
 
     def subscribe(self, *filters: str, qos: int = 1, no_local: bool = False) -> Self:
         """Returns when the broker has it."""
         self._acknowledged.clear()
         if self._version == 5:
-            self._paho.subscribe([(one, SubscribeOptions(qos=qos, noLocal=no_local)) for one in filters])
+            self.paho.subscribe([(one, SubscribeOptions(qos=qos, noLocal=no_local)) for one in filters])
         else:
-            self._paho.subscribe([(one, qos) for one in filters])
+            self.paho.subscribe([(one, qos) for one in filters])
         assert self._acknowledged.wait(PATIENCE), f"no SUBACK for {filters}"
         return self
 
     def unsubscribe(self, *filters: str) -> None:
         self._acknowledged.clear()
-        self._paho.unsubscribe(list(filters))
+        self.paho.unsubscribe(list(filters))
         assert self._acknowledged.wait(PATIENCE), f"no UNSUBACK for {filters}"
 
     def publish(
@@ -103,7 +112,7 @@ class Client:
             properties.MessageExpiryInterval = expiry_s
         if properties is not None and (pairs := list(user_properties)):
             properties.UserProperty = pairs
-        published = self._paho.publish(topic, payload, qos, retain, properties)
+        published = self.paho.publish(topic, payload, qos, retain, properties)
         published.wait_for_publish(PATIENCE)
         assert published.is_published(), f"{topic} was not published"
 
@@ -128,13 +137,14 @@ class Client:
 
     def cut(self) -> None:
         """Gone without a good bye: the broker publishes the last will."""
-        self._paho.loop_stop()
-        if (line := self._paho.socket()) is not None:
-            line.close()
+        line = self.paho.socket()
+        assert line is not None, "it is not connected"
+        line.shutdown(socket.SHUT_RDWR)
+        self.paho.loop_stop()
 
     def close(self) -> None:
-        self._paho.disconnect()
-        self._paho.loop_stop()
+        self.paho.disconnect()
+        self.paho.loop_stop()
 
     def __enter__(self) -> Self:
         return self
@@ -146,6 +156,11 @@ class Client:
         if reason.is_failure:
             self._refused.append(str(reason))
         self._connected.set()
+
+    def _on_disconnect(self, _client: Any, _userdata: Any, _flags: Any, reason: Any, _properties: Any) -> None:
+        if not self._connected.is_set():
+            self._refused.append(str(reason))
+            self._connected.set()
 
     def _on_message(self, _client: Any, _userdata: Any, message: Any) -> None:
         properties = message.properties

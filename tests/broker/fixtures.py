@@ -60,7 +60,7 @@ class Brokers:
         self._closing.callback(client.close)
         return client
 
-    def proxy(self, broker: Mosquitto, **how: float) -> Proxy:
+    def proxy(self, broker: Mosquitto, **how: Any) -> Proxy:
         """A running network in front of its TLS listener: the words of Proxy."""
         return self._closing.enter_context(Proxy(broker.port, **how))
 

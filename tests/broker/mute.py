@@ -104,11 +104,12 @@ class Mute(Listener):
         return b"" if kind in self._never else bytes((kind << 4, len(body))) + body
 
 
-def publication(topic: str, payload: bytes, version: int = VERSION_5) -> bytes:
-    """A PUBLISH at QoS 0, for throw()."""
+def publication(topic: str, payload: bytes, version: int = VERSION_5, number: int = 0) -> bytes:
+    """A PUBLISH, for throw(). number: of the packet, at QoS 1; 0: at QoS 0."""
     name = topic.encode()
-    body = len(name).to_bytes(2, "big") + name + (b"\0" if version == VERSION_5 else b"") + payload
-    return bytes((PUBLISH << 4,)) + _length(len(body)) + body
+    body = len(name).to_bytes(2, "big") + name
+    body += (number.to_bytes(2, "big") if number else b"") + (b"\0" if version == VERSION_5 else b"") + payload
+    return bytes((PUBLISH << 4 | 2 * (number > 0),)) + _length(len(body)) + body
 
 
 def _packets(line: socket.socket) -> Iterator[Packet]:

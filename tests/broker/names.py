@@ -5,6 +5,7 @@ Port 53 needs root, or a network namespace of one's own (tests/drivers: @pytest.
 
 import itertools
 import os
+import select
 import socket
 from collections.abc import Sequence
 from pathlib import Path
@@ -37,6 +38,10 @@ class SilentNames:
         """The next question, as it came."""
         self.socket.settimeout(patience)
         return self.socket.recv(512)
+
+    def is_asked(self) -> bool:
+        """Whether a question has come since the last one that was taken."""
+        return bool(select.select([self.socket], [], [], 0)[0])
 
     def close(self) -> None:
         self.socket.close()

@@ -113,7 +113,7 @@ class Proxy:
 
     async def _listen(self) -> None:
         if self._server is None:
-            self._server = await asyncio.start_server(self._serve, "127.0.0.1", self.port, limit=CHUNK)
+            self._server = await asyncio.start_server(self._accept, "127.0.0.1", self.port, limit=CHUNK)
 
     async def _unlisten(self) -> None:
         if self._server is not None:
@@ -133,38 +133,37 @@ class Proxy:
 
     async def _end(self) -> None:
         await self._unlisten()
-        await self._cut()
-        for task in self._tasks:
+        tasks = asyncio.all_tasks() - {asyncio.current_task()}
+        for task in tasks:
             task.cancel()
-        await asyncio.gather(*self._tasks, return_exceptions=True)
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+    def _accept(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self.accepted += 1
+        task = self._loop.create_task(self._serve(reader, writer))
+        self._tasks.add(task)  # else nobody keeps it
+        task.add_done_callback(self._tasks.discard)
+        task.add_done_callback(lambda _: _reset(writer))
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        self.accepted += 1
-        me = asyncio.current_task()
-        assert me is not None
-        self._tasks.add(me)
         try:
             there, back = await asyncio.open_connection(*self._to, limit=CHUNK)
         except OSError:
-            _reset(writer)
-            self._tasks.discard(me)
             return
         line = _Line(writer, back)
         self._lines.add(line)
         try:
-            await asyncio.gather(self._pump(reader, back), self._pump(there, writer))
-        except asyncio.CancelledError:
-            pass  # it is closed: asyncio's own server would print what ends this task
+            async with asyncio.TaskGroup() as both:
+                for source, sink in ((reader, back), (there, writer)):
+                    way: asyncio.Queue[tuple[float, bytes]] = asyncio.Queue(ON_THE_WAY)
+                    both.create_task(self._read(source, way))
+                    both.create_task(self._forward(way, sink))
         finally:
-            _reset(writer)
             _reset(back)
             self._lines.discard(line)
-            self._tasks.discard(me)
 
-    async def _pump(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """One way, until its sender has ended it and all has been forwarded, or the line is cut."""
-        way: asyncio.Queue[tuple[float, bytes]] = asyncio.Queue(ON_THE_WAY)
-        forwarding = asyncio.ensure_future(self._forward(way, writer))
+    async def _read(self, reader: asyncio.StreamReader, way: "asyncio.Queue[tuple[float, bytes]]") -> None:
+        """Until its sender has ended it, or the line is cut: what it then finds is nothing."""
         octets = b"-"
         while octets:
             await self._flowing.wait()
@@ -173,7 +172,6 @@ class Proxy:
             except OSError:
                 octets = b""
             await way.put((self._loop.time() + self.delay_s, octets))
-        await forwarding
 
     async def _forward(self, way: "asyncio.Queue[tuple[float, bytes]]", writer: asyncio.StreamWriter) -> None:
         octets = b"-"
@@ -198,10 +196,10 @@ class Proxy:
             if writer.can_write_eof():
                 writer.write_eof()
             return
-        writer.write(octets)
-        await writer.drain()
         if self.octets_per_s:
             await asyncio.sleep(len(octets) / self.octets_per_s)
+        writer.write(octets)
+        await writer.drain()
 
 
 def _reset(writer: asyncio.StreamWriter) -> None:
