@@ -3,19 +3,15 @@
 It sits in a place of drivers/sim/machine.py, or stands alone with hooks of one's own; nothing in it waits.
 """
 
-import os
-import pty
-import tty
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass, field
 
-from board.loop import READ, WRITE, Loop, Timer
+from board.loop import Loop, Timer
 from drivers.sim.modem_commands import reply
 from drivers.sim.modem_network import AIRS, Access, SimulatedNetwork
+from drivers.sim.tty_end import TtyEnd
 from drivers.sim.usb_tree import SimulatedDevice, SimulatedInterface
 
-BATCH = 4096
 KEPT = 1000
 BUFFER = 64 * 1024  # octets that wait for who does not read; what is said beyond is lost
 
@@ -23,7 +19,6 @@ BOOT_S = 18.0  # from power to USB
 DEAF_S = 2.0  # from there to the first answer
 BUSY_S = 4.0  # and to a card that can be asked
 LEAVE_S = 1.0  # from OK to a reset to leaving USB
-REOPEN_S = 1.0  # between two tries to open a tty of a gadget whose host has gone
 
 AT_INTERFACES = {"9001": 2, "9011": 4, "901e": 2}
 
@@ -74,16 +69,20 @@ class SimulatedModem:
         self.answers = True
         self.lies: Callable[[str], str | None] = lambda text: None
         self.asked: list[str] = []
-        self.boots = self.octets_said = self.octets_heard = 0
+        self.boots = self.octets_heard = 0
         self._plug = plug
         self._unplug = unplug
         self._network_device = network_device
-        self._path = path
+        self._is_gadget = bool(path)
         self._timers: list[Timer] = []
-        self._end = self._far = -1
+        self._end = TtyEnd(loop, self._hear, path, BUFFER)
         self.is_plugged = False
-        self._heard = self._waiting = b""  # of a command, for who reads late
+        self._heard = b""  # of a command
         self._reset()
+
+    @property
+    def octets_said(self) -> int:
+        return self._end.octets_said
 
     # -- power
 
@@ -109,10 +108,7 @@ class SimulatedModem:
 
     def say(self, octets: bytes) -> None:
         """Anything, unasked."""
-        if self.is_plugged:
-            self._waiting = (self._waiting + octets)[:BUFFER]
-        if self._end >= 0:
-            self._write()
+        self._end.say(octets)
 
     def unsolicited(self, line: str) -> None:
         self.say(f"\r\n{line}\r\n".encode())
@@ -122,17 +118,6 @@ class SimulatedModem:
         self.say(octets)
         self._later(every_s, lambda: self.babble(octets, every_s))
 
-    # -- board.loop.Source: the pty
-
-    def fileno(self) -> int:
-        return self._end
-
-    def ready(self, events: int) -> None:
-        if events & WRITE:
-            self._write()
-        if self._end >= 0 and events & ~WRITE:
-            self._read()
-
     # -- inside
 
     def _reset(self) -> None:
@@ -140,7 +125,7 @@ class SimulatedModem:
         self.echo = True
         self.functionality = 1
         self.is_deaf = self.is_busy = True
-        self._heard = self._waiting = b""
+        self._heard = b""
 
     def _off(self) -> None:
         for timer in self._timers:
@@ -150,43 +135,21 @@ class SimulatedModem:
         if self.is_plugged:
             self.is_plugged = False
             self._unplug()
-        self._close()
+        self._end.close()
         self._reset()
         if self.card.state == "READY" and self.card.tries:
             self.card.state = "SIM PIN"  # a card that has one asks for it after each loss of power
 
     def _boot(self) -> None:
         self.boots += 1
-        if not self._path:
-            self._end, self._far = pty.openpty()  # the far end stays open: a pty without one reports a hang-up
-            tty.setraw(self._far)
-            os.set_blocking(self._end, False)
-            self.loop.add(self)
+        if not self._is_gadget:
+            self._end.open()
         self.is_plugged = True
-        self._plug(self._device(os.ttyname(self._far) if self._far >= 0 else ""))
-        if self._path:
-            self._open()
+        self._plug(self._device(self._end.path))
+        self._end.open()  # of a gadget only now it is there
         self.say(b"\0\0\0")
         self._later(DEAF_S, self._listen)
         self._later(BUSY_S, self._card_read)
-
-    def _open(self) -> None:
-        """Open the tty of a gadget, which is there when that is plugged in."""
-        try:
-            self._end = os.open(self._path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
-        except OSError:
-            self._later(REOPEN_S, self._open)
-            return
-        tty.setraw(self._end)
-        self.loop.add(self)
-
-    def _close(self) -> None:
-        for descriptor in (self._end, self._far):
-            if descriptor >= 0:
-                if descriptor == self._end:
-                    self.loop.remove(self)
-                os.close(descriptor)
-        self._end = self._far = -1
 
     def _device(self, path: str) -> SimulatedDevice:
         at = AT_INTERFACES[self.product]
@@ -212,21 +175,8 @@ class SimulatedModem:
             self.unsolicited("PB DONE")
             self.network.search()
 
-    def _read(self) -> None:
-        try:
-            octets = os.read(self._end, BATCH)
-        except BlockingIOError:
-            return
-        except OSError:  # of a gadget: its host has gone
-            octets = b""
-        if not octets:
-            self._close()
-            self._later(REOPEN_S, self._open)
-            return
-        self.octets_heard += len(octets)
-        self._hear(octets)
-
     def _hear(self, octets: bytes) -> None:
+        self.octets_heard += len(octets)
         if self.is_deaf or not self.answers:
             return
         *texts, self._heard = (self._heard + octets.replace(b"\n", b"")).split(b"\r")
@@ -255,13 +205,6 @@ class SimulatedModem:
     def _later(self, delay: float, call: Callable[[], None]) -> None:
         self._timers = [timer for timer in self._timers if timer.is_pending]
         self._timers.append(self.loop.after(delay, call))
-
-    def _write(self) -> None:
-        with suppress(OSError):  # full, or the host of a gadget has gone: reading tells
-            written = os.write(self._end, self._waiting)
-            self._waiting = self._waiting[written:]
-            self.octets_said += written
-        self.loop.want(self, READ | (WRITE if self._waiting else 0))
 
 
 __all__ = ["AIRS", "Access", "Card", "SimulatedModem"]
