@@ -71,7 +71,6 @@ FORMS: dict[str, Form] = {
        for name in ("CREG", "CGREG", "CEREG", "C5GREG")},
     **{f"+{name}=": Form(_NEVER) for name in ("CREG", "CGREG", "CEREG", "C5GREG", "CNSMOD", "CMEE")},
     "+CSQ": Form(_prefix("+CSQ", r"\d+,\d+$")),
-    "+CESQ": Form(_prefix("+CESQ", r"\d+(?:,\d*)*$")),
     # Unasked it also says NOT READY and NOT INSERTED; asked, a missing SIM is a +CME ERROR.
     "+CPIN?": Form(_prefix("+CPIN", "(?!NOT )"), timeout_s=10.0),
     "+CPIN=": Form(_NEVER, timeout_s=20.0),
