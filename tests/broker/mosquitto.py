@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple, Self
 
+from board.child import die_with_parent
 from tests.broker.certificates import Authority, Identity
 from tests.system.ports import Ports
 
@@ -129,6 +130,7 @@ class Mosquitto:
             stderr=subprocess.PIPE,
             text=True,
             errors="replace",
+            preexec_fn=die_with_parent(signal.SIGKILL),  # noqa: PLW1509 - a test in a child process ends without a word
         )
         self._log.follow(self._process)
         self.says(r"mosquitto version .* running")
