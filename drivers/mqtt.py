@@ -196,8 +196,6 @@ class Mqtt:
 
     def _state(self, message: bytes) -> None:
         self._said = Link(*wire.parse_state(message))
-        if not self._said.is_up:
-            self._last_error = self._said.why
         self._show()
 
     def _show(self) -> None:
@@ -227,8 +225,8 @@ class Mqtt:
         about = {"broker": self._options.url, "profile": self._options.profile}
         if self.bearer:
             about["bearer"] = self.bearer
-        lives = {"restarts": self._restarts, "last_error": self._last_error}
-        self._host.tell({**about, **self._details, **lives})
+        last_error = self._details.get("last_error") or self._last_error
+        self._host.tell({**about, **self._details, "restarts": self._restarts, "last_error": last_error})
 
 
 def settings(options: MqttOptions, shared: Shared) -> MqttSettings:

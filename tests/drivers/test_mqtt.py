@@ -232,8 +232,7 @@ def test_its_link_is_what_the_process_says_once(start, host):
 
 def test_details_are_those_of_the_process_beside_the_drivers_own(start, host):
     _, worker = start(bearer="modem")
-    worker.message(talk.state(False, "no route"))
-    worker.message(talk.details({"published": 7}))
+    worker.message(talk.details({"published": 7, "last_error": "no route"}))
     assert host.details[-1] == {
         "broker": URL, "profile": "vcaptain", "bearer": "modem", "published": 7, "restarts": 0, "last_error": "no route",
     }  # fmt: skip
@@ -249,6 +248,8 @@ def test_a_process_that_ends_fails_the_interface_and_the_next_start_makes_anothe
     assert worker.is_stopped
     driver.start(host)
     assert len(FakeWorker.made) == 2
+    FakeWorker.made[1].message(talk.details({"published": 0, "last_error": ""}))
+    assert (host.details[-1]["restarts"], host.details[-1]["last_error"]) == (1, host.failures[0].message)
 
 
 def test_a_process_that_cannot_be_started_fails_the_start(host, monkeypatch):
