@@ -8,13 +8,14 @@ from drivers.modem_options import ModemOptions
 from drivers.modem_pin import PinError, PinGuard, read_pin
 from drivers.modem_questions import Questions, one
 from drivers.modem_script import NoAnswerError, Pause, Script, StepError, ask, refusal
+from drivers.modem_step import words
 from drivers.wire.at_forms import TIMEOUT
 from drivers.wire.modem_answers import PIN_REFUSED, Sim, attempts, iccid, sim, sim_error
 
 REMEDIES = {
-    Sim.PUK: ("sim: it asks for its PUK", "enter PUK and a new PIN in a telephone"),
-    Sim.ABSENT: ("sim: there is none", "is it in its holder, the right way round?"),
-    Sim.LOCKED: ("sim: locked to another device or network", "use the card that belongs to it"),
+    Sim.PUK: ("SIM: it asks for its PUK", "enter PUK and a new PIN in a telephone"),
+    Sim.ABSENT: ("SIM: there is none", "is it in its holder, the right way round?"),
+    Sim.LOCKED: ("SIM: locked to another device or network", "use the card that belongs to it"),
 }
 
 
@@ -33,7 +34,7 @@ class Card:
     def ready(self) -> Script[None]:
         """Return when the card is ready. Raises BlockedError where somebody has to do something."""
         while (state := (yield from self._state())) is not Sim.READY:
-            self._say(f"sim: {state.value}")
+            self._say(words("sim", state.value))
             if state in REMEDIES:
                 raise BlockedError(*REMEDIES[state])
             if state is Sim.PIN:
@@ -52,7 +53,7 @@ class Card:
 
     def _enter_pin(self) -> Script[None]:
         if not self._options.pin_file:
-            raise BlockedError("sim: it asks for a PIN", "name a file with it as pin_file")
+            raise BlockedError("SIM: it asks for a PIN", "name a file with it as pin_file")
         pin = read_pin(self._options.pin_file)
         card = yield from self._identity()
         left = yield from self._attempts()
@@ -62,11 +63,11 @@ class Card:
             self._guard.accepted(card)
             return
         if answer.final is TIMEOUT:  # nobody knows: the attempts that are left will tell
-            raise StepError("sim: no answer to the PIN")
+            raise StepError("SIM: no answer to the PIN")
         if sim_error(answer.final.code, answer.final.detail) in PIN_REFUSED or (yield from self._attempts()) < left:
             self._guard.refused(card)
-            raise BlockedError("sim: it refused the PIN", "correct pin_file; the same PIN is not tried again")
-        self._say(f"sim: {refusal('AT+CPIN', answer.final).message}")
+            raise BlockedError("SIM: it refused the PIN", "correct pin_file; the same PIN is not tried again")
+        self._say(words("sim", refusal("AT+CPIN", answer.final).message))
         yield Pause(2.0, wakes=True)  # it was busy: the PIN has not been looked at
 
     def _identity(self) -> Script[str]:
@@ -76,7 +77,7 @@ class Card:
         except NoAnswerError:
             raise
         except StepError as error:
-            raise PinError(f"sim: which it is cannot be read, so its PIN is not tried: {error.message}") from error
+            raise PinError(f"SIM: which it is cannot be read, so its PIN is not tried: {error.message}") from error
 
     def _attempts(self) -> Script[int]:
         left = yield from self._questions.read("AT+SPIC", lambda found: attempts(one(found)))

@@ -19,20 +19,9 @@ from drivers.modem_options import IP_TYPES, NETWORK_MODES, ModemOptions
 from drivers.modem_pin import PinGuard
 from drivers.modem_questions import DOMAINS, Questions
 from drivers.modem_script import Begin, LostError, NoAnswerError, Pause, Script, ask, lines, refusal
+from drivers.modem_step import BRING_UP, words
 from drivers.wire.modem_answers import PacketContext, packet_contexts, usb_id
 from drivers.wire.redact import redact
-
-# Step -> seconds. A module takes 18 to 30 s from power to its first answer, and as long to leave USB in a reset.
-LIMITS_S = {
-    "port": 90.0,
-    "identity": 60.0,
-    "sim": 60.0,
-    "configuration": 90.0,
-    "registration": 180.0,
-    "attach": 200.0,
-    "bearer": 120.0,
-}
-STEPS = tuple(LIMITS_S)
 
 LEAVE_S = 30.0  # that it may take to leave USB after it was told to
 ADDRESS_TRIES = 10  # one a second, for the address of a bearer that says it is up
@@ -94,7 +83,8 @@ class Steps:
 
     def bring_up(self, first: str) -> Script[None]:
         """All steps from one on."""
-        for step in STEPS[STEPS.index(first) :]:
+        steps = list(BRING_UP)
+        for step in steps[steps.index(first) :]:
             yield from self._step(step)
 
     def reenumerate(self, text: str) -> Script[None]:
@@ -112,7 +102,7 @@ class Steps:
     # -- steps
 
     def _step(self, step: str) -> Script[None]:
-        yield Begin(step, LIMITS_S[step])
+        yield Begin(step, BRING_UP[step].limit_s)
         yield from self._scripts[step]()
 
     def _port(self) -> Script[None]:
@@ -121,11 +111,11 @@ class Steps:
             try:
                 self._ground.open()
             except InterfaceError as error:
-                self._ground.say(f"port: {error.message}")
+                self._ground.say(words("port", error.message))
                 yield Pause(1.0)
         # Booting, it answers nothing, or the first lines of its boot loader.
         while not (yield from self._is_awake()):
-            self._ground.say("port: no answer to AT")
+            self._ground.say(words("port", "no answer to AT"))
             yield Pause(1.0)
 
     def _is_awake(self) -> Script[bool]:
@@ -148,7 +138,8 @@ class Steps:
         # It has been seen to fall back after a hard reset, so this is looked at in every bring-up.
         switch = self._composition.switch(vendor, product)
         if switch is not None:
-            self._ground.say(f"identity: {known.composition} is not that of the bearer: {switch}")
+            more = f"{known.composition} is not that of the bearer: {switch}"
+            self._ground.say(words("identity", more))
             yield from self.reenumerate(switch)
             yield from self._step("port")
             yield from self._step("identity")
@@ -176,7 +167,7 @@ class Steps:
 
     def _registration(self) -> Script[None]:
         while not (yield from self.questions.ask_registration()):
-            self._ground.say(f"registration: {self._known.registration_text}")
+            self._ground.say(words("registration", self._known.registration_text))
             yield from self.questions.look_at_cell()
             yield Pause(5.0, wakes=True)
             yield from self._card.ready()  # the card may have been taken out

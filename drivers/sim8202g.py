@@ -35,6 +35,7 @@ from drivers.modem_port import Above, AtPort
 from drivers.modem_questions import Questions
 from drivers.modem_recovery import Ladder
 from drivers.modem_script import Ended, Program, Run, Runner, StepError
+from drivers.modem_step import words
 from drivers.modem_steps import Steps
 from drivers.modem_system import System
 from drivers.modem_watch import COLDEST_C, HOTTEST_C, Watch
@@ -184,7 +185,7 @@ class Sim8202g:
     def begun(self, step: str) -> None:
         self._known.step = step
         if step not in ("up", "blocked", "recovery"):  # who begins one of these says more
-            self.say(step)
+            self.say(words(step))
 
     def _failed(self, error: StationError) -> None:
         self._host.fail(error)

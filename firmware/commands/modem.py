@@ -5,6 +5,7 @@ import json
 from collections.abc import Mapping
 
 from board.errors import UsageError
+from drivers.modem_step import words
 from firmware.user import modules
 from firmware.user.arguments import add_control
 from firmware.user.modules import Kind, joined
@@ -72,7 +73,7 @@ def table(name: str, one: Mapping[str, object]) -> Table:
     cell = within(details, "cell")
     leg = within(cell, "leg")
     rows = [
-        ("step", text(details, "step")),
+        ("step", words(text(details, "step"))),
         ("network", joined(text(details, "operator"), text(details, "registration"), text(cell, "access"))),
         ("cell", joined(text(cell, "plmn"), *_numbers(cell, "area", "cell"))),
         ("radio", joined(text(cell, "band"), *_numbers(cell, "physical_cell", "channel"))),

@@ -10,7 +10,7 @@ from drivers import (
     gnss_bringup,
     gnss_receiver,
     modem_recovery,
-    modem_steps,
+    modem_step,
     modem_watch,
     v2xcast,
     v2xcast_handler,
@@ -38,7 +38,7 @@ MODULES_S = {
     MODEM: modem_watch.SECOND_LOOK_S
     + command("AT+CGATT=0").timeout_s
     + modem_recovery.FIRST_S * 4 * (1 + modem_recovery.JITTER)
-    + modem_steps.LIMITS_S["port"],
+    + modem_step.BRING_UP["port"].limit_s,
 }
 
 # What does not answer is asked that seldom; the call before it may take its whole time, and cost a process.

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from drivers.modem_step import BRING_UP, words
 from drivers.sim.modules import MODEM, RADIO, RECEIVER
 from drivers.sim.trouble import BOARD, TROUBLE
 from tests.chaos import limits
@@ -66,8 +67,10 @@ def test_from_power_on_the_time_line_names_what_each_module_waits_for(stage: Sta
                 "running: driver started; waits for its link",
             ]
     steps = [what for who, what in told if who == "cellular"]
-    waited = ("port", "identity", "sim", "sim: busy", "configuration", "registration", "registration: searching")
-    assert steps == [*(f"down: {step}" for step in (*waited, "attach", "bearer")), "up: 10.64.1.2"]
+    walk = [words(step) for step in BRING_UP]
+    walk.insert(walk.index(words("sim")) + 1, words("sim", "busy"))
+    walk.insert(walk.index(words("registration")) + 1, words("registration", "searching"))
+    assert steps == [*(f"down: {step}" for step in walk), "up: 10.64.1.2"]
 
 
 def test_trouble_from_outside_is_answered(stage: Stage) -> None:

@@ -10,7 +10,7 @@ from board.describe import read
 from board.errors import ConfigurationError, InterfaceError, StuckError
 from drivers.contract import Can
 from drivers.modem_options import ModemOptions
-from drivers.modem_steps import LIMITS_S
+from drivers.modem_step import BRING_UP
 from drivers.sim.modem_commands import ICCID, IMEI, IMSI
 from drivers.sim.modem_network import ADDRESS, Access
 from drivers.sim8202g import Sim8202g
@@ -55,7 +55,7 @@ def test_it_is_a_bearer_and_nothing_else(bench):
 def test_it_comes_up_by_steps_that_can_be_seen(bench):
     bench.up()
     steps = [why.partition(":")[0] for why in bench.station.steps]
-    assert list(dict.fromkeys(steps)) == list(LIMITS_S)
+    assert list(dict.fromkeys(steps)) == [step.words for step in BRING_UP.values()]
     assert bench.station.why == ADDRESS
     assert not bench.station.failures
 
@@ -89,7 +89,7 @@ def test_it_follows_its_registration_up_to_what_the_air_offers(bench, loop, offe
 
 def test_a_card_that_is_busy_after_power_on_is_waited_for(bench):
     bench.up()
-    assert "sim: busy" in bench.station.steps
+    assert "looks at the SIM: busy" in bench.station.steps
     assert bench.modem.asked.count("AT+CPIN?") > 1
 
 
@@ -178,7 +178,7 @@ def test_a_night_without_coverage_is_no_fault_and_the_morning_is_noticed(bench, 
 def test_a_modem_that_the_network_refuses_says_so(bench, loop):
     bench.modem.network.denies = True
     bench.start()
-    loop.run_until(lambda: bench.station.why == "registration: denied")
+    loop.run_until(lambda: bench.station.why == "registers with the network: denied")
 
 
 def test_a_bearer_that_does_not_come_is_recovered_from_by_stronger_and_stronger_means(bench, loop):
@@ -223,7 +223,7 @@ def test_a_modem_that_has_never_answered_is_stuck_and_says_of_what(bench, loop):
     bench.start()
     loop.run_until(lambda: bench.station.failures, within=100)
     assert isinstance(bench.station.failures[0], StuckError)
-    assert bench.station.failures[0].message == "port: no answer to AT: not done within 90 s"
+    assert bench.station.failures[0].message == "waits for its AT port: no answer to AT: not done within 90 s"
 
 
 def test_a_module_that_crashes_is_a_failure_and_comes_back_by_itself(bench, loop):

@@ -55,7 +55,7 @@ MODEM = {
 SHOWN = """\
 cellular: up for 61 s: wwan0 has 10.64.1.2
 what         value
-step         up
+step         is up
 network      Telekom.de, home, 5g-nsa
 cell         460-11, area 23070, cell 187214780
 radio        EUTRAN-BAND3, physical cell 257, channel 1850
