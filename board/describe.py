@@ -2,9 +2,9 @@
 
 A field's type says what its key may hold: bool, int, float, str, Literal choices, a nested dataclass,
 `tuple[T, ...]`, `dict[str, T]`, a union, `T | None` for what may be absent, `object` for what somebody else
-reads, and `Annotated[int, Range(0, 65535)]` for a number with bounds. The key is the field's name, without
-the underscore that keeps `class_` from being a keyword. What several keys have to do with each other is
-checked in `__post_init__`, which raises ConfigurationError.
+reads, `Annotated[int, Range(0, 65535)]` for a number with bounds, and `Annotated[str, Check(parse)]` for a value
+that more is asked of. The key is the field's name, without the underscore that keeps `class_` from being a keyword.
+What several keys have to do with each other is checked in `__post_init__`, which raises ConfigurationError.
 """
 
 import dataclasses
@@ -18,7 +18,7 @@ from typing import Annotated, Any, Literal, NamedTuple, TypeVar, Union, get_args
 from board.errors import ConfigurationError
 from board.toml import NAMES, kind_name, load, override, show
 
-__all__ = ["Range", "load", "override", "read"]
+__all__ = ["Check", "Range", "load", "override", "read"]
 
 T = TypeVar("T")
 
@@ -42,6 +42,12 @@ class Range(NamedTuple):
     def holds(self, value: float) -> bool:
         bounds = zip(RULES, self, strict=True)
         return all(bound is None or rule(value, bound) for (_, rule), bound in bounds)
+
+
+class Check(NamedTuple):
+    """What else a value has to be: look raises ConfigurationError for one that it is not."""
+
+    look: Callable[[Any], object]
 
 
 def _plain(bound: float) -> float:
@@ -93,7 +99,7 @@ class _Reading:
         try:
             return kind(**values)
         except ConfigurationError as error:
-            self.wrong(path, f"{error.message}; {error.hint}" if error.hint else error.message)
+            self.wrong(path, _told(error))
             return None
 
     def absent(self, hint: Any, path: str) -> Any:
@@ -126,13 +132,21 @@ class _Reading:
         return value
 
     def bounded(self, arguments: tuple[Any, ...], value: Any, path: str) -> Any:
-        """A number under Range; other annotations are somebody else's."""
+        """A number under Range, a value under Check; other annotations are somebody else's."""
         before = len(self.mistakes)
         value = self.value(arguments[0], value, path)
         for bounds in arguments[1:]:
             if len(self.mistakes) == before and isinstance(bounds, Range) and not bounds.holds(value):
                 self.wrong(path, f"{show(value)} is out of range; give {bounds}")
+            elif len(self.mistakes) == before and isinstance(bounds, Check):
+                self.checked(bounds, value, path)
         return value
+
+    def checked(self, check: Check, value: Any, path: str) -> None:
+        try:
+            check.look(value)
+        except ConfigurationError as error:
+            self.wrong(path, _told(error))
 
     def either(self, hint: Any, value: Any, path: str) -> Any:
         """The first alternative of a union that has nothing to say against the value."""
@@ -153,6 +167,10 @@ class _Reading:
             self.wrong(path, f"{show(value)} is not finite; give a number")
             return 0.0
         return float(value)
+
+
+def _told(error: ConfigurationError) -> str:
+    return f"{error.message}; {error.hint}" if error.hint else error.message
 
 
 def _join(path: str, key: str) -> str:

@@ -4,7 +4,7 @@ import re
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
-from board.describe import Range
+from board.describe import Check, Range
 from board.errors import ConfigurationError
 from board.topology import parse
 
@@ -14,9 +14,20 @@ Seconds = Annotated[float, Range(0.0, 600.0)]
 USB_ID = re.compile("[0-9a-f]{4}:[0-9a-f]{4}")
 
 
+def _place(text: str) -> None:
+    if text:
+        parse(text)
+
+
+def _usb_id(text: str) -> None:
+    if not USB_ID.fullmatch(text):
+        hint = "vendor:product as lsusb shows them, four small hexadecimal digits each: 1546:01a9"
+        raise ConfigurationError(f"{text!r} is no id of a USB device", hint)
+
+
 @dataclass(frozen=True)
 class LineDescription:
-    """[lines.<name>]: an output, of the Pi or of an expander.
+    """[lines.<name>]: an output, of the Pi or of an expander; it has one of chip, line and expander.
 
     chip        label of a GPIO chip (`pinctrl-bcm2711`), its name (`gpiochip0`) or its path; with offset.
     offset      of the line in its chip.
@@ -36,10 +47,6 @@ class LineDescription:
     active_low: bool = False
     open_drain: bool = False
     initial: Literal["active", "inactive", "keep"] = "keep"
-
-    def __post_init__(self) -> None:
-        if sum(map(bool, (self.chip, self.line, self.expander))) != 1:
-            raise ConfigurationError("a line has one of chip, line and expander", "give exactly one of them")
 
 
 @dataclass(frozen=True)
@@ -122,25 +129,14 @@ class SlotDescription:
     """
 
     title: str = ""
-    usb: str = ""
-    ids: tuple[str, ...] = ()
+    usb: Annotated[str, Check(_place)] = ""
+    ids: tuple[Annotated[str, Check(_usb_id)], ...] = ()
     power: str = ""
     reset: str = ""
     hub_port: bool = False
     settle_s: Seconds = 0.1
     wait_s: Seconds = 30.0
     off_s: Seconds = 5.0
-
-    def __post_init__(self) -> None:
-        if self.usb:
-            try:
-                parse(self.usb)
-            except ConfigurationError as error:
-                raise ConfigurationError(f"usb: {error.message}", error.hint) from error
-        for one in self.ids:
-            if not USB_ID.fullmatch(one):
-                hint = "vendor:product as lsusb shows them, four small hexadecimal digits each: 1546:01a9"
-                raise ConfigurationError(f"ids: {one!r} is no id of a USB device", hint)
 
 
 @dataclass(frozen=True)

@@ -1,17 +1,39 @@
 """A board file as the station reads it: the hardware, and the interfaces that a station on it begins with."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from board import describe
 from board.describe import remedy
-from board.description import Hardware, LineDescription, RailDescription, TemperatureDescription
+from board.description import (
+    BusDescription,
+    ChipDescription,
+    Hardware,
+    IdentityDescription,
+    LineDescription,
+    RailDescription,
+    SlotDescription,
+    TemperatureDescription,
+)
 from board.errors import ConfigurationError
 from drivers.sim.neighbours import NeighboursOptions
 
 BOARDS = Path(describe.__file__).parent / "boards"
+
+# The tables of tables, whose names other tables may have.
+PARTS: dict[str, type] = {
+    "lines": LineDescription,
+    "buses": BusDescription,
+    "expanders": ChipDescription,
+    "rails": RailDescription,
+    "temperatures": TemperatureDescription,
+    "slots": SlotDescription,
+}
+
+Tables = Mapping[str, object]
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -45,33 +67,73 @@ def load(board: str) -> Board:
     if path.parent == BOARDS and not path.exists():
         known = ", ".join(sorted(entry.stem for entry in BOARDS.glob("*.toml")))
         raise ConfigurationError(f"board {board!r} is not known", f"one of {known}, or the path of a board file")
-    read = describe.read(Board, describe.load(path), str(path))
-    if wrong := [f"{path}: {text}" for text in mistakes(read)]:
+    tables = describe.load(path)
+    try:
+        read = describe.read(Board, tables, str(path))
+    except ConfigurationError as error:
+        more = [f"{path}: {text}" for text in mistakes(_sound(tables), tables)]
+        raise ConfigurationError("\n".join([error.message, *more])) from error
+    if wrong := [f"{path}: {text}" for text in mistakes(read, tables)]:
         raise ConfigurationError("\n".join(wrong))
     return read
 
 
-def mistakes(board: Hardware) -> Iterator[str]:
-    """What only several tables together can tell, each as `key.path: what is wrong; what to do`."""
+def _sound(tables: Tables) -> Hardware:
+    """What can be read of a file with mistakes: so that those that only several tables can tell come with the rest."""
+    parts: dict[str, Any] = {
+        part: {name: one for name, table in _of(tables, part).items() if (one := _part(kind, table)) is not None}
+        for part, kind in PARTS.items()
+    }
+    return Hardware("", identity=_part(IdentityDescription, tables.get("identity")), **parts)
+
+
+def _part(kind: type[T], table: object) -> T | None:
+    try:
+        return describe.read(kind, table, "") if isinstance(table, dict) else None
+    except ConfigurationError:
+        return None
+
+
+def _of(tables: Tables, part: str) -> dict[str, Any]:
+    """A table of tables as it was written, sound or not: it declares its names."""
+    found = tables.get(part)
+    return found if isinstance(found, dict) else {}
+
+
+def mistakes(board: Hardware, tables: Tables) -> Iterator[str]:
+    """What only several keys or tables together can tell, each as `key.path: what is wrong; what to do`.
+
+    board   what could be read of the tables.
+    """
+    for name, table in _of(tables, "lines").items():
+        yield from _line(f"lines.{name}", table)
     for name, line in board.lines.items():
-        yield from _unknown(f"lines.{name}.expander", line.expander, "expanders", board.expanders)
-    yield from _buses(board)
+        yield from _unknown(f"lines.{name}.expander", line.expander, "expanders", tables)
+    yield from _buses(board, tables)
     for name, rail in board.rails.items():
         yield from _one_source(f"rails.{name}", rail, "bus and hwmon", rail.bus, rail.hwmon)
         yield from _limits(f"rails.{name}", rail)
     for name, temperature in board.temperatures.items():
         yield from _temperature(f"temperatures.{name}", temperature)
-    yield from _slots(board)
+    yield from _slots(board, tables)
     yield from _taken_twice(board)
 
 
-def _buses(board: Hardware) -> Iterator[str]:
+def _buses(board: Hardware, tables: Tables) -> Iterator[str]:
     """Every chip on a bus that is declared."""
     for table in ("expanders", "rails", "temperatures"):
         for name, chip in getattr(board, table).items():
-            yield from _unknown(f"{table}.{name}.bus", chip.bus, "buses", board.buses)
+            yield from _unknown(f"{table}.{name}.bus", chip.bus, "buses", tables)
     if board.identity is not None:
-        yield from _unknown("identity.bus", board.identity.bus, "buses", board.buses)
+        yield from _unknown("identity.bus", board.identity.bus, "buses", tables)
+
+
+def _line(where: str, table: object) -> Iterator[str]:
+    """As it was written: a source whose name is misspelt is told already, and that it is missing is the same."""
+    if not isinstance(table, dict) or any(key not in LineDescription.__dataclass_fields__ for key in table):
+        return
+    if sum(bool(table.get(key)) for key in ("chip", "line", "expander")) != 1:
+        yield f"{where}: a line has one of chip, line and expander; give exactly one of them"
 
 
 def _temperature(where: str, one: TemperatureDescription) -> Iterator[str]:
@@ -91,11 +153,11 @@ def _limits(where: str, one: RailDescription) -> Iterator[str]:
         yield f"{where}: min_v {one.min_v:g} is more than max_v {one.max_v:g}; no voltage is within both"
 
 
-def _slots(board: Hardware) -> Iterator[str]:
+def _slots(board: Hardware, tables: Tables) -> Iterator[str]:
     for name, slot in board.slots.items():
         where = f"slots.{name}"
-        yield from _unknown(f"{where}.power", slot.power, "lines", board.lines)
-        yield from _unknown(f"{where}.reset", slot.reset, "lines", board.lines)
+        yield from _unknown(f"{where}.power", slot.power, "lines", tables)
+        yield from _unknown(f"{where}.reset", slot.reset, "lines", tables)
         if slot.hub_port and not slot.usb:
             yield f"{where}.usb: is missing; a hub can switch a port only where its topology path is known"
         if slot.power and slot.power == slot.reset:
@@ -132,7 +194,7 @@ def _addresses_twice(board: Hardware) -> Iterator[str]:
 def _pin(line: LineDescription) -> str:
     if line.expander:
         return f"{line.expander} {line.pin}"
-    return line.line or f"{line.chip} {line.offset}"
+    return line.line or (f"{line.chip} {line.offset}" if line.chip else "")
 
 
 def _twice(table: str, key: str, taken: dict[str, str]) -> Iterator[str]:
@@ -144,8 +206,9 @@ def _twice(table: str, key: str, taken: dict[str, str]) -> Iterator[str]:
             first[place] = name
 
 
-def _unknown(where: str, name: str, table: str, known: dict[str, Any]) -> Iterator[str]:
+def _unknown(where: str, name: str, table: str, tables: Tables) -> Iterator[str]:
     """A name that another table should have; an empty one names nothing."""
+    known = _of(tables, table)
     if name and not known:
         yield f"{where}: {name!r} is not declared; add a table [{table}.{name}]"
     elif name and name not in known:

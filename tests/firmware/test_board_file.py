@@ -119,8 +119,8 @@ def test_a_board_that_ships_has_no_mistake_and_says_what_it_is(path: Path) -> No
         ('chip = "pinctrl-bcm2711"', "", "lines.v2x_reset: a line has one of chip, line and expander"),
         ("address = 0x20", "address = 0x40", "rails.main.address: 0x40 of main is that of expanders.pins already"),
         ("min_v = 4.75", "min_v = 9\nmax_v = 3", "rails.main: min_v 9 is more than max_v 3"),
-        ('usb = "1-1.3"', 'usb = "banana"', "slots.v2x: usb: 'banana'"),
-        ('usb = "1-1.3"', 'usb = "1-1.3"\nids = ["x"]', "slots.v2x: ids: 'x' is no id"),
+        ('usb = "1-1.3"', 'usb = "banana"', "slots.v2x.usb: 'banana'"),
+        ('usb = "1-1.3"', 'usb = "1-1.3"\nids = ["x"]', "slots.v2x.ids[0]: 'x' is no id"),
         ("address = 0x20", "address = 0x78", "expanders.pins.address: 120 is "),
         ("pin = 3", "pin = 16", "lines.v2x_power.pin: 16 is "),
     ],
@@ -134,6 +134,46 @@ def test_a_mistake_is_named_with_its_place_and_what_to_do(tmp_path: Path, old: s
 def test_all_mistakes_are_named_at_once(tmp_path: Path) -> None:
     wrong = WHOLE.replace('power = "v2x_power"', 'power = "a"').replace('reset = "v2x_reset"', 'reset = "b"')
     assert len(mistakes(tmp_path, wrong)) == 2
+
+
+def test_a_mistake_of_one_key_hides_none_of_another_and_none_between_tables(tmp_path: Path) -> None:
+    wrong = (
+        WHOLE.replace('expander = "pins"', 'expander = "pins"\noffset = "x"\nchip = "gpiochip0"')
+        .replace("address = 0x20", "address = 0x78")
+        .replace('usb = "1-1.3"', 'usb = "banana"\nids = ["x"]\nwait = 3')
+        .replace('[slots.free]\nusb = "1-1.2"', '[slots.free]\npower = "v2x_powr"')
+        .replace('[identity]\nbus = "main"', '[identity]\nbus = "mian"')
+    )
+    assert [mistake.split(": ")[0] for mistake in mistakes(tmp_path, wrong)] == [
+        "lines.v2x_power.offset",
+        "expanders.pins.address",
+        "slots.v2x.wait",
+        "slots.v2x.usb",
+        "slots.v2x.ids[0]",
+        "lines.v2x_power",
+        "identity.bus",
+        "slots.free.power",
+        "slots.free.usb",
+    ]
+
+
+def test_what_has_a_mistake_of_its_own_is_declared_all_the_same(tmp_path: Path) -> None:
+    (mistake,) = mistakes(tmp_path, WHOLE.replace('path = "/dev/i2c-1"', "path = 1"))
+    assert mistake.startswith("buses.main.path: 1 is an integer")
+
+
+def test_a_source_that_is_misspelt_is_told_once(tmp_path: Path) -> None:
+    (mistake,) = mistakes(tmp_path, WHOLE.replace('chip = "pinctrl-bcm2711"', 'chp = "pinctrl-bcm2711"'))
+    assert mistake == "lines.v2x_reset.chp: is not a known key; did you mean chip?"
+
+
+@pytest.mark.parametrize("part", ["lines", "buses", "slots", "rails", "identity", "fan"])
+@pytest.mark.parametrize("value", ["5", "[]", "{}", "{ x = 5 }"])
+def test_a_part_that_is_no_table_is_explained(tmp_path: Path, part: str, value: str) -> None:
+    try:
+        read(tmp_path, f'name = "a"\n{part} = {value}\n')
+    except ConfigurationError as error:
+        assert part in error.message
 
 
 def test_the_channels_of_one_chip_may_be_rails_of_their_own(tmp_path: Path) -> None:
