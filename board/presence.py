@@ -32,6 +32,11 @@ class Presence:
         """Whether the board file says where to look."""
         return bool(self._description.usb)
 
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing at all is at its place."""
+        return self.is_known and self._look() is None
+
     def find(self) -> Device | None:
         """Its device: one that belongs there, and that the kernel may use."""
         found = self._look() if self.is_known else None

@@ -66,6 +66,7 @@ class Slot:
     cause      why it is in fault, or was until the try that now runs: the first of its causes.
     note       what an operator should know of a slot without fault; empty: nothing.
     is_unswitched  in fault because a switch failed: its supply is not known.
+    is_empty  in fault because nothing was plugged in while its device was waited for.
     device     what is there, when it is present; None also where the board file does not say where to look.
     timeline   the last states it went through.
     """
@@ -90,7 +91,7 @@ class Slot:
         self.description = description
         self.state = State.OFF
         self.is_rested = True
-        self.is_unswitched = False
+        self.is_unswitched = self.is_empty = False
         self.cause: StationError | None = None
         self.note = ""
         self.device: Device | None = None
@@ -158,6 +159,7 @@ class Slot:
         is_change = rule.state is not self.state
         if is_change:
             self.is_unswitched = event is Event.FAILED
+            self.is_empty = event is Event.LATE and self._presence.is_empty
             self._enter(rule.state, why or event.value)
         rule.act(self)
         if is_change:

@@ -16,6 +16,7 @@ class State(StrEnum):
     STARTING = "starting"  # its device is there, its driver is being started, if need be again and again
     RUNNING = "running"
     CYCLING = "cycling"  # without power for a moment
+    EMPTY = "empty"  # it has power, no interface and no device: one that is plugged in is seen
     FAULT = "fault"
 
 
@@ -29,6 +30,7 @@ class Event(StrEnum):
     PLUGGED = "device seen"
     UNPLUGGED = "device gone"
     ABSENT = "no device"  # in time, or it went too often
+    VACANT = "nothing was plugged in"  # where nobody misses it: no interface has the slot
     SUPPLIED = "power is on"
     RELEASED = "out of reset"
     UNSUPPLIED = "power is off"  # as it was asked for

@@ -8,6 +8,9 @@
                cycling <────────────┘           CYCLES without steady running ──> fault
                                                 hot-plug, operator: fault ──> from the beginning
 
+A slot that no interface has, and that an operator has switched on, is empty when nothing is plugged in: no fault, and
+no power cycle, which are for a device that somebody misses. It then waits for one.
+
 A fault stays, with its first cause, until something has changed: a device appears in the slot, or an operator asks.
 The power stays on in a fault, because a module without power could not be seen when it is plugged in; where it could
 not be switched, that is tried again, and no power cycle. It stays on when the station stops, so that a restart of the
@@ -19,10 +22,10 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from board.errors import BlockedError, InterfaceError, StationError, StuckError
+from board.journal import Journal
 from board.loop import Loop, Timer
 from board.slot import Slot as Sequencer
 from board.slot import State as Sequence
-from board.journal import Journal
 from firmware.slot_states import FAULTS, LEVELS, MEANINGS, OPERATED, Event, State
 from firmware.supervisor import Supervised
 
@@ -94,7 +97,9 @@ class Slot:
     def changed(self) -> None:
         """The sequencer has entered another state."""
         event, passage = self._meaning(), self._sequencer.timeline[-1]
-        if event is not None:
+        if event is Event.VACANT:
+            self.tell(event)
+        elif event is not None:
             self.tell(event, InterfaceError(passage.why, passage.hint))
         if self.state is State.FAULT and self._sequencer.is_unswitched:
             self._leave_switches()
@@ -167,6 +172,8 @@ class Slot:
         sequencer = self._sequencer
         if sequencer.state is Sequence.FAULT and sequencer.is_unswitched:
             return Event.UNSWITCHED
+        if sequencer.state is Sequence.FAULT and sequencer.is_empty and self._interface is None:
+            return Event.VACANT
         if sequencer.state is Sequence.OFF and sequencer.is_rested:
             return Event.UNSUPPLIED
         if sequencer.state is Sequence.RELEASED and sequencer.timeline[-2].state is Sequence.POWERED:
@@ -264,6 +271,7 @@ RULES: dict[tuple[State, Event], Rule] = {
     (State.OFF, Event.UNSWITCHED): _FAULT,
     (State.POWERING, Event.PLUGGED): _LAUNCH,
     (State.POWERING, Event.ABSENT): _CYCLE,
+    (State.POWERING, Event.VACANT): Rule(State.EMPTY),
     (State.POWERING, Event.EXHAUSTED): _FAULT,
     (State.POWERING, Event.UNSWITCHED): _FAULT,
     (State.POWERING, Event.OFF): _OFF,
@@ -287,6 +295,9 @@ RULES: dict[tuple[State, Event], Rule] = {
     (State.CYCLING, Event.UNSWITCHED): _FAULT,
     (State.CYCLING, Event.OFF): _OFF,
     (State.CYCLING, Event.CYCLE): Rule(State.CYCLING, (Slot.cycle,)),
+    (State.EMPTY, Event.PLUGGED): _LAUNCH,
+    (State.EMPTY, Event.OFF): _OFF,
+    (State.EMPTY, Event.CYCLE): _CYCLE,
     (State.FAULT, Event.PLUGGED): Rule(State.STARTING, (Slot.forgive, Slot.launch)),
     # Its switches obey again: in a fault nobody else has them tried.
     (State.FAULT, Event.RELEASED): Rule(State.POWERING, (Slot.forgive,)),

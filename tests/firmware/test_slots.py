@@ -310,6 +310,41 @@ def test_a_slot_without_an_interface_is_left_as_it_is_until_an_operator_asks(loo
     assert (bench.state, bench.power.is_on) == (State.OFF, False)
 
 
+@pytest.fixture
+def empty(loop: VirtualLoop) -> Bench:
+    """Nothing in it, no interface for it, and switched on by an operator, whose patience has come to its end."""
+    bench = Bench(loop, has_interface=False)
+    bench.power.has_module = False
+    bench.slot.start()
+    bench.slot.operate("on")
+    bench.until(State.EMPTY, within=SETTLE_S + WAIT_S + 1)
+    return bench
+
+
+def test_a_slot_that_was_switched_on_and_stays_empty_says_so_and_is_no_fault(empty: Bench) -> None:
+    status = empty.slot.status()
+    assert (status["why"], status["cause"], status["hint"]) == ("nothing was plugged in", "", "")
+    empty.loop.run_for(100_000)
+    assert (empty.state, empty.power.is_on, empty.power.cuts) == (State.EMPTY, True, 0)
+
+
+def test_what_is_plugged_into_an_empty_slot_is_seen_and_missed_when_it_goes(empty: Bench) -> None:
+    empty.power.plug()
+    empty.until(State.RUNNING, within=5)
+    empty.power.unplug()
+    assert empty.state is State.POWERING
+    empty.until(State.EMPTY, within=WAIT_S + 1)
+    assert empty.power.cuts == 0
+
+
+def test_an_empty_slot_is_switched_off_and_cycled_as_any_other(empty: Bench) -> None:
+    empty.slot.operate("cycle")
+    empty.until(State.POWERING, within=OFF_S + 1)
+    empty.until(State.EMPTY)
+    empty.slot.operate("off")
+    assert (empty.state, empty.power.is_on) == (State.OFF, False)
+
+
 def test_a_stop_keeps_the_power_and_ends_everything_else(running: Bench) -> None:
     running.slot.stop()
     running.slot.stop()
@@ -401,7 +436,7 @@ def test_six_hours_of_modules_that_fail_at_random_end_well(loop: VirtualLoop, se
         loop.run_for(chance.expovariate(1 / 60))
         chance.choice(failures)()
         seen[bench.state] += 1
-    assert set(seen) == set(State) - {State.STOPPED, State.UNUSED}
+    assert set(seen) == set(State) - {State.STOPPED, State.UNUSED, State.EMPTY}
     assert bench.slot.cycles <= bench.power.cuts  # an operator's `off` is none
     bench.power.plug()
     bench.mend_driver()

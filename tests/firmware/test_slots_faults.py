@@ -191,6 +191,7 @@ TOGETHER = {
     State.STARTING: {Sequence.PRESENT},
     State.RUNNING: {Sequence.PRESENT},
     State.CYCLING: {Sequence.OFF},
+    State.EMPTY: {Sequence.FAULT},
     State.FAULT: set(Sequence),
 }
 
@@ -224,6 +225,6 @@ def test_a_slot_and_its_sequencer_never_disagree(loop: VirtualLoop, seed: int) -
         assert bench.sequencer.state in TOGETHER[bench.state]
         loop.run_for(chance.expovariate(1 / 10))
         assert bench.sequencer.state in TOGETHER[bench.state]
-    by_sequencer = {*MEANINGS.values(), Event.RELEASED, Event.UNSWITCHED, Event.UNSUPPLIED}
+    by_sequencer = {*MEANINGS.values(), Event.RELEASED, Event.UNSWITCHED, Event.UNSUPPLIED, Event.VACANT}
     assert {passage for passage in told if passage[1] in by_sequencer} <= set(RULES) | set(AS_IT_IS)
     assert not set(AS_IT_IS) & set(RULES)
