@@ -72,8 +72,7 @@ class Connector:
         addresses = self._look_up()
         raw = self._connect(addresses, end, stage)
         if context is None:
-            raw.setblocking(False)
-            return raw
+            return self._ready(raw)
         stage.is_handshake = True
         self.waits_for = f"no end of the TLS handshake with {stage.address}"
         raw.settimeout(max(LEAST_S, end - time.monotonic()))
@@ -82,8 +81,13 @@ class Connector:
         except BaseException:
             raw.close()
             raise
-        secure.setblocking(False)
-        return secure
+        return self._ready(secure)
+
+    def _ready(self, connection: socket.socket) -> socket.socket:
+        """It never blocks, and ends when what was written stays unacknowledged: after STALL_S, not a quarter hour."""
+        connection.setblocking(False)
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, int(1000 * self._settings.stall_s))
+        return connection
 
     def _look_up(self) -> list[tuple[socket.AddressFamily, tuple[str, int]]]:
         with Connector._lock:

@@ -2,7 +2,9 @@
 
 import socket
 import ssl
+import struct
 from collections.abc import Iterator
+from contextlib import suppress
 
 from drivers.wire.mqtt_packets import Oversized, Packets
 from drivers.wire.v2n_message import MAX_PAYLOAD
@@ -11,6 +13,8 @@ from drivers.wire.v2n_message import MAX_PAYLOAD
 MAX_PACKET = MAX_PAYLOAD + 8192  # octets
 
 READ = 65536  # octets at once
+
+_AT_ONCE = struct.pack("ii", 1, 0)  # socket(7), SO_LINGER: struct linger
 
 
 class Line:
@@ -88,4 +92,10 @@ class Line:
         self._connection.shutdown(socket.SHUT_WR)
 
     def end(self) -> None:
+        self._connection.close()
+
+    def discard(self) -> None:
+        """End it at once: what the kernel has still to send would arrive late, and is not sent."""
+        with suppress(OSError):  # it has ended already
+            self._connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _AT_ONCE)
         self._connection.close()

@@ -109,7 +109,7 @@ class Network:
                 connector.socket.close()
         if self._paho is not None:
             paho, self._paho = self._paho, None
-            paho.line.end()
+            paho.line.discard()
 
     def publish(self, publication: Publication) -> int:
         topic, payload, qos, retain, expiry_s, user_properties = publication
@@ -181,6 +181,7 @@ class Network:
                         pass  # a socket that is closed with octets unread takes back what it has sent last
         except (OSError, EOFError, ProtocolError):
             pass
+        paho.line.end()
         self.drop()
 
     def _connect_ended(self, now: float) -> None:

@@ -15,6 +15,10 @@ KEEP_ALIVE_S = 20  # mobile networks forget an idle TCP connection after 30 s an
 SESSION_EXPIRY_S = 3600  # of a session that is kept
 IN_FLIGHT = 20  # publications without an acknowledgement
 
+# A connection that a tunnel or another address has cut says nothing. Given up so soon, another one is there before TCP
+# would have tried again, and no octets arrive in it that were written much longer ago.
+STALL_S = 3.0
+
 
 class Broker(NamedTuple):
     """Where a broker is."""
@@ -78,6 +82,7 @@ class MqttSettings:
     depths      least and most quadkey levels instead of the profile's; () for the profile's.
     in_flight   publications without an acknowledgement, at most.
     connect_s   limit of each of: name, TCP and TLS, CONNACK, SUBACK.
+    stall_s     what was written and nobody's kernel has acknowledged for so long ends the connection.
     first_delay_s, longest_delay_s    of the back-off between two tries.
     """
 
@@ -106,6 +111,7 @@ class MqttSettings:
     depths: tuple[int, ...] = ()
     in_flight: int = IN_FLIGHT
     connect_s: float = 10.0
+    stall_s: float = STALL_S
     first_delay_s: float = 0.5
     longest_delay_s: float = 30.0
 
