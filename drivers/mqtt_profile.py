@@ -1,6 +1,6 @@
 """The profiles that ship, and those of users: TOML files; and the message library, for those that decode."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -48,16 +48,20 @@ class MessageLibrary:
     def __init__(self, messages: Sequence[Any]) -> None:
         self._messages = sorted((message for message in messages if message.ids), key=lambda message: message.rank)
 
-    def decode(self, pdu: bytes) -> tuple[Edition, dict[str, Any]]:
-        """The first edition that it is a message of: those of its protocolVersion first, then by rank."""
+    def decodings(self, pdu: bytes) -> Iterator[tuple[Edition, dict[str, Any]]]:
+        """Editions of its protocolVersion come first, then those of a lower rank."""
         announced = [message for message in self._messages if pdu[1] in message.ids]
-        failed = ValueError(f"messageID {pdu[1]} is of no message of the library")
-        for message in sorted(announced, key=lambda message: pdu[0] not in message.versions):
+        failed: ValueError | None = ValueError(f"messageID {pdu[1]} is of no message of the library")
+        for at, message in enumerate(sorted(announced, key=lambda message: pdu[0] not in message.versions)):
             try:
-                return message, message.decode(pdu)
+                value = message.decode(pdu)
             except ValueError as error:
-                failed = error if str(failed).startswith("messageID") else failed
-        raise failed
+                failed = error if at == 0 else failed
+            else:
+                failed = None
+                yield message, value
+        if failed:
+            raise failed
 
     def editions(self, kind: str) -> Sequence[Edition]:
         number = int(kind) if kind.isdecimal() and len(kind) <= 3 else None

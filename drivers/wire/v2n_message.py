@@ -1,6 +1,6 @@
 """What goes to a broker and comes from it, and who says so: shared by profiles and their payloads."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple, Protocol
 
 from board.errors import ProtocolError
@@ -90,8 +90,8 @@ class Edition(Protocol):
 class Codec(Protocol):
     """The message library, where a payload needs it."""
 
-    def decode(self, pdu: bytes) -> tuple[Edition, dict[str, Any]]:
-        """The edition that a PDU is of, and its value, header included. Raises ValueError."""
+    def decodings(self, pdu: bytes) -> Iterator[tuple[Edition, dict[str, Any]]]:
+        """The editions that a PDU can be of, likely ones first, and its value in each. Raises ValueError for none."""
 
     def editions(self, kind: str) -> Sequence[Edition]:
         """Those of a type, by its name or messageID, the preferred one first; none where it is not known."""

@@ -7,6 +7,7 @@ Members and units: README and examples of nap-it/vanetza-nap.
 """
 
 import json
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -14,7 +15,8 @@ from board.errors import RequestError
 from drivers.reason import Reason
 from drivers.wire.v2n_message import Codec, Edition, RefusedError, Sending
 from drivers.wire.v2n_payload_json import member, read_object, refuse, shown
-from drivers.wire.v2n_payload_si import ConversionError, from_json, names, to_json
+from drivers.wire.v2n_payload_si import ConversionError, to_json
+from drivers.wire.v2n_payload_si_read import from_json
 from drivers.wire.v2n_type import Type
 
 NOT_MEASURED_DBM = -1  # as in its examples
@@ -83,7 +85,7 @@ class NapToSend:
             return from_json(tree, given, kind)
         body = {name: value for name, value in given.items() if name not in STATION_IDS}
         station = next((given[name] for name in STATION_IDS if name in given), self._station)
-        components = list(names(tree))
+        components = [field.name for field in tree.fields if field.name != "header"]
         whole = {components[0]: body} if len(components) == 1 else body
         return from_json(tree, {"header": _header(tree, edition, editions, kind, station), **whole}, kind)
 
@@ -102,13 +104,19 @@ def _version(edition: Edition, editions: Sequence[Edition]) -> int:
 
 
 def _decoded(codec: Codec, sending: Sending) -> dict[str, Any]:
-    """Header and body as JSON. Raises RequestError."""
+    """Header and body as JSON, in the first edition that has a name for all of it. Raises RequestError."""
+    first: ValueError | None = None
     try:
-        edition, value = codec.decode(sending.pdu)
-        found: dict[str, Any] = to_json(edition.type_tree(), value, sending.kind)
+        for edition, value in codec.decodings(sending.pdu):
+            try:
+                found: dict[str, Any] = to_json(edition.type_tree(), value, sending.kind)
+            except ConversionError as error:
+                first = first or error
+            else:
+                return found
     except ValueError as error:
-        raise RequestError(f"{sending.kind} is not to be had as JSON: {error}") from error
-    return found
+        first = first or error
+    raise RequestError(f"{sending.kind} is not to be had as JSON: {first}") from first
 
 
 def _encoded(codec: Codec, kind: str, convert: Callable[[Edition], Any]) -> bytes:
@@ -116,14 +124,18 @@ def _encoded(codec: Codec, kind: str, convert: Callable[[Edition], Any]) -> byte
     editions = codec.editions(kind)
     if not editions:
         refuse("", f"{shown(kind)} is no type that the message library has")
-    closest = ""
+    closest, farthest = "", -1.0
     for edition in editions:
+        after = math.inf
         try:
-            return edition.encode(convert(edition))
+            value = convert(edition)
+            return edition.encode(value)
         except ConversionError as error:
-            closest = closest or str(error)
-        except ValueError as error:
-            closest = f"{edition.name}: {error}"
+            why, after = str(error), error.after
+        except ValueError as error:  # it has all names, and a value is out of range or missing
+            why = str(error)
+        if after > farthest:
+            closest, farthest = f"{edition.name}: {why}", after
     raise RefusedError(Reason.PAYLOAD, closest)
 
 

@@ -1,0 +1,150 @@
+"""JSON in SI units as values of the message library: the other way of v2n_payload_si."""
+
+import math
+from typing import Any, NoReturn
+
+from drivers.wire.v2n_payload_json import KINDS, shown
+from drivers.wire.v2n_payload_si import ConversionError, element_of, grouped_fields, row_of
+from drivers.wire.v2n_payload_units import UNITS
+from drivers.wire.v2n_type import Type
+
+LARGEST = 1 << 63  # no integer of a message is larger
+
+
+def from_json(kind: Type, value: Any, path: str) -> Any:
+    """A value for the message library. Ranges are its business. Raises ConversionError."""
+    return _Reading().value(kind, value, path)
+
+
+class _Reading:
+    """One message, in the order in which the JSON has it."""
+
+    def __init__(self) -> None:
+        self._count = 0
+
+    def value(self, kind: Type, value: Any, path: str) -> Any:
+        """A value for the message library. Ranges are its business. Raises ConversionError."""
+        self._count += 1
+        match kind.kind:
+            case "INTEGER":
+                return self._integer(kind, value, path)
+            case "ENUMERATED":
+                return self._enumerated(kind, value, path)
+            case "SEQUENCE":
+                return self._sequence(kind, self._want(value, dict, path), path)
+            case "SEQUENCE OF":
+                element = element_of(kind)
+                return [
+                    self.value(element, item, f"{path}[{at}]") for at, item in enumerate(self._want(value, list, path))
+                ]
+            case "CHOICE":
+                return self._alternative(kind, self._want(value, dict, path), path)
+            case "BIT STRING":
+                return self._bit_string(kind, value, path)
+            case "OCTET STRING":
+                return self._octets(self._want(value, str, path), path)
+            case "BOOLEAN":
+                return self._want(value, bool, path)
+            case "NULL":
+                return None
+        return self._want(value, str, path)
+
+    def _sequence(self, kind: Type, value: dict[str, Any], path: str) -> dict[str, Any]:
+        fields = grouped_fields(kind)
+        groups = {group for _, group in fields if group}
+        given: dict[str, Any] = {}
+        for name, item in value.items():
+            given.update(self._want(item, dict, f"{path}.{name}") if name in groups else {name: item})
+        known = {field.name: field for field, _ in fields}
+        for name in given:
+            if name not in known:
+                self._no(f"{path}.{name}", f"is no member; known: {', '.join(known)}")
+        # An open type comes after what tells its type.
+        later = sorted(given, key=lambda name: known[name].type.kind == "open type")
+        found: dict[str, Any] = {}
+        for name in later:
+            field, place = known[name], f"{path}.{name}"
+            if field.type.kind == "open type":
+                found[name] = self._from_opened(field.type, found, place, given[name])
+            else:
+                found[name] = self.value(field.type, given[name], place)
+        return found
+
+    def _alternative(self, kind: Type, value: dict[str, Any], path: str) -> tuple[str, Any]:
+        if len(value) != 1:
+            self._no(
+                path, f"{len(value)} members; a CHOICE has one of {', '.join(field.name for field in kind.fields)}"
+            )
+        ((name, chosen),) = value.items()
+        for field in kind.fields:
+            if field.name == name:
+                return name, self.value(field.type, chosen, f"{path}.{name}")
+        return self._no(f"{path}.{name}", f"is no alternative; known: {', '.join(field.name for field in kind.fields)}")
+
+    def _from_opened(self, kind: Type, siblings: dict[str, Any], path: str, value: Any) -> Any:
+        row = row_of(kind, siblings, path)
+        content = self._want(value, dict, path)
+        if list(content) != [row.name]:
+            self._no(path, f"has to have one member, {row.name}")
+        return self.value(row, content[row.name], f"{path}.{row.name}")
+
+    def _integer(self, kind: Type, value: Any, path: str) -> int:
+        if type(value) not in (int, float) or not math.isfinite(value):
+            self._no(path, f"{shown(value)} is not a number")
+        if abs(value) >= LARGEST:
+            self._no(path, f"{shown(value)} is out of range")
+        scale, themselves = UNITS.get(kind.name or "", (1, frozenset()))
+        if scale != 1 and value not in themselves:
+            number: int = round(value * scale)
+            return number
+        if value != int(value):
+            self._no(path, f"{shown(value)} is not an integer")
+        return int(value)
+
+    def _enumerated(self, kind: Type, value: Any, path: str) -> str | int:
+        number = self._integer(kind, value, path)
+        for name, known in kind.names:
+            if known == number:
+                return name
+        return self._no(path, f"{number} is none of {', '.join(f'{known} {name}' for name, known in kind.names)}")
+
+    def _bit_string(self, kind: Type, value: Any, path: str) -> tuple[bytes, int]:
+        if not kind.names:
+            return self._unnamed_bits(kind, value, path)
+        known = dict(kind.names)
+        number = highest = 0
+        for name, is_set in self._want(value, dict, path).items():
+            if name not in known:
+                self._no(f"{path}.{name}", f"is no bit; known: {', '.join(known)}")
+            if self._want(is_set, bool, f"{path}.{name}"):
+                number |= 1 << known[name]
+                highest = max(highest, known[name] + 1)
+        size = max(kind.low or 0, highest)
+        octets = bytearray(-(-size // 8))
+        for at in range(size):
+            octets[at // 8] |= (number >> at & 1) << (7 - at % 8)
+        return bytes(octets), size
+
+    def _unnamed_bits(self, kind: Type, value: Any, path: str) -> tuple[bytes, int]:
+        if kind.low == kind.high:
+            return self._octets(self._want(value, str, path), path), kind.low or 0
+        table = self._want(value, dict, path)
+        octets = self._octets(self._want(table.get("value"), str, f"{path}.value"), f"{path}.value")
+        length = self._want(table.get("length"), int, f"{path}.length")
+        if not 0 <= length <= 8 * len(octets):
+            self._no(f"{path}.length", f"{shown(length)} bits are not in {len(octets)} octets")
+        return octets, length
+
+    def _octets(self, digits: str, path: str) -> bytes:
+        try:
+            return bytes.fromhex(digits)
+        except ValueError:
+            return self._no(path, f"{shown(digits)} is not hexadecimal digits")
+
+    def _want(self, value: Any, kind: type, path: str) -> Any:
+        if type(value) is not kind:
+            self._no(path, f"{shown(value)} is not {KINDS[kind]}")
+        return value
+
+    def _no(self, path: str, why: str) -> NoReturn:
+        raise ConversionError(path, why, self._count)
