@@ -2,12 +2,13 @@
 
 import argparse
 import json
+import sys
 import time
 
 from board.errors import StationError, UsageError
 from firmware.user import board, client
 from firmware.user.arguments import add_control, address
-from firmware.user.table import Screen
+from firmware.user.table import Screen, clean
 from firmware.user.untrusted import named, text
 
 DESCRIPTION = """\
@@ -31,6 +32,8 @@ states:
   starting  its device is there, its driver is being started
   running   its driver runs
   cycling   without power for a moment
+  empty     switched on, no interface has it, and nothing is plugged in: what
+            is plugged in later is seen
   fault     given up: the cause stays until a device is plugged in, or until
             `captain slot on` or `cycle`
 
@@ -41,13 +44,17 @@ exit codes:
 """
 PATIENCE_S = 120.0  # of --wait: a cellular module needs 30 s after its power, and may need a power cycle more
 LOOK_S = 0.25
-ENDS = {"running": 0, "off": 0, "unused": 0, "fault": 1}
+ENDS = {"running": 0, "off": 0, "unused": 0, "empty": 1, "fault": 1}
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("ask", choices=("list", "on", "off", "cycle"), help="what to do")
     parser.add_argument("slot", nargs="?", default="", help="which one; not with list")
-    parser.add_argument("--wait", action="store_true", help="return when it runs, is off, or has a fault")
+    parser.add_argument(
+        "--wait",
+        action="store_true",
+        help="return when it runs, is off, is empty or has a fault; until then each change is told on stderr",
+    )
     parser.add_argument("--json", action="store_true", help="one JSON object, by the names of the slots")
     add_control(parser)
 
@@ -72,11 +79,17 @@ def _ask(arguments: argparse.Namespace, ask: str, slot: str = "") -> dict[str, o
 
 
 def _wait(arguments: argparse.Namespace, name: str) -> tuple[dict[str, object], int]:
-    """Look at a slot until it has come to rest. Raises StationError when it does not."""
+    """Look at a slot until it has come to rest, and say what it does. Raises StationError when it does not."""
     end = time.monotonic() + PATIENCE_S
+    said = ""
     while time.monotonic() < end:
         for found, one in named({"slots": _ask(arguments, "list")}, "slots"):
-            if found == name and text(one, "state") in ENDS:
+            if found != name:
+                continue
+            if text(one, "state") in ENDS:
                 return {name: one}, ENDS[text(one, "state")]
+            if (progress := clean(f"slot {name}: {text(one, 'state')}: {text(one, 'why')}")) != said:
+                print(progress, file=sys.stderr, flush=True)
+                said = progress
         time.sleep(LOOK_S)
     raise StationError(f"slot {name} has not come to rest within {PATIENCE_S:g} s", "see `captain status`")

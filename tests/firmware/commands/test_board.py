@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from firmware import cli
 from firmware.commands import board as board_command
-from firmware.commands import selftest, status
+from firmware.commands import selftest, slot, status
 from firmware.user import board
 from firmware.user.table import plain
 from tests.firmware.commands.fake import STATUS, FakeControl
@@ -100,11 +100,24 @@ def test_a_slot_is_asked_for_by_its_name(tmp_path, capsys):
     assert json.loads(capsys.readouterr().out) == {"gnss": FAULT}
 
 
-@pytest.mark.parametrize(("slot", "code"), [(SLOT, 0), (FAULT, 1), (SLOT | {"state": "off"}, 0)])
-def test_who_waits_is_told_by_the_exit_code_how_it_ended(tmp_path, slot, code):
-    with control(tmp_path, slots={"gnss": slot}) as station:
+@pytest.mark.parametrize(
+    ("one", "code"), [(SLOT, 0), (FAULT, 1), (SLOT | {"state": "off"}, 0), (SLOT | {"state": "empty"}, 1)]
+)
+def test_who_waits_is_told_by_the_exit_code_how_it_ended(tmp_path, one, code):
+    with control(tmp_path, slots={"gnss": one}) as station:
         assert cli.main(["slot", "cycle", "gnss", "--wait", "--control", str(station.path)]) == code
     assert len(station.lines) == 2
+
+
+def test_who_waits_is_told_each_change_on_stderr_and_the_end_on_stdout(monkeypatch, capsys):
+    walk = ["cycling", "powering", "powering", "starting", "running"]
+    answers = iter([{"gnss": SLOT | {"state": state, "why": f"why {state}"}} for state in walk])
+    monkeypatch.setattr(slot, "_ask", lambda *_: next(answers))
+    monkeypatch.setattr(slot, "LOOK_S", 0.0)
+    assert cli.main(["slot", "cycle", "gnss", "--wait", "--json"]) == 0
+    told = capsys.readouterr()
+    assert told.err == "slot gnss: powering: why powering\nslot gnss: starting: why starting\n"
+    assert json.loads(told.out)["gnss"]["state"] == "running"
 
 
 @pytest.mark.parametrize("words", [["list", "gnss"], ["on"], ["cycle"]])
