@@ -1,5 +1,7 @@
 """The command line: help, wrong usage, and how failures are told."""
 
+import argparse
+import json
 import os
 import subprocess
 import sys
@@ -8,7 +10,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from board.errors import StationError
+from board.errors import StationError, UsageError
 from firmware import VERSION, cli
 
 ROOT = Path(__file__).parents[2]
@@ -57,7 +59,10 @@ def a_command_that_raises(error: BaseException, monkeypatch: pytest.MonkeyPatch)
     def main(arguments: object) -> int:
         raise error
 
-    command = SimpleNamespace(DESCRIPTION="x", EPILOG="y", arguments=lambda parser: None, main=main)
+    def arguments(parser: argparse.ArgumentParser) -> None:
+        parser.add_argument("--json", action="store_true")
+
+    command = SimpleNamespace(DESCRIPTION="x", EPILOG="y", arguments=arguments, main=main)
     monkeypatch.setattr(cli, "load", lambda verb: command)
 
 
@@ -69,6 +74,17 @@ def test_an_expected_failure_is_told_in_words(
     said = capsys.readouterr()
     assert said.err == "captain: port 5555 is taken\n  (choose another)\n"
     assert said.out == ""
+
+
+@pytest.mark.parametrize(("kind", "code"), [(StationError, 1), (UsageError, cli.USAGE_ERROR)])
+def test_a_program_that_asked_for_json_has_an_expected_failure_as_an_object_too(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], kind: type[StationError], code: int
+) -> None:
+    a_command_that_raises(kind("port 5555 is taken", "choose another"), monkeypatch)
+    assert cli.main(["run", "--json"]) == code
+    said = capsys.readouterr()
+    assert json.loads(said.out) == {"error": "port 5555 is taken", "hint": "choose another"}
+    assert said.err == "captain: port 5555 is taken\n  (choose another)\n"
 
 
 def test_an_interrupt_is_no_traceback(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
