@@ -31,8 +31,11 @@ def clean(text: str) -> str:
     return "".join(letter if letter.isprintable() else f"\\x{ord(letter):02x}" for letter in text)
 
 
-def plain(table: Table, width: int) -> list[str]:
-    """The lines of a table, none longer than width; the widest columns give way, other text is folded."""
+def plain(table: Table, width: int, cuts: bool = True) -> list[str]:
+    """The lines of a table, none longer than width; the widest columns give way, other text is folded.
+
+    cuts  False: rows are as long as what is in them.
+    """
     title = textwrap.wrap(clean(table.title), width, subsequent_indent=INDENT)
     notes = [line for note in table.notes for line in _folded(clean(note), width)]
     if not table.rows:
@@ -41,8 +44,10 @@ def plain(table: Table, width: int) -> list[str]:
         [head.removeprefix(">") for head in table.heads],
         *([clean(cell) for cell in row] for row in table.rows),
     ]
-    widths = fit([max(len(line[at]) for line in lines) for at in range(len(table.heads))], width)
-    return title + [_line(line, widths, table.heads, width) for line in lines] + notes
+    widths = [max(len(line[at]) for line in lines) for at in range(len(table.heads))]
+    if cuts:
+        widths = fit(widths, width)
+    return title + [_line(line, widths, table.heads, width if cuts else sys.maxsize) for line in lines] + notes
 
 
 def _folded(note: str, width: int) -> list[str]:
@@ -89,8 +94,13 @@ def times(count: float) -> str:
 
 
 def width_of(stream: TextIO) -> int:
-    """Columns of the terminal; 80 where there is none and COLUMNS is not set."""
+    """Columns of the terminal; 80 where there is none."""
     return shutil.get_terminal_size((80, 24)).columns if stream.isatty() else 80
+
+
+def lines_of(stream: TextIO) -> int:
+    """Lines of the terminal above the next prompt; without one there is no end."""
+    return shutil.get_terminal_size((80, 24)).lines - 1 if stream.isatty() else sys.maxsize
 
 
 class Screen:
@@ -118,13 +128,13 @@ class Screen:
 
     @property
     def height(self) -> int:
-        """Lines that can be shown in place; without a terminal there is no end."""
-        return shutil.get_terminal_size((80, 24)).lines - 1 if self.is_terminal else 1_000_000
+        """Lines that can be shown in place; where nothing is, there is no end."""
+        return lines_of(self.stream) if self.is_terminal else sys.maxsize
 
     def show(self, tables: Iterable[Table]) -> None:
-        """Show tables one below the other."""
-        width = width_of(self.stream)
-        blocks = [(table.title, plain(table, width)) for table in tables]
+        """Show tables one below the other; what is read by another program than a terminal is not cut."""
+        width, cuts = width_of(self.stream), self.stream.isatty()
+        blocks = [(table.title, plain(table, width, cuts)) for table in tables]
         if self._live is None:
             self.stream.write("\n\n".join("\n".join(lines) for _, lines in blocks) + "\n\n")
             self.stream.flush()

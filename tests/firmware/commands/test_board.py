@@ -157,6 +157,29 @@ def test_a_board_is_shown_with_its_measurements_and_the_time_line(tmp_path, caps
     assert max(map(len, said.splitlines())) <= 80
 
 
+@pytest.mark.parametrize("count", [0, 1, 5, 60])
+@pytest.mark.parametrize("height", [23, 12, 1])
+def test_on_a_terminal_the_time_line_is_as_long_as_fits_and_ends_with_its_end(count, height):
+    line = [{"at_s": at, "who": "slot gnss", "what": f"step {at}"} for at in range(count)]
+    whole = list(board_command.tables({"board": BOARD, "timeline": line}))
+    fitted = board_command.fitting(whole, 80, height)
+    *above, shown = ([*plain(table, 80), ""] for table in fitted)
+    least = sum(map(len, above)) + len(plain(fitted[-1]._replace(rows=()), 80)) + 1
+    assert sum(map(len, above)) + len(shown) <= max(height, least)
+    assert fitted[:-1] == whole[:-1]
+    if fitted != whole:
+        assert f"of {count}; `captain board show | less` has all" in shown[-2]
+        assert list(fitted[-1].rows) == list(whole[-1].rows)[count - len(fitted[-1].rows) :]
+
+
+def test_in_a_pipe_no_value_is_cut(tmp_path, capsys):
+    what = "powering: the station has started; waits for 1e0e:9001 or 1e0e:9011 or 1e0e:901e at 1-1.4"
+    line = [{"at_s": 0.06, "who": "slot cellular", "what": what}] * 50
+    with control(tmp_path, board=BOARD, timeline=line) as station:
+        assert cli.main(["board", "show", "--control", str(station.path)]) == 0
+    assert capsys.readouterr().out.count(f"  {what}\n") == 50
+
+
 def test_a_station_without_hardware_says_so(tmp_path, capsys):
     with control(tmp_path, board=None, timeline=[]) as station:
         assert cli.main(["board", "show", "--control", str(station.path)]) == 0

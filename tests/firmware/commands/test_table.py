@@ -16,6 +16,11 @@ def test_the_widest_column_gives_way_and_shows_that_it_did():
     assert plain(table, 20)[1] == "x" * 11 + "..  short"
 
 
+def test_where_nothing_gives_way_cells_are_whole():
+    table = Table("", ("a", "b"), [("x" * 50, "short")])
+    assert plain(table, 20, cuts=False)[1] == "x" * 50 + "  short"
+
+
 def test_a_table_without_rows_is_its_title_and_notes():
     assert plain(Table("nothing", ("a",), (), ["why"]), 80) == ["nothing", "  why"]
 
