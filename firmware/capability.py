@@ -10,7 +10,7 @@ from firmware.place import Place
 from firmware.supervisor import Supervised
 
 UNITS = {"v": "V", "a": "A", "w": "W", "c": "C", "rpm": "rpm", "percent": "%"}
-ABSENT = "see the table of the board file, and `captain board show`"
+ABSENT = "see its table in the board file"
 
 
 class Row(NamedTuple):
@@ -19,6 +19,7 @@ class Row(NamedTuple):
     works   None where there is nothing that could: an empty slot that nobody uses.
     value   what was measured, in words.
     remedy  what to do where it does not work.
+    ask     what a station that runs may be asked for that: a command, and what it is good for.
     """
 
     capability: str
@@ -26,6 +27,7 @@ class Row(NamedTuple):
     works: bool | None
     value: str
     remedy: str = ""
+    ask: str = ""
 
 
 def of_board(carrier: Carrier) -> Iterator[Row]:
@@ -62,8 +64,8 @@ def of_interface(name: str, one: Supervised, place: Place) -> Iterator[Row]:
     """Its link, and what a receiver says."""
     interface, is_up = one.interface, one.state == "up"
     first = f"first: interface {name}"  # what hangs on a link has no remedy of its own
-    remedy = "" if is_up else _of_link(one)
-    yield Row(f"interface {name}", one.state in ("up", "down"), is_up, f"{one.state}: {interface.why}", remedy)
+    told = ("", "") if is_up else _of_link(one)
+    yield Row(f"interface {name}", one.state in ("up", "down"), is_up, f"{one.state}: {interface.why}", *told)
     can, sky = interface.driver.capabilities.can, "does its antenna see the sky?"
     if Can.POSITION in can:
         fix = place.fix_of(name)
@@ -79,13 +81,13 @@ def of_interface(name: str, one: Supervised, place: Place) -> Iterator[Row]:
         yield _bearer(name, is_up, interface.details, first)
 
 
-def _of_link(one: Supervised) -> str:
-    """What to do about a link that is not up: what its last failure said, or its slot does."""
+def _of_link(one: Supervised) -> tuple[str, str]:
+    """Remedy and ask of a link that is not up: what its last failure said, or its slot does."""
     if one.hint:
-        return one.hint
+        return one.hint, ""
     if one.state == "waiting" and one.interface.slot:
-        return f"first: slot {one.interface.slot}"
-    return "see `captain status` and `captain doctor`"
+        return f"first: slot {one.interface.slot}", ""
+    return "see `captain doctor`", "`captain status` says more"
 
 
 def of_slot(name: str, slot: Mapping[str, Any]) -> Row:
@@ -98,8 +100,8 @@ def of_slot(name: str, slot: Mapping[str, Any]) -> Row:
     value = f"{state}: {device or (slot['why'] if is_used else 'empty')}"
     cause = slot["cause"] or slot["why"]
     hint = f" ({slot['hint']})" if slot["hint"] else ""
-    remedy = "" if works else f"{cause}{hint}; `captain slot cycle {name}` tries again"
-    return Row(capability, is_present, works, value, remedy)
+    told = ("", "") if works else (f"{cause}{hint}", f"`captain slot cycle {name}` tries again")
+    return Row(capability, is_present, works, value, *told)
 
 
 def _bearer(name: str, is_up: bool, told: Mapping[str, Any], first: str) -> Row:
@@ -108,7 +110,8 @@ def _bearer(name: str, is_up: bool, told: Mapping[str, Any], first: str) -> Row:
     signal = "no signal" if rssi_dbm is None else f"{rssi_dbm} dBm"
     value = ", ".join([signal, *(told.get("addresses") or ["no address"])])
     works = is_up and rssi_dbm is not None
-    return Row(f"bearer {name}", is_up, works, value, "" if works else "see `captain modem status`" if is_up else first)
+    more = ("", "") if works else ("is there a network?", "`captain modem status` says more") if is_up else (first, "")
+    return Row(f"bearer {name}", is_up, works, value, *more)
 
 
 def _identity(carrier: Carrier) -> Row:
@@ -124,7 +127,9 @@ def _measured(capability: str, told: Mapping[str, Any]) -> Row:
     if told["fault"]:
         return Row(capability, False, False, told["fault"], told["hint"] or ABSENT)
     if not values:
-        return Row(capability, False, False, "not measured yet", "is the board's worker running? see `captain status`")
+        return Row(
+            capability, False, False, "not measured yet", "is the board's worker running?", "`captain status` says so"
+        )
     crossed = told["crossed"]
     return Row(capability, True, not crossed, ", ".join([*values, *crossed]), "check the supply" if crossed else "")
 

@@ -25,12 +25,14 @@ Looks at each thing that the board file and the configuration declare: whether
 it is present, whether it works, and what was measured. Nothing is switched
 that the station would not switch by itself.
 
-A station that runs on this machine with these options is asked. Where none
-runs, one is started for the test, without users, and stopped again.
+A station that runs on this machine with these options is asked; with --control
+the one there, and no other. Where none runs, one is started for the test,
+without users, and stopped again.
 """
 EPILOG = """\
 examples:
   captain selftest                              the running station
+  captain selftest --control /run/captain.sock  the station of that socket
   captain selftest --board sim                  the simulated board
   captain selftest --board quad --json | jq '.[] | select(.works == false)'
 
@@ -45,25 +47,37 @@ NO_USERS = tuple(f"endpoint.{key}=0" for key in ("from_users", "to_users", "pull
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     add_configuration(parser)
+    parser.add_argument("--control", metavar="PATH", default="", help="control socket of a station of this machine")
     parser.add_argument(
-        "--json", action="store_true", help="a list of objects: capability, is_present, works (null: empty), value"
+        "--json",
+        action="store_true",
+        help="a list of objects: capability, is_present, works (null: empty), value, remedy, ask (empty where no "
+        "station runs that could be asked)",
     )
 
 
 def main(arguments: argparse.Namespace) -> int:
-    read = config.load(arguments.config, arguments.overrides, arguments.board)
-    endpoint = read.tables.endpoint
-    if ports.running(endpoint.from_users, endpoint.control) is not None:
-        place = client.Address(from_users=endpoint.from_users)
-        rows = listed(client.ask_local(place, endpoint.control, "selftest", PATIENCE_S), "rows")
-    else:
-        rows = listed(_alone(arguments), "rows")
+    rows = _rows(arguments)
     if arguments.json:
         print(json.dumps(rows, indent=1))
     else:
         Screen().show([table(rows)])
     judged = [row for row in rows if not _is_empty(row)]
     return 0 if judged and all(row.get("works") is True for row in judged) else 1
+
+
+def _rows(arguments: argparse.Namespace) -> list[dict[str, object]]:
+    """Of the station that is meant; what a station may be asked afterwards is left out where that one has gone."""
+    if arguments.control:
+        return _asked(client.Address(), arguments.control)
+    endpoint = config.load(arguments.config, arguments.overrides, arguments.board).tables.endpoint
+    if ports.running(endpoint.from_users, endpoint.control) is not None:
+        return _asked(client.Address(from_users=endpoint.from_users), endpoint.control)
+    return [row | {"ask": ""} for row in listed(_alone(arguments), "rows")]
+
+
+def _asked(place: client.Address, control: str) -> list[dict[str, object]]:
+    return listed(client.ask_local(place, control, "selftest", PATIENCE_S), "rows")
 
 
 def table(rows: list[dict[str, object]]) -> Table:
@@ -79,7 +93,10 @@ def table(rows: list[dict[str, object]]) -> Table:
     ]
     judged = [row for row in rows if not _is_empty(row)]
     wrong = [row for row in judged if row.get("works") is not True]
-    notes = [f"{text(row, 'capability')}: {text(row, 'remedy')}" for row in wrong if text(row, "remedy")]
+    told = [
+        (text(row, "capability"), "; ".join(filter(None, (text(row, "remedy"), text(row, "ask"))))) for row in wrong
+    ]
+    notes = [f"{capability}: {what}" for capability, what in told if what]
     title = f"{len(judged) - len(wrong)} of {len(judged)} capabilities work" if rows else "nothing is declared"
     return Table(title, ("capability", "present", "works", "measured"), shown, notes)
 

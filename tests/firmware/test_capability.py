@@ -66,7 +66,7 @@ def test_a_position_works_while_it_is_fresh(loop: VirtualLoop, place: Place) -> 
 def test_a_bearer_works_with_its_signal_and_address(loop: VirtualLoop, place: Place) -> None:
     one = running(loop, Can.BEARER)
     assert row("bearer", one, place) == Row(
-        "bearer g5", True, False, "no signal, no address", "see `captain modem status`"
+        "bearer g5", True, False, "no signal, no address", "is there a network?", "`captain modem status` says more"
     )
     one.interface.tell({"rssi_dbm": -71, "addresses": ["10.0.0.2"]})
     assert row("bearer", one, place) == Row("bearer g5", True, True, "-71 dBm, 10.0.0.2")
@@ -93,8 +93,10 @@ def test_an_empty_slot_that_nobody_uses_is_empty_and_neither_works_nor_does_not(
 
 def test_a_slot_that_does_not_work_says_what_to_do(loop: VirtualLoop) -> None:
     fault = {"interface": "g5", "state": "fault", "cause": "no answer from 0x20", "hint": "is it plugged in?"}
-    assert of_slot("v2x", {**SLOT, **fault}).remedy == (
-        "no answer from 0x20 (is it plugged in?); `captain slot cycle v2x` tries again"
+    found = of_slot("v2x", {**SLOT, **fault})
+    assert (found.remedy, found.ask) == (
+        "no answer from 0x20 (is it plugged in?)",
+        "`captain slot cycle v2x` tries again",
     )
 
 

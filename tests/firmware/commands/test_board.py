@@ -55,8 +55,8 @@ POSITION = {
     "time_mark": {"accuracy_ns": 25, "is_locked": True},
 }
 ROWS = [
-    {"capability": "rail main", "is_present": True, "works": True, "value": "12 V", "remedy": ""},
-    {"capability": "fan", "is_present": False, "works": False, "value": "none", "remedy": "plug it in"},
+    {"capability": "rail main", "is_present": True, "works": True, "value": "12 V", "remedy": "", "ask": ""},
+    {"capability": "fan", "is_present": False, "works": False, "value": "none", "remedy": "plug it in", "ask": ""},
 ]
 
 anything = st.recursive(
@@ -228,8 +228,27 @@ def test_every_row_of_a_self_test_decides_about_the_exit_code(monkeypatch, capsy
         assert json.loads(capsys.readouterr().out) == rows
 
 
+def test_a_station_is_asked_for_its_self_test_at_its_control_socket(tmp_path, capsys):
+    with control(tmp_path, rows=ROWS[:1]) as station:
+        assert cli.main(["selftest", "--json", "--control", str(station.path)]) == 0
+    assert json.loads(station.lines[-1])["do"] == "selftest"
+    assert json.loads(capsys.readouterr().out) == ROWS[:1]
+    assert cli.main(["selftest", "--control", str(tmp_path / "nobody")]) == 1
+    assert "no station answers" in capsys.readouterr().err
+
+
+def test_what_a_station_may_be_asked_is_told_while_one_runs_and_not_after_one_of_our_own(tmp_path, monkeypatch, capsys):
+    slot = ROWS[1] | {"capability": "slot gnss", "ask": "`captain slot cycle gnss` tries again"}
+    with control(tmp_path, rows=[slot]) as station:
+        assert cli.main(["selftest", "--control", str(station.path)]) == 1
+    assert "  slot gnss: plug it in; `captain slot cycle gnss` tries again\n" in capsys.readouterr().out
+    monkeypatch.setattr(selftest, "_alone", lambda _: {"rows": [slot]})
+    assert cli.main(["selftest", "--board", "none", "--set", "endpoint.from_users=5999"]) == 1
+    assert "  slot gnss: plug it in\n" in capsys.readouterr().out
+
+
 def test_an_empty_slot_decides_about_nothing(monkeypatch, capsys):
-    empty = {"capability": "slot free", "is_present": False, "works": None, "value": "empty", "remedy": ""}
+    empty = {"capability": "slot free", "is_present": False, "works": None, "value": "empty", "remedy": "", "ask": ""}
     for rows, code in (([ROWS[0], empty], 0), ([*ROWS, empty], 1), ([empty], 1)):
         monkeypatch.setattr(selftest, "_alone", lambda _, rows=rows: {"rows": rows})
         assert cli.main(["selftest", "--board", "none", "--set", "endpoint.from_users=5999"]) == code
