@@ -22,7 +22,7 @@ def load(name: str) -> ProfileDescription:
     """A profile by its name, or by the path of a TOML file. Raises ConfigurationError."""
     if name in names():
         path = FOLDER / f"{name}.toml"
-    elif name.endswith(".toml"):
+    elif "/" in name or name.endswith(".toml"):
         path = Path(name)
     else:
         hint = f"{describe.remedy(name, names())}; the path of a profile of your own ends in .toml"

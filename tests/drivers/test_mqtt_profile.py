@@ -1,0 +1,154 @@
+"""Profiles as files: those that ship, and a user's own."""
+
+import dataclasses
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from board.errors import BlockedError, ConfigurationError
+from drivers.mqtt_profile import FOLDER, TEMPLATE, codec, load, names
+from drivers.wire.v2n import Delivery, Identity, Profile
+from drivers.wire.v2n_description import ProfileDescription, PublishRow, Status, SubscribeRow, Tiles, TypeRule
+from tests.drivers.wire.v2n_station import HERE, NOW_MS, PDU
+
+ROOT = Path(__file__).resolve().parents[2]
+MINIMAL = """
+name = "mine"
+[[publish]]
+topic = "fleet/{type}/{host}"
+payload = "binary"
+[[subscribe]]
+topic = "fleet/{type}/+"
+payload = "binary"
+"""
+
+
+def written(folder: Path, text: str) -> str:
+    path = folder / "mine.toml"
+    path.write_text(text)
+    return str(path)
+
+
+def test_the_profiles_that_ship():
+    assert names() == ["nap", "orange", "raw", "vcaptain"]
+    assert all(load(name).name == name for name in names())
+    assert all(load(name).description for name in names())
+
+
+def test_a_user_adds_a_profile_in_one_file(tmp_path: Path):
+    description = load(written(tmp_path, MINIMAL))
+    one, other = (Profile(description, Identity(host, 1, "", "")) for host in ("a", "b"))
+    (found,) = one.publications("cam", 2001, PDU, HERE, NOW_MS)
+    assert (found.topic, found.payload) == ("fleet/cam/a", PDU)
+    assert other.subscriptions(HERE) == {("fleet/+/+", 1)}
+    assert other.receive(Delivery(found.topic, found.payload)).pdu == PDU
+
+
+def test_the_template_is_a_profile_that_works():
+    one, other = (Profile(load(str(TEMPLATE)), Identity(host, 1, "", "")) for host in ("a", "b"))
+    found = one.publications("denm", 2002, PDU, HERE, NOW_MS)
+    assert [publication.topic for publication in found] == [
+        "fleet/denm/a/1/2/0/2/3/0/0/0/0/0/3/0/2/0/2/3/0/0/1/0",
+        "fleet/alarm/a",
+    ]
+    assert [publication.qos for publication in found] == [2, 2]
+    assert other.receive(Delivery(found[0].topic, found[0].payload)).pdu == PDU
+    lost = one.lost()
+    assert lost
+    assert (lost.topic, lost.payload, lost.retain) == ("fleet/status/a", b"gone", True)
+
+
+@pytest.mark.parametrize("kind", [ProfileDescription, PublishRow, SubscribeRow, Status, Tiles, TypeRule])
+def test_the_template_explains_every_key(kind: type):
+    text = TEMPLATE.read_text()
+    of_orange = {"schema_version", "standard", "origin"}
+    missing = [
+        field.name
+        for field in dataclasses.fields(kind)
+        if f"{field.name} =" not in text and f"[{field.name}]" not in text
+    ]
+    missing = [name for name in missing if f"[[{name}]]" not in text and f"[{name}." not in text]
+    assert set(missing) <= of_orange
+    assert all(name in (FOLDER / "orange.toml").read_text() for name in missing)
+
+
+def test_the_template_names_every_form_and_every_variable():
+    text = TEMPLATE.read_text()
+    for word in ("binary", "base64", "vcaptain", "orange", "nap", "nap-body"):
+        assert f"#   {word} " in text or f"{word}:" in text
+    for name in ("host", "station", "uuid", "type", "port", "quadkey", "prefix"):
+        assert f"{{{name}}}" in text
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        (
+            "{host}",
+            "{hosst}",
+            r"mine\.toml: publish\[0\]: 'fleet/\{type\}/\{hosst\}': \{hosst\} is no variable(?s:.*)did you mean \{host\}",
+        ),
+        ("{type}/{host}", "+", r"mine\.toml: publish\[0\]: 'fleet/\+': no message can be published there"),
+        ('"binary"', '"binry"', r"mine\.toml: publish\[0\]\.payload: .*did you mean \"binary\""),
+        ("topic =", "topc =", r"mine\.toml: publish\[0\]\.topc: is not a known key; did you mean topic\?"),
+        ('name = "mine"', 'name = "mine"\nqos = 3', r"mine\.toml: qos: 3 is no quality of service"),
+        (
+            'name = "mine"',
+            'name = "mine"\nretian = true',
+            r"mine\.toml: retian: is not a known key; did you mean retain\?",
+        ),
+        ('name = "mine"', "", r"mine\.toml: name: is missing"),
+        ("+", "a+", r"mine\.toml: subscribe\[0\]: .*'a\+' is no level of a filter"),
+        (
+            'name = "mine"',
+            'name = "mine"\n[tiles]\npublish_depth = 40',
+            r"mine\.toml: tiles: publish_depth: 40 is no depth",
+        ),
+        (
+            'name = "mine"',
+            'name = "mine"\n[status]\ntopic = "s"\nlost = "{type}"',
+            r"status: '\{type\}': \{type\} is not of the station",
+        ),
+        ('name = "mine"', 'name = "mine"\n[types.cam]\nexpiry_s = 0', r"types\.cam: expiry_s: 0 is no time"),
+        ('payload = "binary"', 'payload = "binary"\ntypes = ["a/b"]', "types: 'a/b' cannot be a level of a topic"),
+    ],
+)
+def test_a_mistake_is_told_with_its_file_and_key(tmp_path: Path, old: str, new: str, says: str):
+    assert old in MINIMAL
+    with pytest.raises(ConfigurationError, match=says):
+        load(written(tmp_path, MINIMAL.replace(old, new, 1)))
+
+
+def test_an_unknown_name_is_told_with_what_there_is():
+    with pytest.raises(ConfigurationError, match="there is no 'vcaptian'") as error:
+        load("vcaptian")
+    assert "did you mean vcaptain?" in error.value.hint
+    assert ".toml" in error.value.hint
+
+
+def test_a_file_that_is_not_there_is_told(tmp_path: Path):
+    with pytest.raises(ConfigurationError, match="cannot be read"):
+        load(str(tmp_path / "none.toml"))
+
+
+@pytest.mark.parametrize(("name", "is_needed"), [("vcaptain", False), ("raw", False), ("orange", False), ("nap", True)])
+def test_only_a_profile_that_decodes_wants_the_message_library(
+    name: str, is_needed: bool, monkeypatch: pytest.MonkeyPatch
+):
+    assert (codec(load(name)) is not None) is is_needed
+    monkeypatch.setitem(sys.modules, "captain_messages", None)
+    if not is_needed:
+        assert codec(load(name)) is None
+        return
+    with pytest.raises(BlockedError, match="the message library cannot be imported") as error:
+        codec(load(name))
+    assert "make codec" in error.value.hint
+
+
+def test_installed_and_frozen_programs_have_the_profiles():
+    patterns = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["package-data"]["drivers"]
+    carried = {path for pattern in patterns for path in (ROOT / "drivers").glob(pattern)}
+    assert {FOLDER / f"{name}.toml" for name in names()} | {TEMPLATE} <= carried
+    assert '"drivers/profiles/*.toml"' in (ROOT / "firmware/captain.spec").read_text()
