@@ -38,6 +38,7 @@ class _Place(NamedTuple):
     """A row, ready for use."""
 
     template: Template
+    form: Form
     payload: Payload
     types: tuple[str, ...]
     pattern: re.Pattern[str]
@@ -86,13 +87,16 @@ class Profile:
         expiry_s = self.description.expiry_s if rule.expiry_s is None else rule.expiry_s
         values = {**self._own, "type": rule.topic or kind, "port": str(btp_port)}
         sending = Sending(kind, btp_port, pdu, own, now_ms)
+        written: dict[Form, bytes] = {}
         found = []
         for place in self._publish:
             if place.holds(kind):
                 if place.template.needs("quadkey"):
                     values["quadkey"] = "/".join(self._own_tile(own))
-                topic, payload = place.template.fill(values), place.payload.write(sending)
-                found.append(Publication(topic, payload, qos, retain, expiry_s))
+                if place.form not in written:
+                    written[place.form] = place.payload.write(sending)
+                topic = place.template.fill(values)
+                found.append(Publication(topic, written[place.form], qos, retain, expiry_s))
         if not found:
             what = f"profile {self.description.name} has no topic for {kind}"
             raise RequestError(what, "add a row [[publish]] to it, or take another profile")
@@ -191,7 +195,7 @@ class Profile:
 
     def _place(self, row: Row) -> _Place:
         template = Template(row.topic, is_filter=True)
-        return _Place(template, self._form(row.payload), row.types, template.pattern(self._own))
+        return _Place(template, row.payload, self._form(row.payload), row.types, template.pattern(self._own))
 
     def _form(self, form: Form) -> Payload:
         match form:
