@@ -58,11 +58,13 @@ bench-messages: setup-test ## the message library beside asn1tools, pycrate and 
 truth: setup-test ## made values of every message, ours against every other codec; ARGS='--count 1000000'
 	@.venv/bin/python -m tests.asn1.truth $(ARGS)
 
-lab: setup-test ## ten messages at 10 Hz for 60 s between two stations: UDP, raw Ethernet, radios; tshark decodes all
+lab: setup-test ## ten messages at 10 Hz for 60 s between two stations: UDP, raw Ethernet, radios, a broker, both at once
 	@mkdir -p build
 	@.venv/bin/captain lab --capture build/lab-udp.pcap --decode $(ARGS)
 	@.venv/bin/captain lab --capture build/lab-ethernet.pcap --decode --veth $(ARGS)
 	@.venv/bin/captain lab --capture build/lab-radio.pcap --decode --radio $(ARGS)
+	@.venv/bin/captain lab --mqtt $(ARGS)
+	@.venv/bin/captain lab --capture build/lab-both.pcap --decode --radio --mqtt $(ARGS)
 
 chaos: setup-test ## everything that is simulated fails at random: MINUTES=30 of virtual time, then DURATION=600 real seconds
 	@.venv/bin/python -m tests.chaos.virtual --minutes $(or $(MINUTES),30) --seeds 1 2 3

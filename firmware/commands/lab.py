@@ -13,12 +13,13 @@ from typing import NamedTuple
 
 import zmq
 
-from board.errors import StationError
-from firmware.lab import dissection
+from board.errors import StationError, UsageError
+from firmware.lab import dissection, ways
 from firmware.lab.copies import Count
 from firmware.lab.dissection import Dissected
 from firmware.lab.laboratory import Bench, Device, Link, bench, vectors
 from firmware.lab.pcap import Pcap
+from firmware.lab.ways import Way
 from firmware.user.arguments import HIGHEST_RATE, number, seconds
 from firmware.user.table import Screen, Table
 
@@ -31,6 +32,10 @@ The stations hear each other as whole Ethernet frames in UDP datagrams; with --v
 between two network namespaces, where root is not needed if the kernel lets users make namespaces; with --radio by
 simulated SOM301-E radios, whose air may lose messages: then the test is passed when exactly those are missing; with
 --devices by two network devices of this machine that hear each other, each in a network namespace of its own.
+
+With --mqtt they are at a broker, mosquitto, which is started on this machine with TLS and certificates of the moment;
+with --radio --mqtt they send by both ways at once: each message is to be delivered once, whatever the air loses, and
+it is told which way was first.
 """
 EPILOG = """\
 examples:
@@ -38,10 +43,13 @@ examples:
   captain lab --veth --duration 10                over raw Ethernet
   captain lab --radio 0.1 --short                 by radio, and the air loses a tenth
   captain lab --devices a:wlan0 b:wlan1           between two 802.11p cards
+  captain lab --mqtt                              by a broker
+  captain lab --radio 0.1 --mqtt                  by radio and by a broker at once
   captain lab --capture lab.pcap --decode         and let tshark decode every frame
 
 exit codes:
-  0    nothing lost but by the air, nothing altered; with --decode every frame decoded, none malformed
+  0    nothing lost but by the air (by both ways: nothing), nothing altered, nothing delivered twice; with --decode
+       every frame decoded, none malformed
   1    otherwise, or a station could not start
   2    wrong usage
 """
@@ -79,6 +87,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         default=(),
         help="raw Ethernet on two devices, each in a namespace of `ip netns` (as root)",
     )
+    parser.add_argument("--mqtt", action="store_true", help="a broker; with --radio besides, else instead")
     parser.add_argument("--capture", metavar="FILE", type=Path, help="every frame, as a pcap file")
     parser.add_argument("--decode", action="store_true", help="let tshark decode every frame of the capture")
     parser.add_argument("--json", action="store_true", help="one JSON object in place of tables")
@@ -92,19 +101,28 @@ def _device(text: str) -> Device:
 
 
 def main(arguments: argparse.Namespace) -> int:
+    _check(arguments)
     with ExitStack() as ending:
         path = arguments.capture
         if path is None and arguments.decode:
             folder = ending.enter_context(tempfile.TemporaryDirectory(prefix="captain-lab-"))
             path = Path(folder) / "lab.pcap"
-        count = _run(arguments, path, ending)
+        count, found = _run(arguments, path, ending)
         rows = dissection.dissect(path) if arguments.decode else []
-    result = Result(count, rows, arguments.decode)
+    result = Result(count, rows, arguments.decode, found)
     print(json.dumps(result.as_json(arguments)) if arguments.json else "\n".join(result.lines(arguments)))
     return 0 if result.is_good else 1
 
 
-def _run(arguments: argparse.Namespace, path: Path | None, ending: ExitStack) -> "Count":
+def _check(arguments: argparse.Namespace) -> None:
+    """What does not go together."""
+    if arguments.mqtt and (arguments.veth or arguments.devices):
+        raise UsageError("--mqtt with stations in network namespaces of their own", "the broker is in neither of them")
+    if arguments.mqtt and arguments.radio is None and (arguments.capture or arguments.decode):
+        raise UsageError("--mqtt alone has no frames to capture", "TLS hides them; add --radio, or leave it out")
+
+
+def _run(arguments: argparse.Namespace, path: Path | None, ending: ExitStack) -> tuple[Count, Sequence[Way]]:
     capture = None
     if path is not None:
         try:
@@ -112,16 +130,25 @@ def _run(arguments: argparse.Namespace, path: Path | None, ending: ExitStack) ->
         except OSError as error:
             raise StationError(f"{path}: {error.strerror}", "name another file with --capture") from error
         ending.callback(capture.close)
-    laboratory = bench(_link(arguments), arguments.radio or 0.0, capture, arguments.devices)
+    laboratory = bench(_link(arguments), arguments.radio or 0.0, capture, arguments.devices, arguments.mqtt)
+    found: list[Way] = []
     with laboratory as made, Screen(sys.stderr) as screen:
         count = Count(vectors(), [seat.name for seat in made.seats])
         test = Test(made, count, screen if screen.is_terminal and not arguments.json else None)
         test.run(round(arguments.duration * arguments.rate), 1.0 / arguments.rate)
-        count.lost_on_air = made.lost_on_air()
+        if _has_two_ways(arguments):
+            for seat, other, control in zip(made.seats, reversed(made.seats), made.controls, strict=True):
+                found += ways.ways(seat.name, control, count.received_from(other.name))
+        else:
+            count.lost_on_air = made.lost_on_air()
     if capture is not None:
         capture.close()
         count.recorded = capture.frames
-    return count
+    return count, found
+
+
+def _has_two_ways(arguments: argparse.Namespace) -> bool:
+    return arguments.mqtt and arguments.radio is not None
 
 
 def _link(arguments: argparse.Namespace) -> Link:
@@ -129,7 +156,15 @@ def _link(arguments: argparse.Namespace) -> Link:
         return "veth"
     if arguments.devices:
         return "devices"
-    return "udp" if arguments.radio is None else "radio"
+    if arguments.radio is not None:
+        return "radio"
+    return "none" if arguments.mqtt else "udp"
+
+
+def _name(arguments: argparse.Namespace) -> str:
+    """All ways between the stations."""
+    link = _link(arguments)
+    return "+".join([link] * (link != "none") + ["mqtt"] * arguments.mqtt)
 
 
 class Test:
@@ -196,6 +231,7 @@ class Result(NamedTuple):
     counted: Count
     dissected: Sequence[Dissected]
     is_decoded: bool
+    ways: Sequence[Way] = ()
 
     @property
     def is_good(self) -> bool:
@@ -232,13 +268,16 @@ class Result(NamedTuple):
         yield f"{self.lost} lost{on_air}, {self.altered} altered"
         if arguments.capture:
             yield f"{self.counted.recorded} frames in {arguments.capture}"
+        if self.ways:
+            yield ""
+            yield from plain(ways.table(self.ways), width)
         if self.is_decoded:
             yield ""
             yield from plain(decoded_table(self.dissected), width)
 
     def as_json(self, arguments: argparse.Namespace) -> dict[str, object]:
         return {
-            "link": _link(arguments),
+            "link": _name(arguments),
             "duration_s": arguments.duration,
             "rate_hz": arguments.rate,
             "messages": [
@@ -258,6 +297,7 @@ class Result(NamedTuple):
             "lost_on_air": self.counted.lost_on_air,
             "altered": self.altered,
             "frames": self.counted.recorded,
+            "ways": [way._asdict() for way in self.ways],
             "decoded": [row._asdict() for row in self.dissected],
         }
 

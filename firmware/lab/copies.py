@@ -57,6 +57,10 @@ class Count:
         is_equal = message.pdu == vector.pdu and message.type == vector.type and message.raw is not None
         self._equal[sender, place] += is_equal
 
+    def received_from(self, sender: str) -> int:
+        """All that a user was delivered, whatever it was sent as."""
+        return sum(count for (who, _), count in self._received.items() if who == sender)
+
     def rows(self) -> list[Row]:
         return [
             Row(vector, sender, self._sent[key], self._received[key], self._equal[key])

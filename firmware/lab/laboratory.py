@@ -14,13 +14,14 @@ import zmq
 import firmware
 from board.errors import StationError
 from firmware.lab import netns, ports, radio
+from firmware.lab.broker import Broker
 from firmware.lab.pcap import Pcap
 from firmware.lab.program import Program
 from firmware.user import client
 from firmware.user.received import Message, Pairing
-from firmware.user.untrusted import number, text, within
+from firmware.user.untrusted import named, number, text, within
 
-Link = Literal["udp", "veth", "radio", "devices"]
+Link = Literal["udp", "veth", "radio", "devices", "none"]
 
 HOST = "127.0.0.1"
 GEONETWORKING = 0x8947
@@ -117,22 +118,26 @@ class Device(NamedTuple):
 
 
 class Bench(NamedTuple):
-    """Seats at A and B, the recorder between them, and the radios where the air is theirs."""
+    """Seats at A and B, the recorder between them, the radios where the air is theirs, control sockets of both."""
 
     seats: Sequence[Seat]
     recorder: Recorder
     radios: Sequence[radio.Radio] = ()
+    controls: Sequence[Path] = ()
 
     def lost_on_air(self) -> int:
         return sum(one.lost() for one in self.radios)
 
 
 @contextmanager
-def bench(link: Link, loss: float, capture: Pcap | None, devices: Sequence[Device] = ()) -> Iterator[Bench]:
+def bench(
+    link: Link, loss: float, capture: Pcap | None, devices: Sequence[Device] = (), has_broker: bool = False
+) -> Iterator[Bench]:
     """Start everything; users have joined and links are up. Raises StationError when anything is missing.
 
-    loss     share of messages that the radios' air loses.
-    devices  two that hear each other, with link `devices`.
+    loss        share of messages that the radios' air loses.
+    devices     two that hear each other, with link `devices`.
+    has_broker  whether the stations are at a broker besides; not in namespaces of their own.
     """
     with ExitStack() as ending:
         folder = Path(ending.enter_context(tempfile.TemporaryDirectory(prefix="captain-lab-")))
@@ -157,7 +162,11 @@ def bench(link: Link, loss: float, capture: Pcap | None, devices: Sequence[Devic
                 boards = [one.board for one in radios]
                 environments = [one.environment for one in radios]
             else:
-                boards = _udp_boards(recorder_port)
+                boards = _udp_boards(recorder_port) if link == "udp" else ["", ""]
+        if has_broker:
+            broker = Broker(HOST, _port(ending), folder)
+            ending.callback(broker.stop)
+            boards = [f"{board}{broker.interface(f'lab-{name}')}" for name, board in zip("AB", boards, strict=True)]
         recorder = Recorder(seeing, capture)
         seats = []
         for name, space, board, environment in zip("AB", spaces, boards, environments, strict=True):
@@ -166,14 +175,14 @@ def bench(link: Link, loss: float, capture: Pcap | None, devices: Sequence[Devic
                 child = _station(name, board, place, folder, environment)
                 ending.callback(child.stop)
                 child.wait_until_ready()
-                _wait_for_link(_control(folder, name), link)
+                _wait_for_links(_control(folder, name), link)
                 # The threads of a context are made with its first socket, in the namespace of this moment.
                 seats.append(Seat(name, ending.enter_context(client.session()), place, child))
         for seat in seats:
             seat.join()
             if link == "devices":
                 _wait_for_neighbour(_control(folder, seat.name))
-        yield Bench(seats, recorder, radios)
+        yield Bench(seats, recorder, radios, [_control(folder, name) for name in "AB"])
 
 
 def _seeing(device: str) -> socket.socket:
@@ -200,22 +209,25 @@ def _control(folder: Path, name: str) -> Path:
     return folder / f"{name}.sock"
 
 
-def _wait_for_link(control: Path, link: Link) -> None:
-    def is_up(air: Mapping[str, object]) -> bool:
-        return text(air, "state") == "up" and (link != "radio" or radio.is_complete(within(air, "details")))
+def _wait_for_links(control: Path, link: Link) -> None:
+    def is_up(name: str, one: Mapping[str, object]) -> bool:
+        is_whole = name != "air" or link != "radio" or radio.is_complete(within(one, "details"))
+        return text(one, "state") == "up" and is_whole
 
     _wait_for(control, is_up, "the link did not come up")
 
 
 def _wait_for_neighbour(control: Path) -> None:
-    _wait_for(control, lambda air: number(air, "neighbours") > 0, "the other station is not heard")
+    _wait_for(control, lambda name, one: number(one, "neighbours") > 0, "the other station is not heard")
 
 
-def _wait_for(control: Path, is_so: Callable[[Mapping[str, object]], bool], failure: str) -> None:
+def _wait_for(control: Path, is_so: Callable[[str, Mapping[str, object]], bool], failure: str) -> None:
+    """Until it is so for each interface of a station."""
     deadline = time.monotonic() + UP_S
-    while not is_so(air := within(within(client.station_status(control), "interfaces"), "air")):
+    while lacking := [one for one in named(client.station_status(control), "interfaces") if not is_so(*one)]:
         if time.monotonic() > deadline:
-            raise StationError(f"{failure}: {text(air, 'why')}")
+            name, one = lacking[0]
+            raise StationError(f"{failure}: {name}: {text(one, 'why')}")
         time.sleep(0.02)  # this is a command's own process, no station's loop
 
 

@@ -47,6 +47,36 @@ def test_every_copy_of_the_ten_arrives_both_ways_and_equal(result: dict[str, Any
             assert row["sent"] == row["received"] == row["equal"] == 5
 
 
+def test_by_a_broker_every_copy_arrives_both_ways_and_equal() -> None:
+    done = lab(*SHORT, "--mqtt", "--json")
+    assert done.returncode == 0, done.stderr + done.stdout
+    said = json.loads(done.stdout)
+    assert (said["link"], said["lost"], said["altered"], said["ways"]) == ("mqtt", 0, 0, [])
+    assert sum(row["equal"] for row in said["messages"]) == 2 * (10 * 5 + 2)
+
+
+def test_by_radio_and_broker_at_once_each_is_delivered_once_and_it_is_told_which_was_first() -> None:
+    done = lab(*SHORT, "--radio", "--mqtt", "--json")
+    assert done.returncode == 0, done.stderr + done.stdout
+    said = json.loads(done.stdout)
+    assert (said["link"], said["lost"], said["altered"]) == ("radio+mqtt", 0, 0)
+    for station in "AB":
+        ways = {way["interface"]: way for way in said["ways"] if way["station"] == station}
+        assert set(ways) == {"air", "v2n"}
+        assert sum(way["first"] for way in ways.values()) == 10 * 5 + 2
+        assert sum(way["alone"] for way in ways.values()) == 0
+
+
+def test_what_the_air_loses_the_broker_brings() -> None:
+    done = lab(*SHORT, "--radio", "0.3", "--mqtt", "--json")
+    assert done.returncode == 0, done.stderr + done.stdout
+    said = json.loads(done.stdout)
+    assert (said["lost"], said["altered"]) == (0, 0)
+    alone = {(way["station"], way["interface"]): way["alone"] for way in said["ways"]}
+    assert alone["A", "v2n"] > 0
+    assert alone["A", "air"] == alone["B", "air"] == 0
+
+
 def test_what_the_air_of_the_radios_loses_is_exactly_what_is_missing() -> None:
     done = lab(*SHORT, "--radio", "0.1", "--json")
     assert done.returncode == 0, done.stderr + done.stdout
@@ -102,7 +132,16 @@ def test_a_capture_that_cannot_be_written_is_explained() -> None:
 
 @pytest.mark.parametrize(
     "wrong",
-    [("--duration", "-1"), ("--rate", "0"), ("--duration", "long"), ("--nonsense",), ("--devices", "a:wlan0", "wlan1")],
+    [
+        ("--duration", "-1"),
+        ("--rate", "0"),
+        ("--duration", "long"),
+        ("--nonsense",),
+        ("--devices", "a:wlan0", "wlan1"),
+        ("--mqtt", "--veth"),
+        ("--mqtt", "--decode"),
+        ("--mqtt", "--capture", "x.pcap"),
+    ],
 )
 def test_wrong_use_is_exit_code_2(wrong: tuple[str, ...]) -> None:
     assert lab(*wrong).returncode == 2

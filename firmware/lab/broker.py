@@ -1,0 +1,100 @@
+"""A broker between stations: mosquitto on a port of this machine, with TLS and client certificates of the moment."""
+
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import time
+from pathlib import Path
+
+from board.child import die_with_parent
+from board.errors import StationError
+from firmware.lab.certificates import Authority
+
+READY_S = 10.0
+STOP_S = 3.0
+LOOK_S = 0.02
+
+CONFIGURATION = """\
+{user}persistence false
+allow_anonymous true
+set_tcp_nodelay true
+log_dest stderr
+log_type error
+log_type warning
+listener {port} {host}
+cafile {ca}
+certfile {server.certificate}
+keyfile {server.key}
+require_certificate true
+"""
+SERVER = "extendedKeyUsage=serverAuth\nsubjectAltName=IP:{host}\n"
+CLIENT = "extendedKeyUsage=clientAuth\n"
+
+INTERFACE = """\
+[interfaces.v2n]
+driver = "mqtt"
+url = "mqtts://{host}:{port}"
+client_id = "{name}"
+ca = "{ca}"
+certificate = "{own.certificate}"
+key = "{own.key}"
+"""
+
+
+class Broker:
+    """A running mosquitto; its files lie in a folder of its own. Raises StationError where it does not start."""
+
+    def __init__(self, host: str, port: int, folder: Path) -> None:
+        program = shutil.which("mosquitto", path=os.pathsep.join((os.environ.get("PATH", os.defpath), "/usr/sbin")))
+        if program is None:
+            raise StationError("the program mosquitto is missing", "install the package mosquitto")
+        self._host, self._port = host, port
+        self._authority = Authority(folder)
+        server = self._authority.issue("broker", SERVER.format(host=host))
+        file = folder / "mosquitto.conf"
+        # Started by root it would become another user, who may not read the key.
+        user = "user root\n" if os.geteuid() == 0 else ""
+        ca = self._authority.certificate
+        file.write_text(CONFIGURATION.format(user=user, host=host, port=port, ca=ca, server=server))
+        self._said = (folder / "mosquitto.log").open("w+b")
+        self._process = subprocess.Popen(
+            [program, "-c", str(file)],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=self._said,
+            start_new_session=True,
+            preexec_fn=die_with_parent(signal.SIGTERM),  # noqa: PLW1509 (no thread of ours holds a lock)
+        )
+        self._wait_until_ready()
+
+    def interface(self, name: str) -> str:
+        """The part of a board file for a station of this name, with a certificate of its own."""
+        own = self._authority.issue(name, CLIENT)
+        ca = self._authority.certificate
+        return INTERFACE.format(host=self._host, port=self._port, name=name, ca=ca, own=own)
+
+    def stop(self) -> None:
+        """End it, with force if it does not listen."""
+        self._process.terminate()
+        try:
+            self._process.wait(STOP_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        self._said.close()
+
+    def _wait_until_ready(self) -> None:
+        deadline = time.monotonic() + READY_S
+        while self._process.poll() is None and time.monotonic() < deadline:
+            try:
+                socket.create_connection((self._host, self._port), LOOK_S).close()
+            except OSError:
+                time.sleep(LOOK_S)  # this is a command's own process, no station's loop
+            else:
+                return
+        self._said.seek(0)
+        said = self._said.read().decode(errors="backslashreplace").strip() or "it said nothing"
+        self.stop()
+        raise StationError(f"mosquitto does not listen at {self._host}:{self._port}: {said}")
