@@ -31,6 +31,7 @@ from drivers.wire.v2n_topic import Template, check_value, fill_text
 __all__ = ["Codec", "Delivery", "Identity", "Profile", "Publication", "Received", "RefusedError"]
 
 _NO_RULE = TypeRule()
+_MAX_TOPIC = 1024  # characters: where a level has two gaps, matching takes the square of it
 _SLOWER = 0.9  # of a speed: below it the tiles are small again
 
 
@@ -181,6 +182,8 @@ class Profile:
 
     def _find(self, topic: str) -> tuple[_Place, str, int | None]:
         """The row that a topic is of, the type and the BTP port that it names. Raises RefusedError."""
+        if len(topic) > _MAX_TOPIC:
+            raise RefusedError(Reason.TOPIC, f"topic {topic[:64]!r}... is longer than {_MAX_TOPIC}")
         for place in self._subscribe:
             match = place.pattern.fullmatch(topic)
             if not match:

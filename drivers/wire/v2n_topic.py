@@ -13,8 +13,7 @@ MAX_TOPIC = 65535  # octets of UTF-8 (MQTT 5.0, 1.5.4)
 
 _GAP = re.compile(r"\{([^{}]*)\}")
 _FORBIDDEN = re.compile("[+#\0]")
-# One level of a topic; of a tile one digit a level.
-_PATTERNS = {"type": "(?P<type>[^/]+)", "port": "(?P<port>[^/]+)", "quadkey": "[0-3](?:/[0-3])*"}
+_TILE = "[0-3](?:/[0-3])*"
 
 
 class Template:
@@ -56,10 +55,11 @@ class Template:
     def pattern(self, values: Mapping[str, str]) -> re.Pattern[str]:
         """What a topic that the filter lets through looks like; groups are `type` and `port`."""
         *levels, last = self.text.split("/")
-        parts = [_level(level, values) for level in levels]
+        seen: set[str] = set()
+        parts = [_level(level, values, seen) for level in levels]
         if last == "#":
             return re.compile("/".join(parts) + "(?:/.*)?" if parts else ".*", re.DOTALL)
-        return re.compile("/".join((*parts, _level(last, values))), re.DOTALL)
+        return re.compile("/".join((*parts, _level(last, values, seen))), re.DOTALL)
 
 
 def check_value(name: str, value: str) -> None:
@@ -82,14 +82,24 @@ def fill_text(text: str, values: Mapping[str, str]) -> str:
     return _GAP.sub(lambda gap: values[gap[1]], text)
 
 
-def _level(level: str, values: Mapping[str, str]) -> str:
+def _level(level: str, values: Mapping[str, str], seen: set[str]) -> str:
     if level == "+":
         return "[^/]*"
     found, end = "", 0
     for gap in _GAP.finditer(level):
-        found += re.escape(level[end : gap.start()]) + (_PATTERNS.get(gap[1]) or re.escape(values[gap[1]]))
+        found += re.escape(level[end : gap.start()]) + _gap(gap[1], values, seen)
         end = gap.end()
     return found + re.escape(level[end:])
+
+
+def _gap(name: str, values: Mapping[str, str], seen: set[str]) -> str:
+    """What may stand in a gap; the same where it comes again."""
+    if name not in OPEN:
+        return _TILE if name == "quadkey" else re.escape(values[name])
+    if name in seen:
+        return f"(?P={name})"
+    seen.add(name)
+    return f"(?P<{name}>[^/]+)"
 
 
 def _check(text: str, is_filter: bool) -> None:

@@ -198,6 +198,21 @@ def test_a_host_that_the_legacy_payload_cannot_carry_is_told(host: str):
         profile("vcaptain", host)
 
 
+def test_a_variable_may_come_twice_and_is_the_same():
+    station = profile(ProfileDescription("twice", (), (SubscribeRow("{type}/x/{type}-{port}", "binary"),)))
+    assert station.subscriptions(HERE) == {("+/x/+", 1)}
+    assert station.receive(Delivery("cam/x/cam-2001", PDU)).btp_port == 2001
+    with pytest.raises(RefusedError):
+        station.receive(Delivery("cam/x/denm-2001", PDU))
+
+
+def test_a_topic_that_would_take_long_to_match_is_refused():
+    station = profile(ProfileDescription("slow", (), (SubscribeRow("{type}{port}x", "binary"),)))
+    with pytest.raises(RefusedError, match="longer than 1024") as refused:
+        station.receive(Delivery("y" * 65_535, PDU))
+    assert refused.value.reason is Reason.TOPIC
+
+
 def test_all_variables_of_a_topic():
     everything = "{host}/{station}/{uuid}/{type}/{port}/{quadkey}/{prefix}"
     description = ProfileDescription("all", (PublishRow(everything, "binary"),), (), tiles=Tiles(4, 3))
