@@ -1,5 +1,6 @@
 """What is known of a modem and its network: what status shows. Nothing in it says whose it is."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from drivers.wire.cell import Cell, Leg, Strength
@@ -15,8 +16,11 @@ class Known:
     addresses      of the bearer.
     recoveries     resets of any kind since the start of the station.
     misread        answers that were none of the syntax.
+    clock          monotonic seconds, once there is a loop; for the ages of what the modem says again and again:
+                   its `registration`, its `cell` with the signal, the `module` with temperature and operator.
     """
 
+    clock: Callable[[], float] = lambda: 0.0
     step: str = "stopped"
     model: str = ""
     firmware: str = ""
@@ -34,6 +38,11 @@ class Known:
     recoveries: int = 0
     misread: int = 0
     garbage: int = 0
+    _read_at: dict[str, float] = field(default_factory=dict)
+
+    def read(self, what: str) -> None:
+        """It has just said this."""
+        self._read_at[what] = self.clock()
 
     @property
     def registration(self) -> Registration | None:
@@ -57,8 +66,14 @@ class Known:
         self.cell = self.rssi_dbm = None
         self.operator = self.system_mode = ""
 
+    def stop(self) -> None:
+        """Nobody asks any more: what would only grow older is forgotten."""
+        self.step = "stopped"
+        self.temperature_c = None
+        self.forget_network()
+
     def details(self) -> dict[str, object]:
-        """As JSON; what is not known is left out."""
+        """As JSON of now; what is not known is left out."""
         every: dict[str, object] = {
             "step": self.step,
             "model": self.model,
@@ -76,8 +91,19 @@ class Known:
             "recoveries": self.recoveries,
             "misread": self.misread,
             "garbage_octets": self.garbage,
+            "age_s": self._ages(),
         }
-        return {key: value for key, value in every.items() if value not in ("", None, [])}
+        return {key: value for key, value in every.items() if value not in ("", None, [], {})}
+
+    def _ages(self) -> dict[str, float]:
+        """Of what is known."""
+        now = self.clock()
+        known = {
+            "registration": self.registrations,
+            "cell": self.cell is not None or self.rssi_dbm is not None,
+            "module": self.temperature_c is not None or self.operator,
+        }
+        return {what: round(now - then, 1) for what, then in self._read_at.items() if known[what]}
 
 
 def _cell(cell: Cell) -> dict[str, object]:

@@ -78,7 +78,9 @@ class Questions:
                 self._known.registrations.pop(domain, None)
             else:
                 self._known.registrations[domain] = found
-        if not self._known.registrations:  # every modem has one of them: it was not able to say so
+        if self._known.registrations:
+            self._known.read("registration")
+        else:  # every modem has one of them: it was not able to say so
             self._unknown.difference_update(f"AT+{domain}?" for domain in DOMAINS)
         return self._known.is_registered
 
@@ -86,6 +88,7 @@ class Questions:
         """Cell and signal."""
         known = self._known
         known.cell = yield from self.optional("AT+CPSI?", cell_report)
+        known.read("cell")
         if known.cell is None or known.cell.access is not Access.SA:
             known.rssi_dbm = yield from self.optional("AT+CSQ", lambda found: signal_dbm(one(found)))
 
@@ -93,6 +96,7 @@ class Questions:
         """Temperature and operator, which change slowly."""
         known = self._known
         known.temperature_c = yield from self.optional("AT+CPMUTEMP", lambda found: temperature_c(one(found)))
+        known.read("module")
         known.operator = (yield from self.optional("AT+COPS?", lambda found: operator(one(found)))) or ""
         known.system_mode = (yield from self.optional("AT+CNSMOD?", lambda found: system_mode(one(found)))) or ""
 

@@ -77,6 +77,7 @@ class Sim8202g:
     def start(self, host: Host) -> None:
         options, known = self._options, self._known
         self._host = host
+        known.clock = host.loop.clock
         for program in self._leaving:
             program.stop()
         self._leaving.clear()
@@ -94,7 +95,8 @@ class Sim8202g:
         raise RequestError(f"{self._host.name} is a bearer, which sends no messages")
 
     def refresh(self) -> None:
-        """Nothing is counted elsewhere."""
+        """Nothing is counted elsewhere; but what is known has become older."""
+        self._host.tell(self._known.details())
 
     def stop(self) -> None:
         runner, self._runner = self._runner, None
@@ -106,7 +108,9 @@ class Sim8202g:
         if self._port is not None and runner is not None:
             self._leave_bearer()
         self.close()
-        self._known.step = "stopped"
+        self._known.stop()
+        if self._life is not None:
+            self._host.tell(self._known.details())
 
     def _leave_bearer(self) -> None:
         """Have programs end it; they are not waited for, and the next start ends what they did not."""
@@ -203,6 +207,7 @@ class Sim8202g:
             if name in ("+C5GREG", "+CEREG", "+CGREG"):
                 found = registration(line)
                 self._known.registrations[found.domain] = found
+                self._known.read("registration")
                 self._wake()
             elif name == "+CNSMOD":
                 self._known.system_mode = system_mode(line)

@@ -72,23 +72,35 @@ def table(name: str, one: Mapping[str, object]) -> Table:
     details = within(one, "details")
     cell = within(details, "cell")
     leg = within(cell, "leg")
+    ages = within(details, "age_s")
     rows = [
         ("step", words(text(details, "step"))),
-        ("network", joined(text(details, "operator"), text(details, "registration"), text(cell, "access"))),
+        ("network", _aged(_network(details, cell), ages, "registration")),
         ("cell", joined(text(cell, "plmn"), *_numbers(cell, "area", "cell"))),
         ("radio", joined(text(cell, "band"), *_numbers(cell, "physical_cell", "channel"))),
-        ("signal", _signal(within(cell, "strength"), details)),
+        ("signal", _aged(_signal(within(cell, "strength"), details), ages, "cell")),
         ("5G radio", joined(text(leg, "band"), *_numbers(leg, "physical_cell", "channel"))),
         ("5G signal", _signal(within(leg, "strength"), {})),
         ("bearer", joined(text(details, "device"), *texts(details, "addresses"))),
         ("card", _card(details)),
         ("modem", joined(text(details, "model"), text(details, "firmware"), text(details, "usb"))),
-        ("temperature", f"{number(details, 'temperature_c'):.0f} C" if "temperature_c" in details else ""),
+        ("temperature", _aged(_temperature(details), ages, "module")),
         ("counted", _counted(details)),
     ]
-    # A modem is asked for its readings while it is up; what is shown else was read before, or on the way up again.
-    notes = [] if text(one, "state") == "up" else [f"readings may be {span(number(one, 'since_s'))} old or older"]
-    return modules.rows_of(name, one, rows, notes)
+    return modules.rows_of(name, one, rows)
+
+
+def _aged(value: str, ages: Mapping[str, object], what: str) -> str:
+    """A reading with its age, where that is told."""
+    return joined(value, f"{span(number(ages, what))} ago") if value and what in ages else value
+
+
+def _network(details: Mapping[str, object], cell: Mapping[str, object]) -> str:
+    return joined(text(details, "operator"), text(details, "registration"), text(cell, "access"))
+
+
+def _temperature(details: Mapping[str, object]) -> str:
+    return f"{number(details, 'temperature_c'):.0f} C" if "temperature_c" in details else ""
 
 
 def _numbers(cell: Mapping[str, object], *keys: str) -> list[str]:

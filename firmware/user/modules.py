@@ -72,7 +72,7 @@ def operate(
     return {key: value for key, value in answer.items() if key != "ok"}
 
 
-def rows_of(name: str, one: Mapping[str, object], rows: Iterable[tuple[str, str]], notes: Iterable[str]) -> Table:
+def rows_of(name: str, one: Mapping[str, object], rows: Iterable[tuple[str, str]], notes: Iterable[str] = ()) -> Table:
     """The table of a module: its link, and the rows that say something."""
     title = f"{name}: {text(one, 'state')} for {span(number(one, 'since_s'))}: {text(one, 'why')}"
     return Table(title, ("what", "value"), [row for row in rows if row[1]], list(notes))

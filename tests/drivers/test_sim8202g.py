@@ -3,6 +3,7 @@
 import logging
 import os
 import random
+from itertools import pairwise
 
 import pytest
 
@@ -76,6 +77,41 @@ def test_its_details_say_what_the_module_is_and_where_it_is_served(bench, loop):
     assert details["addresses"] == [ADDRESS]
     assert details["cell"]["access"] == "5g-nsa"
     assert details["cell"]["leg"]["strength"] == {"rsrp_dbm": -96.0, "rsrq_db": -12.0, "snr_db": 9.5}
+
+
+def test_its_details_say_how_old_they_are_whenever_they_are_asked_for(make, loop):
+    bench = make(poll_s=10.0)
+    bench.up()
+    loop.run_for(60)
+    seen = []
+    for _ in range(60):
+        loop.run_for(1)
+        bench.driver.refresh()
+        seen.append(bench.station.details[-1]["age_s"])
+    for what, most in (("registration", 11.0), ("cell", 11.0), ("module", 61.0)):
+        ages = [age[what] for age in seen]
+        assert 0.0 <= min(ages) < 3.0
+        assert most - 5.0 < max(ages) <= most
+        assert max(later - before for before, later in pairwise(ages)) <= 1.1
+
+
+def test_readings_of_a_modem_that_lost_its_card_grow_old(bench, loop):
+    bench.up()
+    loop.run_for(30)
+    bench.modem.card.is_there = False
+    bench.modem.network.leave()
+    loop.run_until(lambda: not bench.station.is_up)
+    loop.run_for(300)
+    bench.driver.refresh()
+    assert bench.station.details[-1]["age_s"]["module"] > 250.0
+
+
+def test_a_driver_that_was_stopped_leaves_no_readings_behind(bench, loop):
+    bench.up()
+    loop.run_for(30)
+    bench.driver.stop()
+    assert bench.station.details[-1]["step"] == "stopped"
+    assert not {"age_s", "cell", "rssi_dbm", "temperature_c", "operator"} & set(bench.station.details[-1])
 
 
 @pytest.mark.parametrize(("offered", "access"), [(Access.LTE, "lte"), (Access.NSA, "5g-nsa"), (Access.SA, "5g-sa")])
