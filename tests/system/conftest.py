@@ -8,10 +8,13 @@ from typing import Any, NamedTuple
 import pytest
 import zmq
 
+from tests.broker.fixtures import brokers, brokers_shared, certificates
 from tests.system.air import Air
 from tests.system.ports import Ports
 from tests.system.station import ROOT, Station, Table
 from tests.system.user import Reports, User, mark
+
+__all__ = ["brokers", "brokers_shared", "certificates"]  # fixtures
 
 
 class Bench(NamedTuple):
