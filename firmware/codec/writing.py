@@ -139,10 +139,10 @@ class Pcap:
         self._stream.write(capture.header())
 
     def write(self, pdu: Pdu) -> None:
-        self._stream.write(capture.record(pdu.frame or _framed(pdu), pdu.when_ns or 0))
+        self._stream.write(capture.record(pdu.frame or framed(pdu), pdu.when_ns or 0))
 
 
-def _framed(pdu: Pdu) -> bytes:
+def framed(pdu: Pdu) -> bytes:
     """The frame around a bare PDU; its MAC address ends in the stationID. Raises RequestError without a BTP port."""
     kind = _TYPES.by_number[pdu.octets[1]] if len(pdu.octets) > 1 else _TYPES.unknown
     port = kind.btp_port if pdu.port is None else pdu.port
