@@ -1,6 +1,7 @@
 """Options of an interface with driver = "mqtt", and the files that they name."""
 
 import os
+import stat
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated, Literal
@@ -127,20 +128,23 @@ def _check_word(name: str, word: str, forbidden: str) -> None:
 def check_files(options: MqttOptions) -> None:
     """Raises BlockedError for one that is not there, that cannot be read, or that others may read and must not."""
     for name, path, is_secret in options.files():
-        try:
-            with open(path, "rb") as file:
-                mode = os.fstat(file.fileno()).st_mode & 0o777
-                file.read(1)
-        except OSError as error:
-            raise BlockedError(f"{name} {path}: {error.strerror}", _hint(error, name, path)) from error
-        if is_secret and mode & OTHERS:
-            raise BlockedError(f"{name} {path}: others may read it (mode {mode:04o})", f"chmod 600 {path}")
+        check_file(name, path, is_secret)
 
 
-def _hint(error: OSError, name: str, path: str) -> str:
-    if isinstance(error, PermissionError):
-        return f"give it to the user that the station runs as: chown {_own_name()} {path}"
-    return f"correct option {name}, or put the file there"
+def check_file(name: str, path: str, is_secret: bool) -> None:
+    """As check_files() does for one of MqttOptions.files(). Nothing is opened: a FIFO would wait."""
+    try:
+        mode = os.stat(path).st_mode
+    except OSError as error:
+        hint = f"correct option {name}, or put the file there"
+        raise BlockedError(f"{name} {path}: {error.strerror}", hint) from error
+    if not stat.S_ISREG(mode):
+        raise BlockedError(f"{name} {path}: is no regular file", f"correct option {name}")
+    if not os.access(path, os.R_OK, effective_ids=True):
+        hint = f"give it to the user that the station runs as: chown {_own_name()} {path}"
+        raise BlockedError(f"{name} {path}: this user may not read it", hint)
+    if is_secret and mode & OTHERS:
+        raise BlockedError(f"{name} {path}: others may read it (mode {stat.S_IMODE(mode):04o})", f"chmod 600 {path}")
 
 
 def _own_name() -> str:
@@ -162,7 +166,7 @@ def files_identity(options: MqttOptions) -> Identity:
 
 def _identity(path: str) -> tuple[int, int, int]:
     try:
-        stat = os.stat(path)
+        found = os.stat(path)
     except OSError:
         return 0, 0, 0
-    return stat.st_ino, stat.st_size, stat.st_mtime_ns
+    return found.st_ino, found.st_size, found.st_ctime_ns  # which a change of its mode changes too

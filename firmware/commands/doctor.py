@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from board import echo
 from firmware import config
 from firmware.codec import library
-from firmware.lab import board_checks, checks, ports
+from firmware.lab import board_checks, checks, mqtt_checks, ports
 from firmware.lab.checks import Finding, Level
 from firmware.user.arguments import add_configuration
 from firmware.user.table import clean, width_of
@@ -20,7 +20,8 @@ DESCRIPTION = """\
 Looks at everything that `captain run` with the same options would need: the
 configuration, the ports, what the board file names, each interface (its driver
 is started for a moment and stopped; where a station runs already, that one is
-asked; of one in a slot its device is looked for), what the kernel lets sockets
+asked; of one in a slot its device is looked for; of one at a broker its
+certificates, and whether the broker is reached), what the kernel lets sockets
 keep, the clock, child processes, versions; and which messages can be decoded.
 
 Each line is ok, a warning (it runs, but not as well), or a problem, with what
@@ -77,8 +78,13 @@ def examine(arguments: argparse.Namespace) -> Iterator[Finding]:
     yield from checks.neighbours(read.board, running)
     for interface in read.interfaces:
         yield from checks.pin_file(interface)
-        if interface.queue.slot and interface.name not in within(running or {}, "interfaces"):
+        is_running = interface.name in within(running or {}, "interfaces")
+        if mqtt_checks.is_one(interface):
+            yield from mqtt_checks.files(interface, read.mac, time.time())
+        if interface.queue.slot and not is_running:
             yield from board_checks.slot_of(interface, read.board)
+        elif mqtt_checks.is_one(interface) and not is_running:
+            yield from mqtt_checks.reach(interface, read.mac)
         else:
             yield from checks.interface(interface, read.mac, running)
     yield from checks.receive_buffer(read.interfaces)

@@ -392,6 +392,13 @@ def test_a_file_that_is_not_there_fails_the_start_by_its_name(host, tmp_path, op
     assert FakeWorker.made == []
 
 
+def test_a_fifo_is_no_file_of_certificates_and_is_not_waited_for(host, tmp_path):
+    path = tmp_path / "ca.pem"
+    os.mkfifo(path)
+    with pytest.raises(BlockedError, match="is no regular file"):
+        Mqtt(MqttOptions(url=URL, ca=str(path)), SHARED).start(host)
+
+
 @pytest.mark.parametrize("option", ["key", "password_file"])
 @pytest.mark.parametrize("mode", [0o640, 0o604, 0o660])
 def test_a_secret_that_others_may_read_fails_the_start_with_the_command_that_helps(host, tmp_path, option, mode):
@@ -399,7 +406,9 @@ def test_a_secret_that_others_may_read_fails_the_start_with_the_command_that_hel
     path.write_text("x")
     path.chmod(mode)
     other = "certificate" if option == "key" else "username"
-    driver = Mqtt(MqttOptions(url=URL, **{option: str(path), other: "/dev/null"}), SHARED)
+    (tmp_path / "other").write_text("x")
+    more = {other: str(tmp_path / "other")} if option == "key" else {other: "me"}
+    driver = Mqtt(MqttOptions(url=URL, **{option: str(path)}, **more), SHARED)
     with pytest.raises(BlockedError, match="others may read it") as caught:
         driver.start(host)
     assert caught.value.hint == f"chmod 600 {path}"

@@ -3,6 +3,9 @@ import socket
 import pytest
 
 from firmware.lab import ports
+from tests.broker.fixtures import brokers, certificates
+
+__all__ = ["brokers", "certificates"]
 
 
 @pytest.fixture

@@ -1,0 +1,54 @@
+"""Until when a certificate holds: as much of X.509 as that takes, from PEM or DER."""
+
+import re
+import ssl
+from datetime import UTC, datetime
+
+from board.errors import ProtocolError
+
+BLOCK = re.compile(r"-----BEGIN CERTIFICATE-----.*?-----END CERTIFICATE-----", re.DOTALL)
+
+# Tags of X.690 and RFC 5280, clause 4.1.
+SEQUENCE, UTC_TIME, GENERALIZED_TIME, VERSION = 0x30, 0x17, 0x18, 0xA0
+FORMATS = {UTC_TIME: "%y%m%d%H%M%SZ", GENERALIZED_TIME: "%Y%m%d%H%M%SZ"}
+
+
+def ends(pem: str) -> list[datetime]:
+    """The end of each certificate of a PEM file, in its order. Raises ProtocolError where one is damaged."""
+    try:
+        return [end(ssl.PEM_cert_to_DER_cert(block)) for block in BLOCK.findall(pem)]
+    except ValueError as error:
+        raise ProtocolError(f"a certificate is damaged: {error}") from error
+
+
+def end(certificate: bytes) -> datetime:
+    """notAfter of a certificate in DER. Raises ProtocolError.
+
+    Source: RFC 5280, clauses 4.1 and 4.1.2.5.
+    """
+    _, whole, _ = _take(certificate, SEQUENCE)
+    _, rest, _ = _take(whole, SEQUENCE)
+    if rest[:1] == bytes((VERSION,)):
+        _, _, rest = _take(rest)
+    for _ in ("serialNumber", "signature", "issuer"):
+        _, _, rest = _take(rest)
+    _, validity, _ = _take(rest, SEQUENCE)
+    _, _, after = _take(validity)
+    tag, text, _ = _take(after)
+    try:
+        return datetime.strptime(text.decode("ascii"), FORMATS[tag]).replace(tzinfo=UTC)
+    except (KeyError, ValueError) as error:
+        raise ProtocolError(f"its notAfter is no time: {text.hex()}") from error
+
+
+def _take(octets: bytes, wanted: int | None = None) -> tuple[int, bytes, bytes]:
+    """The tag, the contents and what follows of the first element."""
+    if len(octets) < 2:
+        raise ProtocolError("the certificate ends too early")
+    tag, size, start = octets[0], octets[1], 2
+    if size & 0x80:
+        start += size & 0x7F
+        size = int.from_bytes(octets[2:start])
+    if len(octets) < start + size or (wanted is not None and tag != wanted):
+        raise ProtocolError("the certificate is damaged")
+    return tag, octets[start : start + size], octets[start + size :]

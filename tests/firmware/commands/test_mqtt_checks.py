@@ -1,0 +1,156 @@
+"""What the doctor says of an interface at a broker: its files, its certificates' time, the way to the broker."""
+
+import socket
+import time
+from datetime import UTC, datetime, timedelta
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from board.errors import ProtocolError
+from drivers.mqtt_options import MqttOptions
+from firmware import cli
+from firmware.config import InterfaceConfig
+from firmware.lab import mqtt_checks, x509
+from firmware.lab.checks import Level
+from firmware.tables import QueueOptions
+
+MAC = bytes.fromhex("02000000000b")
+DAY_S = 86_400.0
+
+
+def v2n(**options):
+    options.setdefault("url", "mqtts://broker.example:8883")
+    return InterfaceConfig("v2n", QueueOptions("mqtt"), MqttOptions(**options))
+
+
+@pytest.fixture
+def own(certificates):
+    """Options with good files."""
+    identity = certificates.client
+    return {
+        "ca": str(certificates.authority.certificate),
+        "certificate": str(identity.certificate),
+        "key": str(identity.key),
+    }
+
+
+def said(one, now=None):
+    found = mqtt_checks.files(one, MAC, time.time() if now is None else now)
+    return [(finding.level, finding.text, finding.remedy) for finding in found]
+
+
+def test_good_files_are_told_with_the_day_on_which_they_end(own):
+    (_, told, _), (_, authority, _) = found = said(v2n(**own), time.time() - 30 * DAY_S)
+    assert [level for level, _, _ in found] == [Level.OK, Level.OK]
+    assert told.startswith(f"certificate {own['certificate']} is good until 20")
+    assert authority.startswith(f"ca {own['ca']} is good until 20")
+
+
+def test_a_certificate_that_ends_soon_is_a_warning_and_one_that_has_ended_a_problem(own):
+    (soon, told, remedy), *_ = said(v2n(**own))
+    assert (soon, remedy) == (Level.WARNING, "renew it")
+    assert "expires in 1 days" in told
+    (over, told, remedy), *_ = said(v2n(**own), time.time() + 3 * DAY_S)
+    assert (over, remedy) == (Level.PROBLEM, "renew it; or is this machine's clock wrong?")
+    assert "has expired: 20" in told
+
+
+def test_files_that_are_missing_or_that_others_may_read_are_problems_each_with_its_remedy(own, tmp_path):
+    key = tmp_path / "own.key"
+    key.write_text("x")
+    key.chmod(0o644)
+    missing = tmp_path / "no.pem"
+    assert said(v2n(**own | {"key": str(key), "ca": str(missing)})) == [
+        (Level.PROBLEM, f"ca {missing}: No such file or directory", "correct option ca, or put the file there"),
+        (Level.PROBLEM, f"key {key}: others may read it (mode 0644)", f"chmod 600 {key}"),
+    ]
+
+
+def test_a_key_of_another_certificate_is_a_problem(own, certificates):
+    ((level, told, _),) = said(v2n(**own | {"key": str(certificates.observer.key)}))
+    assert level is Level.PROBLEM
+    assert "is not the key of certificate" in told
+
+
+def test_a_profile_that_cannot_be_read_is_a_problem(tmp_path):
+    profile = tmp_path / "mine.toml"
+    profile.write_text("nonsense = 1\n")
+    ((level, told, _), *_) = said(v2n(profile=str(profile)))
+    assert level is Level.PROBLEM
+    assert str(profile) in told
+
+
+def test_without_files_there_is_nothing_to_say():
+    assert said(v2n(url="mqtt://localhost")) == []
+
+
+def test_a_broker_that_is_reached_is_well(own, brokers):
+    broker = brokers()
+    (found,) = mqtt_checks.reach(v2n(url=broker.url, **own), MAC)
+    assert (found.level, found.text) == (Level.OK, f"mqtt: {broker.url}: TLS stands")
+
+
+def test_a_broker_of_another_authority_is_told_by_name(own, brokers, certificates):
+    broker = brokers(server=certificates.strange_server)
+    (found,) = mqtt_checks.reach(v2n(url=broker.url, **own), MAC)
+    assert found.level is Level.WARNING
+    assert "signed by an authority that is not known here" in found.text
+
+
+def test_a_broker_that_is_not_there_is_a_warning_with_why(monkeypatch):
+    with socket.socket() as holder:
+        holder.bind(("127.0.0.1", 0))
+        (found,) = mqtt_checks.reach(v2n(url=f"mqtt://127.0.0.1:{holder.getsockname()[1]}"), MAC)
+    assert (found.level, found.remedy) == (Level.WARNING, "the station starts, and tries again and again")
+    assert "refuses the connection" in found.text
+
+    def unknown(*_, **__):
+        raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
+
+    monkeypatch.setattr(socket, "getaddrinfo", unknown)
+    (found,) = mqtt_checks.reach(v2n(), MAC)
+    assert found.text == (
+        "mqtt: mqtts://broker.example:8883: there is no host of this name; correct the host in url"
+    )  # fmt: skip
+
+
+def test_the_doctor_tells_all_of_it(own, brokers, capsys, monkeypatch, tmp_path, standin):
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    broker = brokers()
+    options = [f"interfaces.v2n.{key}={value}" for key, value in (own | {"url": broker.url, "driver": "mqtt"}).items()]
+    options += [f"endpoint.{key}=0" for key in ("from_users", "to_users", "pull", "report")]
+    assert cli.main(["doctor", "--board", "none", *(word for text in options for word in ("--set", text))]) == 0
+    told = capsys.readouterr().out
+    assert "interface v2n: certificate" in told
+    assert "TLS stands" in " ".join(told.split())
+
+
+# Certificates.
+
+
+def test_the_end_of_a_certificate_is_what_it_was_made_for(certificates):
+    (end,) = x509.ends(certificates.client.certificate.read_text())
+    assert abs(end - datetime.now(UTC) - timedelta(days=2)) < timedelta(hours=1)
+    (past,) = x509.ends(certificates.expired_client.certificate.read_text())
+    assert past < datetime.now(UTC)
+
+
+def test_a_file_of_several_certificates_has_an_end_for_each(certificates):
+    files = (certificates.client.certificate, certificates.expired_client.certificate)
+    assert len(x509.ends("\n".join(path.read_text() for path in files))) == 2
+
+
+@given(cut=st.integers(0, 400), flips=st.lists(st.tuples(st.integers(0, 399), st.integers(0, 255)), max_size=4))
+def test_a_damaged_certificate_has_an_end_or_is_refused(certificates, cut, flips):
+    import ssl
+
+    octets = bytearray(ssl.PEM_cert_to_DER_cert(certificates.client.certificate.read_text()))
+    for place, octet in flips:
+        octets[place % len(octets)] = octet
+    try:
+        found = x509.end(bytes(octets[: len(octets) - cut]))
+    except ProtocolError:
+        return
+    assert found.tzinfo is UTC
