@@ -6,10 +6,10 @@ from drivers.gnss_options import GnssOptions
 from drivers.gnss_port import SerialLine
 from drivers.gnss_receiver import SILENT_S, Above
 from drivers.reason import Reason
+from drivers.wire.garbage import Garbage
 from drivers.wire.gnss_stream import GnssStream
 from drivers.wire.nmea import Sentence, decode
 from drivers.wire.nmea_epochs import NmeaEpochs
-from drivers.wire.serial_frame import Garbage
 
 GIVE_UP_S = 15.0  # a receiver that says nothing for so long is not there, or has another rate
 

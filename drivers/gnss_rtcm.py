@@ -7,9 +7,9 @@ from board.journal import REPEATS, Journal
 from board.loop import Timer
 from drivers.contract import Host
 from drivers.reason import Reason
+from drivers.wire.garbage import Garbage
 from drivers.wire.gnss_stream import GnssStream
 from drivers.wire.rtcm import Frame
-from drivers.wire.serial_frame import Garbage
 
 log = logging.getLogger("captain.gnss")
 

@@ -15,10 +15,10 @@ from drivers.gnss_receiver import SILENT_S, Above
 from drivers.gnss_state import ReceiverState
 from drivers.reason import Reason
 from drivers.wire import ubx
+from drivers.wire.garbage import Garbage
 from drivers.wire.gnss_fix import fix_of
 from drivers.wire.gnss_stream import GnssStream
 from drivers.wire.gnss_time import Pulses
-from drivers.wire.serial_frame import Garbage
 from drivers.wire.ubx_health import MonVer
 from drivers.wire.ubx_messages import CfgRst, NavPvt, decode, encode
 from drivers.wire.ubx_time import TimTp

@@ -10,7 +10,7 @@ from typing import Final
 
 from drivers.reason import Reason
 from drivers.wire import nmea, rtcm, ubx
-from drivers.wire.serial_frame import SAMPLE, Garbage
+from drivers.wire.garbage import Garbage, Passed
 
 Event = ubx.Frame | nmea.Sentence | rtcm.Frame | Garbage
 
@@ -47,9 +47,7 @@ class GnssStream:
         self._waiting = bytearray()
         self._since: float | None = None  # when the candidate began
         self._credit = MOST_CREDIT
-        self._reason = Reason.FRAMING
-        self._sample = b""
-        self._skipped = 0
+        self._passed = Passed()
 
     def receive(self, octets: bytes, now: float) -> list[Event]:
         """What octets complete, and the garbage in front of it."""
@@ -57,8 +55,8 @@ class GnssStream:
         self._waiting += octets
         self._credit = min(MOST_CREDIT, self._credit + CREDIT * len(octets))
         self._scan(events, now)
-        if self._skipped >= MAX_GARBAGE:
-            self._tell(events)
+        if self._passed.octets >= MAX_GARBAGE:
+            events += self._passed.take()
         return events
 
     def deadline(self) -> float | None:
@@ -73,7 +71,7 @@ class GnssStream:
             self._skip(1)
             self._scan(events, now)
             if not self._waiting:
-                self._tell(events)
+                events += self._passed.take()
         return events
 
     def _scan(self, events: list[Event], now: float) -> None:
@@ -81,7 +79,7 @@ class GnssStream:
         waiting = self._waiting
         at = 0
         while (found := _BEGINNING.search(waiting, at)) is not None:
-            self._pass_over(at, found.start())
+            self._passed.add(waiting, at, found.start())
             at = found.start()
             result, end = _look(waiting, at)
             if result is None:
@@ -89,11 +87,11 @@ class GnssStream:
             if isinstance(result, Reason):
                 at = self._wrong(result, at, end)
                 continue
-            self._tell(events)
+            events += self._passed.take()
             events.append(result)
             at = end
         else:
-            self._pass_over(at, len(waiting))
+            self._passed.add(waiting, at, len(waiting))
             at = len(waiting)
         del waiting[:at]
         if not waiting:
@@ -104,30 +102,18 @@ class GnssStream:
     def _wrong(self, reason: Reason, at: int, end: int) -> int:
         """Where the search goes on behind a candidate that was none."""
         if reason is Reason.CHECKSUM:
-            self._reason = reason
+            self._passed.reason = reason
             self._credit -= end - at
         behind = at + 1
         if self._credit < 0:
             self._credit, behind = 0, end
-        self._pass_over(at, behind)
+        self._passed.add(self._waiting, at, behind)
         return behind
 
     def _skip(self, octets: int) -> None:
-        self._pass_over(0, octets)
+        self._passed.add(self._waiting, 0, octets)
         del self._waiting[:octets]
         self._since = None
-
-    def _pass_over(self, start: int, end: int) -> None:
-        """Count octets of the buffer as garbage; they stay in it."""
-        room = SAMPLE - len(self._sample)
-        if room > 0:
-            self._sample += self._waiting[start : min(end, start + room)]
-        self._skipped += end - start
-
-    def _tell(self, events: list[Event]) -> None:
-        if self._skipped:
-            events.append(Garbage(self._reason, bytes(self._sample), self._skipped))
-        self._reason, self._sample, self._skipped = Reason.FRAMING, b"", 0
 
 
 def _look(waiting: bytearray, at: int) -> _Found:

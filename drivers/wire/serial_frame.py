@@ -17,14 +17,13 @@ from typing import NamedTuple
 from board.errors import RequestError
 from drivers.message import MAX_PDU
 from drivers.reason import Reason
+from drivers.wire.garbage import Garbage, Passed
 
 SYNC = b"V2"
 OVERHEAD = 10  # octets of a frame beside its PDU
 
 # Silence inside a frame after which its end is not waited for: a USB adapter hands octets over every 16 ms.
 GAP_S = 0.1
-
-SAMPLE = 64  # octets of garbage that are kept to be shown
 
 _HEADER = Struct(">HH")
 _CHECKSUM = Struct(">I")
@@ -36,17 +35,6 @@ class Frame(NamedTuple):
 
     port: int
     pdu: bytes
-
-
-class Garbage(NamedTuple):
-    """Octets that are no frame: FRAMING between two frames, CHECKSUM where one was damaged.
-
-    sample  begins as they did. octets counts them all.
-    """
-
-    reason: Reason
-    sample: bytes
-    octets: int
 
 
 Event = Frame | Garbage
@@ -70,9 +58,7 @@ class SerialFrames:
     def __init__(self) -> None:
         self._waiting = bytearray()
         self._last = 0.0
-        self._reason = Reason.FRAMING
-        self._sample = b""
-        self._skipped = 0
+        self._passed = Passed()
 
     def receive(self, octets: bytes, now: float) -> list[Event]:
         """The frames that octets complete, and the garbage in front of them."""
@@ -80,13 +66,13 @@ class SerialFrames:
         self._waiting += octets
         self._last = now
         self._scan(events)
-        if self._skipped > _LONGEST:
-            self._tell(events)
+        if self._passed.octets > _LONGEST:
+            events += self._passed.take()
         return events
 
     def deadline(self) -> float | None:
         """When expire() wants to be called; octets that come move it away."""
-        return self._last + GAP_S if self._waiting or self._skipped else None
+        return self._last + GAP_S if self._waiting or self._passed.octets else None
 
     def expire(self, now: float) -> list[Event]:
         """Give up an unfinished frame after a silence; what stands behind its beginning may hold another."""
@@ -97,7 +83,7 @@ class SerialFrames:
         while self._waiting:
             self._skip(min(len(SYNC), len(self._waiting)))
             self._scan(events)
-        self._tell(events)
+        events += self._passed.take()
         return events
 
     def _scan(self, events: list[Event]) -> None:
@@ -118,20 +104,13 @@ class SerialFrames:
             if len(waiting) < end + 4:
                 return
             if binascii.crc32(waiting[2:end]) != int.from_bytes(waiting[end : end + 4]):
-                self._reason = Reason.CHECKSUM
+                self._passed.reason = Reason.CHECKSUM
                 self._skip(len(SYNC))
                 continue
-            self._tell(events)
+            events += self._passed.take()
             events.append(Frame(int.from_bytes(waiting[4:6]), bytes(waiting[6:end])))
             del waiting[: end + 4]
 
     def _skip(self, octets: int) -> None:
-        if len(self._sample) < SAMPLE:
-            self._sample += self._waiting[: min(octets, SAMPLE - len(self._sample))]
-        self._skipped += octets
+        self._passed.add(self._waiting, 0, octets)
         del self._waiting[:octets]
-
-    def _tell(self, events: list[Event]) -> None:
-        if self._skipped:
-            events.append(Garbage(self._reason, bytes(self._sample), self._skipped))
-        self._reason, self._sample, self._skipped = Reason.FRAMING, b"", 0

@@ -6,8 +6,8 @@ from hypothesis import strategies as st
 
 from drivers.reason import Reason
 from drivers.wire import nmea, rtcm, ubx
+from drivers.wire.garbage import Garbage
 from drivers.wire.gnss_stream import CREDIT, FRAME_S, MAX_GARBAGE, MOST_CREDIT, GnssStream
-from drivers.wire.serial_frame import Garbage
 from drivers.wire.ubx import Kind
 
 VERSION = ubx.encode(Kind.MON_VER)

@@ -6,7 +6,8 @@ from hypothesis import strategies as st
 
 from board.errors import RequestError
 from drivers.reason import Reason
-from drivers.wire.serial_frame import GAP_S, OVERHEAD, SAMPLE, Frame, Garbage, SerialFrames, encode
+from drivers.wire.garbage import SAMPLE, Garbage
+from drivers.wire.serial_frame import GAP_S, OVERHEAD, Frame, SerialFrames, encode
 
 CAM = bytes.fromhex("0202000005390001020304")
 
