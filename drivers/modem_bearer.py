@@ -4,6 +4,7 @@ qmi and mbim have been tested as command lines and by what the tools print, not 
 Sources: man qmicli(1), mbimcli(1), udhcpc of busybox; AT command manual of the SIM82xx V1.02 ($QCRMCALL).
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from pathlib import Path
 
@@ -20,7 +21,7 @@ DEVICE_TRIES = 15  # one a second
 CONNECT_S = 60.0  # that a network takes to set up a packet context; most need 1 s
 
 
-class Bearer:
+class Bearer(ABC):
     """One way; the scripts of a bearer that keeps nothing.
 
     device  of the network, once it is known; empty for none.
@@ -31,13 +32,13 @@ class Bearer:
         self._system = system
         self.device = ""
 
+    @abstractmethod
     def up(self) -> Script[None]:
         """Bring it up. Raises StationError."""
-        raise NotImplementedError
 
+    @abstractmethod
     def down(self) -> Script[None]:
         """Take it down, whatever state it is in."""
-        raise NotImplementedError
 
     def look(self) -> Script[tuple[str, ...]]:
         """Its addresses. Raises LostError where there is none.
