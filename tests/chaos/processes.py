@@ -7,9 +7,9 @@ take the virtual time that a bus takes. The radio's is played: its library has t
 import json
 from collections import deque
 from collections.abc import Callable, Sequence
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, cast
 
-from board.child import GRACE_S, Parent
+from board.child import GRACE_S, Child, Parent
 from board.hands import Hands, read_first_message
 from board.loop import Loop
 from drivers.sim.chips import FiledBus
@@ -46,6 +46,7 @@ class PlayedChild:
         self.queue: deque[bytes] = deque()
         self.lost = self.longest = 0
         self._parent = parent
+        self._as_child = cast(Child, self)  # which it has the methods of
         self._program: Program | None = None
         self._start = loop.after(STARTED_S, self._run)
         self.running.append(self)
@@ -57,22 +58,22 @@ class PlayedChild:
 
     def leave(self) -> None:
         self._gone()
-        self.loop.after(GRACE_S / 2, lambda: self._parent.ended(self, "left"))  # type: ignore[arg-type]
+        self.loop.after(GRACE_S / 2, lambda: self._parent.ended(self._as_child, "left"))
 
     def finish(self, within: float) -> None:
         self._gone()
-        self._parent.ended(self, "left")  # type: ignore[arg-type]
+        self._parent.ended(self._as_child, "left")
 
     def crash(self) -> None:
         """It ends by a signal."""
         if self.is_up:
             self._gone()
-            self._parent.ended(self, "ended by SIGSEGV")  # type: ignore[arg-type]
+            self._parent.ended(self._as_child, "ended by SIGSEGV")
 
     def _run(self) -> None:
         self.is_up = True
         self._program = self.programs[self.name](self.loop, self._say, self)
-        self._parent.up(self, 4711)  # type: ignore[arg-type]
+        self._parent.up(self._as_child, 4711)
 
     def _say(self, delay_s: float, message: bytes) -> None:
         self.loop.after(delay_s, lambda: self._parent.message(message) if self.is_up else None)

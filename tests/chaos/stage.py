@@ -23,6 +23,7 @@ from drivers.message import Confirm, Indication
 from drivers.sim import board as simulated_board
 from drivers.sim.modules import Radio
 from drivers.sim.trouble import BOARD
+from drivers.udp import Udp
 from firmware import board_file, config
 from firmware.interface import Interface
 from firmware.slot_states import State
@@ -232,7 +233,8 @@ class Stage:
         """Messages each way, for as long as the loop turns."""
         router = self.station.router
         beside = router.interfaces["beside"]
-        address = beside.driver.address  # type: ignore[attr-defined]
+        assert isinstance(beside.driver, Udp)
+        address = beside.driver.address
         kind = self.station.topics.by_number[2]
 
         def step() -> None:

@@ -88,8 +88,12 @@ def test_one_whose_slot_gave_up_is_pulled_out_and_put_back_once() -> None:
     assert (patient.episodes[0].replugs, patient.episodes[0].is_ok) == (1, True)
 
 
+class AlwaysUp(PaperTheatre):
+    def is_up(self, name: str) -> bool:
+        return True
+
+
 def test_a_short_trouble_that_nobody_notices_is_an_episode_too() -> None:
-    theatre = PaperTheatre(heal_s=0.0)
-    theatre.is_up = lambda name: True  # type: ignore[method-assign]
+    theatre = AlwaysUp(heal_s=0.0)
     patient = theatre.play(theatre.patient(), 40)
     assert {(one.down_s, one.back_s) for one in patient.episodes} == {(0.0, 0.0)}
