@@ -139,6 +139,7 @@ def _run(arguments: argparse.Namespace, path: Path | None, ending: ExitStack) ->
         if _has_two_ways(arguments):
             for seat, other, control in zip(made.seats, reversed(made.seats), made.controls, strict=True):
                 found += ways.ways(seat.name, control, count.received_from(other.name))
+            made.recorder.record()  # frames of the air may be later than what the broker has delivered
         else:
             count.lost_on_air = made.lost_on_air()
     if capture is not None:

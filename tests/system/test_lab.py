@@ -24,7 +24,7 @@ def lab(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([*PROGRAM, "lab", *arguments], capture_output=True, text=True, timeout=30, check=False)
 
 
-LINKS = {"udp": (), "veth": ("--veth",), "radio": ("--radio",)}
+LINKS = {"udp": (), "veth": ("--veth",), "radio": ("--radio",), "radio+mqtt": ("--radio", "--mqtt")}
 
 
 @pytest.fixture(scope="module", params=LINKS)
