@@ -25,7 +25,7 @@ from drivers.wire.v2n_message import (
 )
 from drivers.wire.v2n_payload import Base64, Binary, VCaptain
 from drivers.wire.v2n_payload_nap import NapReceived, NapToSend
-from drivers.wire.v2n_payload_orange import Orange
+from drivers.wire.v2n_payload_orange import Orange, OrangeRaw
 from drivers.wire.v2n_topic import Template, check_value, fill_text
 
 __all__ = ["Codec", "Delivery", "Identity", "Profile", "Publication", "Received", "RefusedError"]
@@ -214,6 +214,9 @@ class Profile:
         if self._codec is None:
             what = f"profile {self.description.name}: payload {form!r} needs the message library, which is not there"
             raise ConfigurationError(what, "`make codec` builds it")
+        if form == "orange-raw":
+            check_value("uuid", self.identity.uuid)
+            return OrangeRaw(self.identity.uuid, self.description.types, self._codec)
         return (NapReceived if form == "nap" else NapToSend)(self.identity.station, self._codec)
 
     def _check_identity(self) -> None:

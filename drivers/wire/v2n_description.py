@@ -7,7 +7,8 @@ from board.errors import ConfigurationError
 from drivers.wire.quadkey import MAX_DEPTH, from_digits
 from drivers.wire.v2n_topic import Template, check_text
 
-Form = Literal["vcaptain", "binary", "base64", "orange", "nap", "nap-body"]
+Form = Literal["vcaptain", "binary", "base64", "orange", "orange-raw", "nap", "nap-body"]
+_DECODING = ("orange-raw", "nap", "nap-body")
 
 
 @dataclass(frozen=True)
@@ -165,7 +166,7 @@ class ProfileDescription:
     @property
     def needs_codec(self) -> bool:
         """Whether a form of payload decodes messages."""
-        return any(row.payload.startswith("nap") for row in (*self.publish, *self.subscribe))
+        return any(row.payload in _DECODING for row in (*self.publish, *self.subscribe))
 
     def adapted(
         self, qos: int | None = None, status_topic: str = "", depths: tuple[int, ...] = ()

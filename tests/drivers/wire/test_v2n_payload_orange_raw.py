@@ -1,0 +1,218 @@
+"""CAMs as JSON in the envelope of Orange, against the members of its schema."""
+
+import copy
+import json
+from pathlib import Path
+from typing import Any
+
+import captain_messages
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import firmware
+from board.errors import RequestError
+from drivers.reason import Reason
+from drivers.wire.v2n import Delivery, Profile, Received, RefusedError
+from drivers.wire.v2n_description import ProfileDescription, PublishRow, SubscribeRow
+from tests.drivers.wire.v2n_station import HERE, NOW_MS, PDU, profile
+
+CAMS = [
+    bytes.fromhex(vector["hex"])
+    for vector in json.loads((Path(firmware.__file__).parent / "vectors.json").read_text())
+    if vector["type"].lower() == "cam"
+]
+DESCRIPTION = ProfileDescription(
+    "raw", (PublishRow("in/{type}", "orange-raw"),), (SubscribeRow("in/{type}", "orange-raw"),)
+)  # fmt: skip
+
+# Required members of schema/cam/cam_schema_2-4-0.json, of the first form of `message`.
+MESSAGE = {"protocol_version", "station_id", "generation_delta_time", "basic_container", "high_frequency_container"}
+POSITION = {"latitude", "longitude", "position_confidence_ellipse", "altitude"}
+ELLIPSE = {"semi_major", "semi_minor", "semi_major_orientation"}
+VEHICLE = {
+    "heading", "speed", "drive_direction", "vehicle_length", "vehicle_width", "longitudinal_acceleration", "curvature",
+    "curvature_calculation_mode", "yaw_rate",
+}  # fmt: skip
+PAIRS = {"heading", "speed", "vehicle_length", "longitudinal_acceleration", "curvature", "yaw_rate"}
+LIGHTS = {
+    "low_beam_headlights_on", "high_beam_headlights_on", "left_turn_signal_on", "right_turn_signal_on",
+    "daytime_running_lights_on", "reverse_light_on", "fog_light_on", "parking_lights_on",
+}  # fmt: skip
+FIRST: dict[str, Any] = {
+    "protocol_version": 2,
+    "station_id": 42,
+    "generation_delta_time": 1245,
+    "basic_container": {
+        "station_type": 5,
+        "reference_position": {
+            "latitude": 470_707_000,
+            "longitude": 154_395_000,
+            "position_confidence_ellipse": {"semi_major": 150, "semi_minor": 4095, "semi_major_orientation": 3601},
+            "altitude": {"value": 35_320, "confidence": 15},
+        },
+    },
+    "high_frequency_container": {
+        "basic_vehicle_container_high_frequency": {
+            "heading": {"value": 923, "confidence": 127},
+            "speed": {"value": 1389, "confidence": 50},
+            "drive_direction": 0,
+            "vehicle_length": {"value": 42, "confidence": 4},
+            "vehicle_width": 18,
+            "longitudinal_acceleration": {"value": -4, "confidence": 102},
+            "curvature": {"value": 1023, "confidence": 7},
+            "curvature_calculation_mode": 2,
+            "yaw_rate": {"value": -125, "confidence": 8},
+        }
+    },
+}
+
+
+def station(uuid: str = "com_car_1") -> Profile:
+    return profile(DESCRIPTION, uuid=uuid)
+
+
+def sent(pdu: bytes) -> dict[str, Any]:
+    (found,) = station("com_car_2").publications("cam", 2001, pdu, HERE, NOW_MS)
+    envelope: dict[str, Any] = json.loads(found.payload)
+    return envelope
+
+
+def taken(message: dict[str, Any], **changes: Any) -> Received:
+    envelope = {
+        "message_type": "cam",
+        "message_format": "json/raw",
+        "source_uuid": "com_car_2",
+        "timestamp": NOW_MS,
+        "version": "2.4.0",
+        "message": message,
+    }
+    return station().receive(Delivery("in/cam", json.dumps(envelope | changes).encode()))
+
+
+@pytest.mark.parametrize("pdu", CAMS)
+def test_cams_of_other_implementations_come_back(pdu: bytes):
+    assert taken(sent(pdu)["message"]) == Received(pdu, None, "com_car_2")
+
+
+@pytest.mark.parametrize("pdu", CAMS)
+def test_a_cam_has_the_members_of_the_schema(pdu: bytes):
+    envelope = sent(pdu)
+    assert envelope["message_format"] == "json/raw"
+    message = envelope["message"]
+    assert set(message) >= MESSAGE
+    position = message["basic_container"]["reference_position"]
+    assert set(position) == POSITION
+    assert set(position["position_confidence_ellipse"]) == ELLIPSE
+    assert set(position["altitude"]) == {"value", "confidence"}
+    high = message["high_frequency_container"].get("basic_vehicle_container_high_frequency")
+    if high:
+        assert set(high) >= VEHICLE
+        assert all(set(high[name]) == {"value", "confidence"} for name in PAIRS)
+    low = message.get("low_frequency_container")
+    if low:
+        assert set(low["basic_vehicle_container_low_frequency"]) == {"vehicle_role", "exterior_lights", "path_history"}
+        assert set(low["basic_vehicle_container_low_frequency"]["exterior_lights"]) == LIGHTS
+
+
+def test_a_cam_that_follows_the_schema_is_taken():
+    value: Any = captain_messages.find("cam").decode(taken(FIRST).pdu)
+    assert value["header"] == {"protocolVersion": 2, "messageID": 2, "stationID": 42}
+    _, vehicle = value["cam"]["camParameters"]["highFrequencyContainer"]
+    assert vehicle["speed"] == {"speedValue": 1389, "speedConfidence": 50}
+    assert vehicle["driveDirection"] == "forward"
+
+
+def test_without_a_format_it_is_this_one():
+    payload = json.loads(
+        json.dumps({"message_type": "cam", "source_uuid": "x", "timestamp": NOW_MS, "version": "2.2.0"})
+    )
+    found = station().receive(Delivery("in/cam", json.dumps({**payload, "message": FIRST}).encode()))
+    assert found == Received(taken(FIRST).pdu, None, "x")
+
+
+def test_the_pdu_in_base64_is_taken_beside_it():
+    coded = {"version": "ETSI EN 302 637-2 v1.4.1", "payload": "AgIAAAU5AAECAw=="}
+    assert taken(coded, message_format="asn1/uper").pdu == PDU
+
+
+def changed(path: str, value: Any) -> dict[str, Any]:
+    message = copy.deepcopy(FIRST)
+    *way, last = path.split(".")
+    holder = message
+    for step in way:
+        holder = holder[step]
+    if value is ...:
+        del holder[last]
+    else:
+        holder[last] = value
+    return message
+
+
+HIGH = "high_frequency_container"
+CAR = f"{HIGH}.basic_vehicle_container_high_frequency"
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "says"),
+    [
+        ("protocol_version", 9, "message.protocol_version: 9 is of no cam"),
+        ("protocol_version", ..., "message.protocol_version: is missing"),
+        ("station_id", "42", "message.station_id: '42' is not an integer"),
+        ("station_id", 1 << 32, "4294967296"),
+        ("generation_delta_time", 65_536, "65536"),
+        ("basic_container", ..., "basicContainer"),
+        ("basic_container.station_type", True, "message.basic_container.station_type: true is not an integer"),
+        ("basic_container.station_type", 5.0, "station_type: 5.0 is not an integer"),
+        ("basic_container.station_tpe", 5, "station_tpe: is not known; known: station_type"),
+        ("basic_container.reference_position.latitude", 900_000_002, "900000002"),
+        (f"{CAR}.drive_direction", 3, "drive_direction: is not known; known: 0, 1, 2"),
+        (f"{CAR}.acceleration_control", {"brake": True}, "acceleration_control.brake: is not known"),
+        (f"{CAR}.acceleration_control", {"acc_engaged": 1}, "acceleration_control.acc_engaged: 1 is not true or false"),
+        (HIGH, {}, "high_frequency_container: 0 members; there has to be one"),
+        (HIGH, {"bus": {}}, "high_frequency_container.bus: is not known"),
+        ("low_frequency_container", [], "low_frequency_container: an array is not an object"),
+        (
+            "special_vehicle_container",
+            {"emergency_container": {"incident_indication": {"cc_and_scc": {"cause": 1}}}},
+            'incident_indication: is not converted to or from "json/raw"',
+        ),
+    ],
+)
+def test_what_does_not_follow_the_schema_is_refused_with_its_path(path: str, value: Any, says: str):
+    with pytest.raises(RefusedError, match=says) as refused:
+        taken(changed(path, value))
+    assert refused.value.reason is Reason.PAYLOAD
+
+
+def test_other_types_are_refused_by_the_name_of_the_format():
+    envelope = {"message_type": "denm", "source_uuid": "x", "timestamp": NOW_MS, "version": "2.3.0", "message": {}}
+    with pytest.raises(RefusedError, match="message_format: 'json/raw' is not read"):
+        station().receive(Delivery("in/denm", json.dumps(envelope).encode()))
+
+
+def test_other_types_are_not_written():
+    with pytest.raises(RequestError, match='denm: "json/raw" is written for cam only'):
+        station().publications("denm", 2002, PDU, HERE, NOW_MS)
+
+
+def test_a_cam_that_cannot_be_decoded_is_not_written_and_it_says_why():
+    with pytest.raises(RequestError, match='cam is not to be had as "json/raw"'):
+        station().publications("cam", 2001, bytes.fromhex("02020000000700"), HERE, NOW_MS)
+
+
+STATION = station()
+
+
+@given(st.data())
+def test_a_mutated_cam_is_taken_or_explained(data: st.DataObject):
+    payload = bytearray(json.dumps(sent(CAMS[0])).encode())
+    for _ in range(data.draw(st.integers(1, 3))):
+        at = data.draw(st.integers(0, len(payload) - 1))
+        payload[at : at + data.draw(st.integers(0, 2))] = data.draw(
+            st.binary(max_size=3) | st.sampled_from([b"9", b"-", b"e"])
+        )
+    try:
+        assert STATION.receive(Delivery("in/cam", bytes(payload))).pdu
+    except RefusedError as error:
+        assert error.message
