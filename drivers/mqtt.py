@@ -21,7 +21,7 @@ from drivers.wire import v2n_talk as wire
 METADATA = frozenset(("btp_port", "source"))
 
 # For the broker to be told good-bye when the station ends; over a mobile network, with what was not acknowledged.
-PART_S = 0.3
+PART_S = 0.4
 
 # The process says something every second. One that says nothing is frozen, by a debugger or by the kernel.
 SILENCE_S = 5.0
