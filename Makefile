@@ -3,7 +3,7 @@
 
 .DEFAULT_GOAL := help
 .PHONY: help setup run codec import-check docs test test-binary check portable fuzz truth \
-	bench bench-station bench-messages lab chaos binary lock proof clean
+	bench bench-station bench-messages bench-v2n lab chaos binary lock proof clean
 
 PYTEST := .venv/bin/python -m pytest
 
@@ -46,7 +46,7 @@ docs: setup ## a page per message, in build/docs/messages
 fuzz: setup-fuzz ## random octets, led by coverage, for every message in C and in Python; ARGS='--runs 10000000'
 	@.venv/bin/python -m tests.fuzz $(ARGS)
 
-bench: bench-station bench-messages ## both of the following
+bench: bench-station bench-messages bench-v2n ## all of the following
 
 bench-station: setup-test binary ## latency, loss-free rate, processor and memory beside a C forwarder in the same run
 	@.venv/bin/python -m tests.bench $(ARGS)
@@ -54,6 +54,9 @@ bench-station: setup-test binary ## latency, loss-free rate, processor and memor
 bench-messages: setup-test ## the message library beside asn1tools, pycrate and asn1c in the same run, and how large it is
 	@.venv/bin/python -m tests.bench.messages
 	@.venv/bin/python -m tests.bench.sizes
+
+bench-v2n: setup-test ## what a broker in trouble costs the other interfaces, and V2N beside plain paho; V2N='--pairs 2'
+	@.venv/bin/python -m tests.bench.v2n $(V2N)
 
 truth: setup-test ## made values of every message, ours against every other codec; ARGS='--count 1000000'
 	@.venv/bin/python -m tests.asn1.truth $(ARGS)

@@ -29,12 +29,12 @@ def lines(floor: list[Round], station: list[Round], again: list[Round], rates: t
             for value in ("median_us", "p99_us"):
                 key = f"{way} {rate}/s {value}"
                 goal = 1.5 if (rate, value) == (1000, "median_us") else None
-                made.append(_compared(key, floor, station, again, most=goal))
+                made.append(compared(key, floor, station, again, most=goal))
     for way in WAYS:
-        made.append(_compared(f"{way} loss-free/s", floor, station, again, least=0.6))
+        made.append(compared(f"{way} loss-free/s", floor, station, again, least=0.6))
     for way in WAYS:
-        made.append(_compared(f"{way} 1000/s cpu_us", floor, station, again))
-        made.append(_compared(f"{way} 1000/s cpu_percent", floor, station, again))
+        made.append(compared(f"{way} 1000/s cpu_us", floor, station, again))
+        made.append(compared(f"{way} 1000/s cpu_percent", floor, station, again))
     made.append(_single("idle_percent", floor, station, 0.1, "% of a core"))
     made.append(_single("memory_kb", floor, station, 40_000, "kB"))
     made.append(_single("memory_after_load_kb", floor, station, 40_000, "kB"))
@@ -45,20 +45,7 @@ def lines(floor: list[Round], station: list[Round], again: list[Round], rates: t
     return made
 
 
-def table(rows: list[Line]) -> str:
-    """The rows as text; A/A is the floor's second run to its first: how much of a ratio is noise."""
-    head = f"{'':44}{'floor':>10}{'station':>10}{'ratio':>8}{'A/A':>7}  goal"
-    return "\n".join([head, *map(_row, rows)])
-
-
-def full_path(rows: list[Round], rates: tuple[int, ...]) -> str:
-    """The station alone with everything on: medians over its rounds."""
-    keys = [f"{way} {rate}/s {value}" for way in WAYS for rate in rates for value in ("median_us", "p99_us")]
-    keys += [f"{way} loss-free/s" for way in WAYS] + [f"{way} 1000/s cpu_us" for way in WAYS]
-    return "\n".join(f"{key:54}{_number(_median(rows, key)):>10}" for key in keys)
-
-
-def _compared(
+def compared(
     key: str,
     floor: list[Round],
     station: list[Round],
@@ -66,6 +53,7 @@ def _compared(
     most: float | None = None,
     least: float | None = None,
 ) -> Line:
+    """A row of one figure: medians, the ratio within the pairs, the noise beside it, and its goal."""
     ratio = ratio_of_medians([(a[key], b[key]) for a, b in zip(floor, station, strict=True)])
     noise = ratio_of_medians([(a[key], b[key]) for a, b in zip(floor, again, strict=True)])
     goal, is_reached = "", None
@@ -74,6 +62,19 @@ def _compared(
     elif least is not None:
         goal, is_reached = f"ratio >= {least}", ratio >= least
     return Line(key, _median(floor, key), _median(station, key), ratio, noise, goal, is_reached)
+
+
+def table(rows: list[Line], first: str = "floor", second: str = "station") -> str:
+    """The rows as text; A/A is the floor's second run to its first: how much of a ratio is noise."""
+    head = f"{'':44}{first:>10}{second:>10}{'ratio':>8}{'A/A':>7}  goal"
+    return "\n".join([head, *map(_row, rows)])
+
+
+def full_path(rows: list[Round], rates: tuple[int, ...]) -> str:
+    """The station alone with everything on: medians over its rounds."""
+    keys = [f"{way} {rate}/s {value}" for way in WAYS for rate in rates for value in ("median_us", "p99_us")]
+    keys += [f"{way} loss-free/s" for way in WAYS] + [f"{way} 1000/s cpu_us" for way in WAYS]
+    return "\n".join(f"{key:54}{_number(_median(rows, key)):>10}" for key in keys)
 
 
 def _single(key: str, floor: list[Round], station: list[Round], most: float, unit: str) -> Line:

@@ -117,9 +117,9 @@ class Subject:
 
 
 class Station(Subject):
-    """`captain run` with two udp interfaces, all stages and counters on."""
+    """`captain run` with two udp interfaces, all stages and counters on. more: the rest of its configuration."""
 
-    def __init__(self, framing: str = "pdu", captain: str = SOURCE) -> None:
+    def __init__(self, framing: str = "pdu", captain: str = SOURCE, more: str = "") -> None:
         super().__init__()
         self.name = "station"
         self._captain = captain
@@ -128,7 +128,8 @@ class Station(Subject):
         self._file = stem.with_suffix(".toml")
         # A path of a Unix socket has at most 107 octets.
         self._control = Path(tempfile.gettempdir()) / f"bench-{os.getpid()}-{self.ports.from_users}.sock"
-        self._file.write_text(CONFIGURATION.format(framing=framing, control=self._control, **self.ports._asdict()))
+        words = {"framing": framing, "control": self._control, **self.ports._asdict()}
+        self._file.write_text(CONFIGURATION.format(**words) + more)
 
     def command(self) -> Sequence[str]:
         return [self._captain, "run", "--board", "none", "--config", str(self._file)]

@@ -184,7 +184,7 @@ class Proxy:
                 await asyncio.sleep(0.01)  # its good bye is not told, until the line is cut
                 if writer.is_closing():
                     return
-            if self._is_dark:
+            if self._is_dark or writer.is_closing():
                 continue
             try:
                 await self._write(octets, writer)
