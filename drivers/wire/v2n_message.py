@@ -10,6 +10,7 @@ from drivers.wire.v2n_type import Type
 
 MAX_PAYLOAD = 65536  # octets; a PDU of 1500 is 2000 as base64, and some 20,000 as JSON
 MAX_SOURCE = 255  # octets
+MAX_WHY = 300  # characters: a list of all that would be known may be long
 
 
 class Publication(NamedTuple):
@@ -66,7 +67,7 @@ class RefusedError(ProtocolError):
     """What a broker delivered is not passed on, for a reason that is counted."""
 
     def __init__(self, reason: Reason, message: str, hint: str = "") -> None:
-        super().__init__(message, hint)
+        super().__init__(message if len(message) <= MAX_WHY else message[: MAX_WHY - 3] + "...", hint)
         self.reason = reason
 
 

@@ -18,8 +18,6 @@ from drivers.wire.v2n_payload_json import shown
 from drivers.wire.v2n_payload_units import UNITS
 from drivers.wire.v2n_type import Field, Type
 
-LARGEST = 1 << 63  # no integer of a message is larger
-
 
 class ConversionError(ValueError):
     """A value that has no counterpart on the other side.

@@ -304,6 +304,13 @@ def test_what_cannot_be_a_message_is_refused_with_its_path(path: str, value: Any
     assert refused.value.reason is Reason.PAYLOAD
 
 
+def test_a_long_list_of_what_is_known_is_cut():
+    cause = {"informationQuality": 7, "eventType": {"ccAndScc": {"nonsense": 0}}}
+    with pytest.raises(RefusedError, match="nonsense: is no alternative") as refused:
+        sent("denm", {**DENM, "situation": cause})
+    assert len(refused.value.message) == 300
+
+
 def test_an_unknown_type_is_refused_by_name():
     with pytest.raises(RefusedError, match="'nonsense' is no type that the message library has"):
         sent("nonsense", CAM)
