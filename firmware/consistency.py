@@ -21,6 +21,7 @@ def mistakes(tables: Tables, slots: Collection[str]) -> list[str]:
         *_station(tables.station),
         *_interfaces(tables),
         *_slots(tables, slots),
+        *_clients(tables),
         *_policy(tables),
         *_types(tables.types),
         *_endpoint(tables.endpoint),
@@ -52,6 +53,20 @@ def _slots(tables: Tables, known: Collection[str]) -> Iterator[str]:
         elif slot in first:
             yield f"interfaces.{name}.slot: {slot!r} is that of {first[slot]} already; a slot has one interface"
         first.setdefault(slot, name)
+
+
+def _clients(tables: Tables) -> Iterator[str]:
+    """Each interface at a broker is a client of its own: of two with one name the broker throws out the first."""
+    first: dict[tuple[str, str], str] = {}
+    for name, options in tables.interfaces.items():
+        if options.get("driver") != "mqtt":
+            continue
+        # What is no text is told where it is read.
+        client = str(options.get("url")), str(options.get("client_id", ""))
+        if client in first:
+            where = f"that of {first[client]} at the same broker"
+            yield f"interfaces.{name}.client_id: {client[1]!r} is {where}; give each its own"
+        first.setdefault(client, name)
 
 
 def _policy(tables: Tables) -> Iterator[str]:

@@ -9,7 +9,7 @@ from itertools import islice
 
 from firmware.topics import Topics
 
-# Stations and types: 300 stations with three types each, all that a channel carries. 0.5 kB each.
+# Stations and types: 300 stations with three types each, all that a channel carries. 0.8 kB each.
 CAPACITY = 1024
 SHOWN = 32  # of them in a status, which is sent once a second
 

@@ -474,3 +474,24 @@ def test_a_mistake_is_looked_for_in_the_file_that_has_it(folder: Path) -> None:
     assert of_file.startswith(f"{folder}/captain.toml: interfaces.air.driver: 'other'")
     (given,) = mistakes(folder, "", "interfaces.air.driver=third", board=str(board))
     assert given.startswith(f"{folder}/captain.toml: interfaces.air.driver: 'third'")
+
+
+TWO_CLIENTS = """
+[interfaces.near]
+driver = "mqtt"
+url = "mqtts://broker.example:8883"
+[interfaces.far]
+driver = "mqtt"
+url = "mqtts://{host}:8883"
+client_id = "{client}"
+"""
+
+
+def test_two_clients_of_one_name_at_one_broker_are_a_mistake(folder: Path) -> None:
+    (said,) = mistakes(folder, TWO_CLIENTS.format(host="broker.example", client=""))
+    assert said.endswith("interfaces.far.client_id: '' is that of near at the same broker; give each its own")
+
+
+@pytest.mark.parametrize(("host", "client"), [("broker.example", "vm-2"), ("other.example", "")])
+def test_two_clients_of_two_names_or_at_two_brokers_are_none(folder: Path, host: str, client: str) -> None:
+    assert len(loaded(folder, TWO_CLIENTS.format(host=host, client=client)).interfaces) == 2
