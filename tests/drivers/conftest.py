@@ -5,9 +5,11 @@ import os
 import subprocess
 import sys
 import traceback
+from contextlib import ExitStack, closing
 
 import pytest
 
+from tests.drivers import gnss, modem
 from tests.drivers.host import Host
 from tests.virtual import VirtualLoop
 
@@ -15,16 +17,47 @@ CLONE_NEWUSER, CLONE_NEWNET = 0x10000000, 0x40000000
 
 
 @pytest.fixture
-def loop():
-    # What crosses a pty or a veth pair is moved by a thread of the kernel: it is given a moment of real time.
-    loop = VirtualLoop(patience_s=0.02)
-    yield loop
-    loop.close()
+def loop(request):
+    # What crosses a pty or a veth pair is moved by a thread of the kernel: it is given a moment of real time, but where
+    # a file of tests says that nothing does, or that it knows when something is on its way.
+    with closing(VirtualLoop(patience_s=getattr(request.module, "PATIENCE_S", 0.02))) as loop:
+        yield loop
 
 
 @pytest.fixture
 def host(loop):
     return Host(loop)
+
+
+@pytest.fixture
+def at_end():
+    """Takes a call that is made when the test has ended, the last first."""
+    with ExitStack() as stack:
+        yield stack.callback
+
+
+@pytest.fixture
+def make_modem(loop, tmp_path, at_end):
+    """Makes a modem's interface over a simulated modem, by its options."""
+
+    def make(**options):
+        bench = modem.Bench(loop, tmp_path, **options)
+        at_end(bench.close)
+        return bench
+
+    return make
+
+
+@pytest.fixture
+def make_receiver(loop, at_end):
+    """Makes a receiver's interface over a simulated receiver, by its habits and options."""
+
+    def make(habits=None, **options):
+        bench = gnss.Bench(loop, habits, **options)
+        at_end(bench.close)
+        return bench
+
+    return make
 
 
 def pytest_configure(config):

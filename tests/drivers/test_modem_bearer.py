@@ -5,8 +5,10 @@ import pytest
 from drivers.modem_printed import Settings, mbim_settings, qmi_settings
 from drivers.modem_script import StepError
 from drivers.modem_system import Route
-from tests.drivers.modem import Bench, FakeSystem
-from tests.virtual import VirtualLoop
+from tests.drivers.modem import FakeSystem
+
+PATIENCE_S = 0.0  # the bench knows when octets are on their way
+
 
 # What qmicli 1.32 and mbimcli 1.28 print, after their sources.
 QMI_START = """\
@@ -51,22 +53,8 @@ MBIM_CONNECT = """\
 """
 
 
-@pytest.fixture
-def make(tmp_path):
-    loop, made = VirtualLoop(), []
-
-    def make(**options):
-        made.append(Bench(loop, tmp_path, **options))
-        return made[-1]
-
-    yield make
-    for bench in made:
-        bench.close()
-    loop.close()
-
-
-def qmi(make, **options):
-    bench = make(bearer="qmi", **options)
+def qmi(make_modem, **options):
+    bench = make_modem(bearer="qmi", **options)
     bench.system.printed = {
         "--wds-noop": QMI_CLIENT,
         "--wds-start-network": QMI_START,
@@ -83,8 +71,8 @@ def with_device(bench, *lines):
     return [line.format(dev=bench.board.machine.dev) for line in lines]
 
 
-def test_qmi_starts_the_network_and_configures_the_device_with_what_it_was_given(make):
-    bench = qmi(make, apn="internet", metric=50)
+def test_qmi_starts_the_network_and_configures_the_device_with_what_it_was_given(make_modem):
+    bench = qmi(make_modem, apn="internet", metric=50)
     bench.up()
     assert bench.system.ran[:10] == with_device(
         bench,
@@ -101,8 +89,8 @@ def test_qmi_starts_the_network_and_configures_the_device_with_what_it_was_given
     )
 
 
-def test_without_an_access_point_name_qmi_asks_for_the_networks_own(make):
-    bench = qmi(make, ip_type="ipv6")
+def test_without_an_access_point_name_qmi_asks_for_the_networks_own(make_modem):
+    bench = qmi(make_modem, ip_type="ipv6")
     bench.up()
     assert (
         f"{QMICLI} --wds-start-network=ip-type=6 --client-cid=18 --client-no-release-cid".format(
@@ -112,8 +100,8 @@ def test_without_an_access_point_name_qmi_asks_for_the_networks_own(make):
     )
 
 
-def test_a_packet_service_that_the_network_ends_is_stopped_and_started_again(make):
-    bench = qmi(make)
+def test_a_packet_service_that_the_network_ends_is_stopped_and_started_again(make_modem):
+    bench = qmi(make_modem)
     bench.up()
     bench.loop.run_for(90)
     bench.system.printed["--wds-get-packet-service-status"] = QMI_CONNECTED.replace("connected", "disconnected")
@@ -132,8 +120,8 @@ RELEASE = "--wds-noop --client-cid=18"
 HELD = '{"client": "18", "handle": "2264423824"}'
 
 
-def test_a_network_that_does_not_start_leaves_no_client_behind(make):
-    bench = qmi(make)
+def test_a_network_that_does_not_start_leaves_no_client_behind(make_modem):
+    bench = qmi(make_modem)
     bench.system.fails = {"--wds-start-network"}
     bench.start()
     bench.loop.run_until(lambda: any("next:" in why for why in bench.station.steps))
@@ -144,18 +132,18 @@ def test_a_network_that_does_not_start_leaves_no_client_behind(make):
     assert released >= taken - 1
 
 
-def test_stopped_its_network_is_ended_and_its_address_taken_away(make):
-    bench = qmi(make)
+def test_stopped_its_network_is_ended_and_its_address_taken_away(make_modem):
+    bench = qmi(make_modem)
     bench.up()
     bench.system.ran.clear()
     bench.driver.stop()
     assert bench.system.ran == with_device(bench, STOP, "ip addr flush dev wwan0")
 
 
-def test_a_network_that_a_station_left_without_a_word_is_ended_by_the_next_one(make, tmp_path):
+def test_a_network_that_a_station_left_without_a_word_is_ended_by_the_next_one(make_modem, tmp_path):
     record = tmp_path / "1-1.2-qmi.json"
     record.write_text(HELD)
-    bench = qmi(make)
+    bench = qmi(make_modem)
     bench.up()
     assert bench.system.ran[0] == with_device(bench, STOP)[0]
     assert bench.system.ran[4].endswith("--wds-noop --client-no-release-cid")
@@ -163,21 +151,21 @@ def test_a_network_that_a_station_left_without_a_word_is_ended_by_the_next_one(m
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{", '{"client": "; reboot", "handle": ""}', '{"client": 1}'])
-def test_a_record_of_a_network_that_is_none_is_left_alone(make, tmp_path, text):
+def test_a_record_of_a_network_that_is_none_is_left_alone(make_modem, tmp_path, text):
     (tmp_path / "1-1.2-qmi.json").write_text(text)
-    bench = qmi(make)
+    bench = qmi(make_modem)
     bench.up()
     assert bench.system.ran[0] == "ip link set dev wwan0 down"
 
 
-def test_a_network_that_cannot_be_written_down_is_a_network_all_the_same(make, tmp_path):
-    bench = qmi(make, state_dir=str(tmp_path / "nowhere"))
+def test_a_network_that_cannot_be_written_down_is_a_network_all_the_same(make_modem, tmp_path):
+    bench = qmi(make_modem, state_dir=str(tmp_path / "nowhere"))
     bench.up()
 
 
 @pytest.mark.parametrize("bearer", ["rndis", "at"])
-def test_the_route_of_a_lease_has_the_metric_that_is_configured(make, bearer):
-    bench = make(bearer=bearer, metric=50)
+def test_the_route_of_a_lease_has_the_metric_that_is_configured(make_modem, bearer):
+    bench = make_modem(bearer=bearer, metric=50)
     bench.modem.product = "9011" if bearer == "rndis" else "9001"
     device = "usb0" if bearer == "rndis" else "wwan0"
     bench.system.routes = [Route("10.64.1.1", 0)]
@@ -191,16 +179,16 @@ def test_the_route_of_a_lease_has_the_metric_that_is_configured(make, bearer):
     assert not any("ip -4 route" in line for line in bench.system.ran)
 
 
-def test_a_context_that_is_active_is_not_activated_however_the_answer_is_spaced(make):
-    bench = make()
+def test_a_context_that_is_active_is_not_activated_however_the_answer_is_spaced(make_modem):
+    bench = make_modem()
     bench.modem.lies = lambda text: "\r\n+CGACT:1,1\r\n\r\nOK\r\n" if text == "AT+CGACT?" else None
     bench.start()
     bench.loop.run_until(lambda: "AT+CGPADDR=1" in bench.modem.asked)
     assert "AT+CGACT=1,1" not in bench.modem.asked
 
 
-def test_mbim_attaches_connects_and_configures_the_device(make):
-    bench = make(bearer="mbim", apn="internet")
+def test_mbim_attaches_connects_and_configures_the_device(make_modem):
+    bench = make_modem(bearer="mbim", apn="internet")
     bench.modem.product = "901e"
     bench.system.printed = {"--connect": MBIM_CONNECT, "--query-connection-state": MBIM_CONNECT}
     bench.up()
@@ -215,16 +203,16 @@ def test_mbim_attaches_connects_and_configures_the_device(make):
     ]
 
 
-def test_rndis_takes_an_address_by_dhcp_and_keeps_the_client(make):
-    bench = make(bearer="rndis")
+def test_rndis_takes_an_address_by_dhcp_and_keeps_the_client(make_modem):
+    bench = make_modem(bearer="rndis")
     bench.modem.product = "9011"
     bench.up()
     assert bench.system.ran[:2] == ["ip link set dev usb0 up", "udhcpc -f -n -t 10 -T 2 -i usb0"]
     assert bench.station.why == "usb0 has 192.168.225.34"
 
 
-def test_a_call_by_at_speaks_raw_ip_on_the_device(make):
-    bench = make(bearer="at")
+def test_a_call_by_at_speaks_raw_ip_on_the_device(make_modem):
+    bench = make_modem(bearer="at")
     bench.up()
     assert "AT$QCRMCALL=1,1" in bench.modem.asked
     assert bench.system.ran[:4] == [
@@ -235,8 +223,8 @@ def test_a_call_by_at_speaks_raw_ip_on_the_device(make):
     ]
 
 
-def test_a_device_without_an_address_is_no_link(make):
-    bench = make(bearer="rndis")
+def test_a_device_without_an_address_is_no_link(make_modem):
+    bench = make_modem(bearer="rndis")
     bench.modem.product = "9011"
     bench.up()
     bench.loop.run_for(90)
@@ -247,8 +235,8 @@ def test_a_device_without_an_address_is_no_link(make):
     bench.loop.run_until(lambda: bench.station.is_up)
 
 
-def test_a_client_of_dhcp_that_ends_takes_the_link_down_and_is_started_again(make):
-    bench = make(bearer="rndis")
+def test_a_client_of_dhcp_that_ends_takes_the_link_down_and_is_started_again(make_modem):
+    bench = make_modem(bearer="rndis")
     bench.modem.product = "9011"
     bench.up()
     bench.loop.run_for(90)
@@ -259,8 +247,8 @@ def test_a_client_of_dhcp_that_ends_takes_the_link_down_and_is_started_again(mak
     assert sum(line.startswith("udhcpc") for line in bench.system.ran) == 2
 
 
-def test_a_client_of_dhcp_that_nobody_answers_is_a_step_that_fails_and_is_tried_again(make):
-    bench = make(bearer="rndis")
+def test_a_client_of_dhcp_that_nobody_answers_is_a_step_that_fails_and_is_tried_again(make_modem):
+    bench = make_modem(bearer="rndis")
     bench.modem.product = "9011"
     bench.system.fails = {"udhcpc"}
     bench.start()
@@ -269,8 +257,8 @@ def test_a_client_of_dhcp_that_nobody_answers_is_a_step_that_fails_and_is_tried_
     bench.loop.run_until(lambda: bench.station.is_up)
 
 
-def test_a_program_that_is_missing_blocks_and_resets_nothing(make, monkeypatch, tmp_path):
-    bench = make(bearer="qmi")
+def test_a_program_that_is_missing_blocks_and_resets_nothing(make_modem, monkeypatch, tmp_path):
+    bench = make_modem(bearer="qmi")
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setattr(bench.system, "run", super(FakeSystem, bench.system).run)
     bench.start()
@@ -280,8 +268,8 @@ def test_a_program_that_is_missing_blocks_and_resets_nothing(make, monkeypatch, 
     assert "AT+COPS=0" not in bench.modem.asked
 
 
-def test_a_right_that_is_missing_blocks_and_resets_nothing(make):
-    bench = qmi(make)
+def test_a_right_that_is_missing_blocks_and_resets_nothing(make_modem):
+    bench = qmi(make_modem)
     bench.system.printed["link set"] = "RTNETLINK answers: Operation not permitted\n"
     bench.system.fails = {"link set"}
     bench.start()
@@ -293,8 +281,8 @@ def test_a_right_that_is_missing_blocks_and_resets_nothing(make):
     bench.loop.run_until(lambda: bench.station.is_up)
 
 
-def test_a_program_that_fails_is_a_step_that_fails_with_its_last_words(make):
-    bench = qmi(make)
+def test_a_program_that_fails_is_a_step_that_fails_with_its_last_words(make_modem):
+    bench = qmi(make_modem)
     bench.system.printed["--wds-start-network"] = "error: couldn't start network: QMI protocol error (14): 'CallFailed'"
     bench.system.fails = {"--wds-start-network"}
     bench.start()

@@ -1,43 +1,29 @@
 """The modem's SIM: its PIN is given where that is safe, and tried nowhere else."""
 
 import os
-from contextlib import closing
 
 import pytest
 
 from board.errors import InterfaceError
 from drivers.sim.modem_commands import ICCID
-from tests.drivers.modem import Bench
-from tests.virtual import VirtualLoop
 
+PATIENCE_S = 0.0  # the bench knows when octets are on their way
 OTHER_ICCID = ICCID[:-1] + "1"
 
 
 @pytest.fixture
-def loop():
-    with closing(VirtualLoop()) as loop:
-        yield loop
+def bench(make_modem):
+    return make_modem()
 
 
 @pytest.fixture
-def bench(loop, tmp_path):
-    with closing(Bench(loop, tmp_path)) as bench:
-        yield bench
-
-
-@pytest.fixture
-def locked(loop, tmp_path):
-    made = []
-
+def locked(make_modem, tmp_path):
     def locked(pin="1234", **options):
-        bench = Bench(loop, tmp_path, pin_file=str(write(tmp_path, pin)), **options)
+        bench = make_modem(pin_file=str(write(tmp_path, pin)), **options)
         bench.modem.card.state = "SIM PIN"
-        made.append(bench)
         return bench
 
-    yield locked
-    for bench in made:
-        bench.close()
+    return locked
 
 
 def write(folder, pin):

@@ -6,22 +6,13 @@ import pytest
 
 from board.errors import RequestError, StuckError
 from drivers.sim.modem_commands import IMEI
-from tests.drivers.modem import Bench
-from tests.virtual import VirtualLoop
+
+PATIENCE_S = 0.0  # the bench knows when octets are on their way
 
 
 @pytest.fixture
-def loop():
-    loop = VirtualLoop()
-    yield loop
-    loop.close()
-
-
-@pytest.fixture
-def bench(loop, tmp_path):
-    bench = Bench(loop, tmp_path)
-    yield bench
-    bench.close()
+def bench(make_modem):
+    return make_modem()
 
 
 def asked(bench, do, **arguments):

@@ -6,8 +6,8 @@ from board.errors import StationError
 from drivers.modem_script import LEAST_PAUSE_S, Ask, Begin, Ended, Pause, Run, Runner, StepError, ask, run
 from drivers.wire.at import Answer
 from drivers.wire.at_forms import SILENT, Final
-from tests.virtual import VirtualLoop
 
+PATIENCE_S = 0.0  # nothing here crosses the kernel's threads
 OK = Final("OK")
 
 
@@ -36,13 +36,6 @@ class World:
     @property
     def why(self):
         return self.steps[-1]
-
-
-@pytest.fixture
-def loop():
-    loop = VirtualLoop()
-    yield loop
-    loop.close()
 
 
 @pytest.fixture

@@ -1,45 +1,26 @@
 """The modem's link while it is up: registrations that age, and packets that only go out."""
 
-from contextlib import closing
-
-import pytest
-
 from drivers.modem_system import Counters, Route
 from drivers.modem_watch import FAILED_MOST, STALL_PACKETS, STALL_S, Stall
 from drivers.sim.modem_network import Access
-from tests.drivers.modem import Bench
-from tests.virtual import VirtualLoop
 
+PATIENCE_S = 0.0  # the bench knows when octets are on their way
 GATEWAY = "10.64.1.1"
-
-
-@pytest.fixture
-def make(tmp_path):
-    with closing(VirtualLoop()) as loop:
-        made = []
-
-        def make(**options):
-            made.append(Bench(loop, tmp_path, **options))
-            return made[-1]
-
-        yield make
-        for bench in made:
-            bench.close()
 
 
 # -- registration
 
 
-def test_a_network_that_no_domain_speaks_of_any_more_is_no_link(make):
-    bench = make()
+def test_a_network_that_no_domain_speaks_of_any_more_is_no_link(make_modem):
+    bench = make_modem()
     bench.up()
     bench.modem.lies = lambda text: "\r\nERROR\r\n" if "REG?" in text else None
     bench.loop.run_until(lambda: not bench.station.is_up, within=10 * (FAILED_MOST + 1))
     assert bench.station.details[-1]["registration"] == "unknown"
 
 
-def test_a_look_that_failed_is_not_told_as_one_that_succeeded(make):
-    bench = make()
+def test_a_look_that_failed_is_not_told_as_one_that_succeeded(make_modem):
+    bench = make_modem()
     bench.up()
     bench.loop.run_for(5)
     bench.modem.lies = lambda text: "\r\nERROR\r\n" if "REG?" in text else None
@@ -48,8 +29,8 @@ def test_a_look_that_failed_is_not_told_as_one_that_succeeded(make):
     assert len(bench.station.details) == told
 
 
-def test_a_domain_that_refuses_once_is_asked_again(make):
-    bench = make()
+def test_a_domain_that_refuses_once_is_asked_again(make_modem):
+    bench = make_modem()
     bench.modem.network.offered = Access.LTE
     bench.up()
     left = ["\r\nERROR\r\n"]
@@ -61,8 +42,8 @@ def test_a_domain_that_refuses_once_is_asked_again(make):
     assert bench.station.is_up
 
 
-def test_a_domain_that_the_firmware_does_not_have_is_asked_for_once(make):
-    bench = make()
+def test_a_domain_that_the_firmware_does_not_have_is_asked_for_once(make_modem):
+    bench = make_modem()
     bench.modem.network.offered = Access.LTE
     bench.modem.lies = lambda text: "\r\nERROR\r\n" if text == "AT+C5GREG?" else None
     bench.up()
@@ -91,8 +72,8 @@ def test_a_packet_that_comes_ends_a_silence():
     assert not stall.is_stalled(11 + STALL_S, Counters(6, 190))
 
 
-def up_by_call(make):
-    bench = make(bearer="at")
+def up_by_call(make_modem):
+    bench = make_modem(bearer="at")
     bench.system.printed = {"udhcpc": "lease of 10.64.1.2 obtained"}
     bench.system.routes = [Route(GATEWAY, 700)]
     bench.system.counts = Counters(100, 100)
@@ -106,8 +87,8 @@ def only_send(bench, seconds=400):
         bench.loop.run_for(1)
 
 
-def test_packets_that_only_go_out_are_a_stall_when_the_gateway_that_answered_does_not_any_more(make):
-    bench = up_by_call(make)
+def test_packets_that_only_go_out_are_a_stall_when_the_gateway_that_answered_does_not_any_more(make_modem):
+    bench = up_by_call(make_modem)
     bench.loop.run_for(60)
     bench.system.fails = {"ping"}
     only_send(bench)
@@ -115,8 +96,8 @@ def test_packets_that_only_go_out_are_a_stall_when_the_gateway_that_answered_doe
     assert "AT+COPS=0" in bench.modem.asked
 
 
-def test_a_station_that_only_sends_is_not_disturbed_while_the_gateway_answers(make):
-    bench = up_by_call(make)
+def test_a_station_that_only_sends_is_not_disturbed_while_the_gateway_answers(make_modem):
+    bench = up_by_call(make_modem)
     only_send(bench, 1000)
     assert bench.station.is_up
     assert not any("none has come" in why for why in bench.station.steps)
@@ -124,8 +105,8 @@ def test_a_station_that_only_sends_is_not_disturbed_while_the_gateway_answers(ma
     assert sum(line.startswith("ping") for line in bench.system.ran) < 20
 
 
-def test_a_gateway_that_never_answered_an_echo_proves_nothing(make):
-    bench = make(bearer="at")
+def test_a_gateway_that_never_answered_an_echo_proves_nothing(make_modem):
+    bench = make_modem(bearer="at")
     bench.system.fails = {"ping"}
     bench.system.printed = {"udhcpc": "lease of 10.64.1.2 obtained"}
     bench.system.routes = [Route(GATEWAY, 700)]

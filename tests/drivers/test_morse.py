@@ -15,31 +15,22 @@ from drivers.reason import Reason
 from drivers.wire import morse
 from tests.board.gpio import Gpio
 from tests.drivers.host import CAM, DENM, SHARED, Host, request
-from tests.virtual import VirtualLoop
+
+PATIENCE_S = 0.0  # nothing here crosses the kernel's threads
 
 
 @pytest.fixture
-def loop():
-    loop = VirtualLoop()
-    yield loop
-    loop.close()
-
-
-@pytest.fixture
-def start(host, tmp_path):
-    started = []
+def start(host, tmp_path, at_end):
     shared = SHARED._replace(machine=Machine(dev=tmp_path))
 
     def start(host=host, **options):
         paths = {key: str(value) if isinstance(value, Path) else value for key, value in options.items()}
         driver = Morse(MorseOptions(**paths), shared)
         driver.start(host)
-        started.append(driver)
+        at_end(driver.stop)
         return driver
 
-    yield start
-    for driver in started:
-        driver.stop()
+    return start
 
 
 def say(driver, host, pdu):

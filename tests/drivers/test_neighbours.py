@@ -15,23 +15,15 @@ from drivers.sim.neighbours import Neighbours, NeighboursOptions
 from drivers.udp import Udp, UdpOptions
 from drivers.wire import frame
 from tests.drivers.host import CAM, DENM, MAC, SHARED, request
-from tests.virtual import VirtualLoop
 
+PATIENCE_S = 0.0  # nothing here crosses the kernel's threads
 NOON = 1_795_176_000.0  # 2026-11-20T12:00:00Z
 HERE = Position(487668616, 114320680)
 
 
 @pytest.fixture
-def loop():
-    loop = VirtualLoop()
-    yield loop
-    loop.close()
-
-
-@pytest.fixture
-def begin(loop, host):
+def begin(loop, host, at_end):
     """A station under test and its neighbours, who know each other."""
-    opened = []
 
     def begin(wall=lambda: NOON, **options):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
@@ -41,12 +33,11 @@ def begin(loop, host):
         driver.start(host)
         neighbours = Neighbours(loop, NeighboursOptions(listen=listen, to=str(driver.address), **options), wall)
         neighbours.start()
-        opened.extend([driver, neighbours])
+        at_end(driver.stop)
+        at_end(neighbours.stop)
         return driver, neighbours
 
-    yield begin
-    for one in opened:
-        one.stop()
+    return begin
 
 
 def test_each_sends_ten_cams_and_one_denm_a_second(loop, host, begin):

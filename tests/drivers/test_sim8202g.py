@@ -16,33 +16,13 @@ from drivers.sim.modem_commands import ICCID, IMEI, IMSI
 from drivers.sim.modem_network import ADDRESS, Access
 from drivers.sim8202g import Sim8202g
 from tests.drivers.host import SHARED
-from tests.drivers.modem import Bench
-from tests.virtual import VirtualLoop
+
+PATIENCE_S = 0.0  # the bench knows when octets are on their way
 
 
 @pytest.fixture
-def loop():
-    loop = VirtualLoop()
-    yield loop
-    loop.close()
-
-
-@pytest.fixture
-def make(loop, tmp_path):
-    made = []
-
-    def make(**options):
-        made.append(Bench(loop, tmp_path, **options))
-        return made[-1]
-
-    yield make
-    for bench in made:
-        bench.close()
-
-
-@pytest.fixture
-def bench(make):
-    return make()
+def bench(make_modem):
+    return make_modem()
 
 
 # -- bring-up
@@ -79,8 +59,8 @@ def test_its_details_say_what_the_module_is_and_where_it_is_served(bench, loop):
     assert details["cell"]["leg"]["strength"] == {"rsrp_dbm": -96.0, "rsrq_db": -12.0, "snr_db": 9.5}
 
 
-def test_its_details_say_how_old_they_are_whenever_they_are_asked_for(make, loop):
-    bench = make(poll_s=10.0)
+def test_its_details_say_how_old_they_are_whenever_they_are_asked_for(make_modem, loop):
+    bench = make_modem(poll_s=10.0)
     bench.up()
     loop.run_for(60)
     seen = []
@@ -129,8 +109,8 @@ def test_a_card_that_is_busy_after_power_on_is_waited_for(bench):
     assert bench.modem.asked.count("AT+CPIN?") > 1
 
 
-def test_an_access_point_is_set_once_and_before_the_network_is_attached_to(make):
-    bench = make(apn="internet.v2x", ip_type="ipv4v6")
+def test_an_access_point_is_set_once_and_before_the_network_is_attached_to(make_modem):
+    bench = make_modem(apn="internet.v2x", ip_type="ipv4v6")
     bench.up()
     assert bench.modem.context == ("IPV4V6", "internet.v2x")
     asked = bench.modem.asked
@@ -140,8 +120,8 @@ def test_an_access_point_is_set_once_and_before_the_network_is_attached_to(make)
     assert sum(text.startswith("AT+CGDCONT=") for text in asked) == 1
 
 
-def test_the_network_mode_is_set_where_it_is_another(make):
-    bench = make(network_mode="lte-nr5g")
+def test_the_network_mode_is_set_where_it_is_another(make_modem):
+    bench = make_modem(network_mode="lte-nr5g")
     bench.up()
     assert bench.modem.mode == 109
     assert "AT+CNMP=109" in bench.modem.asked
@@ -154,8 +134,8 @@ def test_start_without_a_module_is_refused_and_may_be_repeated(bench, host):
     assert host.links == []
 
 
-def test_a_port_that_another_program_has_is_refused_and_named(make, host, tmp_path):
-    bench = make()
+def test_a_port_that_another_program_has_is_refused_and_named(make_modem, host, tmp_path):
+    bench = make_modem()
     bench.up()
     other = Sim8202g(ModemOptions(port=bench.driver._port.path, bearer="none"), SHARED)
     with pytest.raises(InterfaceError, match="taken by another program"):
@@ -163,8 +143,8 @@ def test_a_port_that_another_program_has_is_refused_and_named(make, host, tmp_pa
     assert bench.station.is_up
 
 
-def test_another_usb_composition_is_switched_to_and_its_return_is_waited_for(make):
-    bench = make(bearer="rndis")
+def test_another_usb_composition_is_switched_to_and_its_return_is_waited_for(make_modem):
+    bench = make_modem(bearer="rndis")
     bench.system.printed = {"udhcpc": "udhcpc: lease of 192.168.225.34 obtained"}
     bench.up(within=180)
     assert bench.modem.product == "9011"
@@ -173,8 +153,8 @@ def test_another_usb_composition_is_switched_to_and_its_return_is_waited_for(mak
     assert bench.station.why == "usb0 has 192.168.225.34"
 
 
-def test_a_composition_that_the_module_does_not_keep_blocks_with_a_remedy(make, loop):
-    bench = make(bearer="mbim")
+def test_a_composition_that_the_module_does_not_keep_blocks_with_a_remedy(make_modem, loop):
+    bench = make_modem(bearer="mbim")
     bench.modem.lies = lambda text: "\r\nUSBID: 0X1E0E,0X9001\r\n\r\nOK\r\n" if text == "AT+CUSBCFG?" else None
     bench.start()
     loop.run_until(lambda: "stays 1e0e:9001" in bench.station.why, within=300)
@@ -231,8 +211,8 @@ def test_a_bearer_that_does_not_come_is_recovered_from_by_stronger_and_stronger_
     ]
 
 
-def test_a_bearer_that_is_gone_is_brought_up_again(make, loop):
-    bench = make(bearer="none")
+def test_a_bearer_that_is_gone_is_brought_up_again(make_modem, loop):
+    bench = make_modem(bearer="none")
     bench.up()
     loop.run_for(90)
     bench.modem.network.is_context_up = False
@@ -378,11 +358,11 @@ def test_an_hour_of_garbage_costs_few_lines_and_little_work_and_is_recovered_fro
     assert bench.station.details[-1]["garbage_octets"] > 10_000
 
 
-def test_identifiers_are_in_no_line_of_the_journal_and_in_no_details(make, loop, tmp_path, caplog):
+def test_identifiers_are_in_no_line_of_the_journal_and_in_no_details(make_modem, loop, tmp_path, caplog):
     path = tmp_path / "pin"
     path.write_text("1234\n")
     path.chmod(0o600)
-    bench = make(pin_file=str(path))
+    bench = make_modem(pin_file=str(path))
     bench.modem.card.state = "SIM PIN"
     with caplog.at_level(logging.DEBUG):
         bench.up()
@@ -422,8 +402,8 @@ def test_an_identifier_in_the_wrong_answer_is_shown_nowhere(bench, loop, caplog,
 # -- stopping
 
 
-def test_it_may_be_stopped_in_every_step_and_leaves_nothing(make, loop):
-    bench = make()
+def test_it_may_be_stopped_in_every_step_and_leaves_nothing(make_modem, loop):
+    bench = make_modem()
     bench.power()
     for seconds in (0.0, 0.5, 1.0, 2.0, 4.0, 6.0, 8.0, 12.0, 30.0):
         bench.driver.start(bench.station)

@@ -23,18 +23,15 @@ def line(loop):
 
 
 @pytest.fixture
-def start(host):
-    started = []
+def start(host, at_end):
 
     def start(path, **options):
         driver = Uart(UartOptions(device=path, **options), SHARED)
         driver.start(host)
-        started.append(driver)
+        at_end(driver.stop)
         return driver
 
-    yield start
-    for driver in started:
-        driver.stop()
+    return start
 
 
 def test_frames_cross_the_line_both_ways_with_their_ports(loop, host, line, start):

@@ -29,19 +29,16 @@ def peer():
 
 
 @pytest.fixture
-def start(host):
-    started = []
+def start(host, at_end):
 
     def start(shared=SHARED, **options):
         options.setdefault("framing", "pdu")
         driver = Udp(UdpOptions(**options), shared)
         driver.start(host)
-        started.append(driver)
+        at_end(driver.stop)
         return driver
 
-    yield start
-    for driver in started:
-        driver.stop()
+    return start
 
 
 def text(peer):

@@ -17,7 +17,7 @@ from drivers.wire.ubx_health import MonVer
 from drivers.wire.ubx_messages import encode
 from drivers.wire.ubx_time import TimTp
 from drivers.zed_f9p import ZedF9p
-from tests.drivers.gnss import UTC, Bench
+from tests.drivers.gnss import UTC
 from tests.drivers.host import SHARED, request
 from tests.drivers.test_contract import descriptors, sources
 
@@ -25,21 +25,8 @@ UART = Habits(port="uart1")
 SIGNALS = "CFG-MSGOUT-UBX_SEC_SIG_USB"
 
 
-@pytest.fixture
-def bench(loop):
-    made = []
-
-    def make(habits=None, **options):
-        made.append(Bench(loop, habits, **options))
-        return made[-1]
-
-    yield make
-    for one in made:
-        one.close()
-
-
-def test_a_receiver_from_the_factory_is_configured_and_gives_fixes(bench, loop):
-    one = bench().up()
+def test_a_receiver_from_the_factory_is_configured_and_gives_fixes(make_receiver, loop):
+    one = make_receiver().up()
     host, memory = one.host, one.receiver.memory
     assert [is_up for is_up, _ in host.links] == [False, True]
     assert host.links[1][1].startswith("ZED-F9P HPG 1.32 at ")
@@ -56,8 +43,8 @@ def test_a_receiver_from_the_factory_is_configured_and_gives_fixes(bench, loop):
     assert host.drops == {}
 
 
-def test_its_epochs_come_at_the_rate_that_is_wanted(bench, loop):
-    one = bench(rate_hz=10, dynamics="pedestrian", antenna_delay_ns=-20).up()
+def test_its_epochs_come_at_the_rate_that_is_wanted(make_receiver, loop):
+    one = make_receiver(rate_hz=10, dynamics="pedestrian", antenna_delay_ns=-20).up()
     before = len(one.host.fixes)
     loop.run_for(2.05)
     assert len(one.host.fixes) - before == 20
@@ -65,8 +52,8 @@ def test_its_epochs_come_at_the_rate_that_is_wanted(bench, loop):
     assert one.receiver.memory.value("CFG-TP-ANT_CABLEDELAY") == -20
 
 
-def test_a_time_mark_comes_once_a_second_and_names_the_second_that_follows(bench, loop):
-    one = bench(rate_hz=5).up()
+def test_a_time_mark_comes_once_a_second_and_names_the_second_that_follows(make_receiver, loop):
+    one = make_receiver(rate_hz=5).up()
     del one.host.time_marks[:]
     loop.run_for(4)
     marks = one.host.time_marks
@@ -78,8 +65,8 @@ def test_a_time_mark_comes_once_a_second_and_names_the_second_that_follows(bench
         assert -4000 <= mark.quantisation_ps < 4000
 
 
-def test_a_pulse_that_is_announced_before_the_first_epoch_is_not_trusted(bench, loop):
-    one = bench().start()
+def test_a_pulse_that_is_announced_before_the_first_epoch_is_not_trusted(make_receiver, loop):
+    one = make_receiver().start()
     loop.run_until(lambda: "module" in one.details())
     one.receiver.say(encode(TimTp(1000, 0, 0, 2400, 3, 0x30)))
     loop.run_until(lambda: one.host.time_marks)
@@ -87,21 +74,21 @@ def test_a_pulse_that_is_announced_before_the_first_epoch_is_not_trusted(bench, 
     assert (mark.utc_s, mark.is_locked, mark.leap_seconds) == (None, False, None)
 
 
-def test_without_pulses_there_are_no_time_marks(bench, loop):
-    one = bench(pulse=False).up()
+def test_without_pulses_there_are_no_time_marks(make_receiver, loop):
+    one = make_receiver(pulse=False).up()
     loop.run_for(3)
     assert one.host.time_marks == []
     assert one.receiver.memory.value("CFG-TP-TP1_ENA") == 0
 
 
-def test_a_uart_at_the_rate_of_the_factory_is_found_and_made_faster(bench):
-    one = bench(UART).up()
+def test_a_uart_at_the_rate_of_the_factory_is_found_and_made_faster(make_receiver):
+    one = make_receiver(UART).up()
     assert one.receiver.memory.baud == 230_400
     assert one.receiver.memory.value("CFG-UART1OUTPROT-NMEA") == 0
 
 
-def test_a_uart_that_has_our_rate_already_is_left_at_it(bench):
-    one = bench(UART).up().again().up()
+def test_a_uart_that_has_our_rate_already_is_left_at_it(make_receiver):
+    one = make_receiver(UART).up().again().up()
     rates = [
         frame for frame in one.receiver.requests if frame.kind == Kind.CFG_VALSET and b"\1\0\x52\x40" in frame.payload
     ]
@@ -110,12 +97,14 @@ def test_a_uart_that_has_our_rate_already_is_left_at_it(bench):
 
 
 @pytest.mark.parametrize("baud", [9600, 38_400, 115_200, 921_600])
-def test_any_rate_may_be_wanted(bench, baud):
-    assert bench(UART, baud=baud).up().receiver.memory.baud == baud
+def test_any_rate_may_be_wanted(make_receiver, baud):
+    assert make_receiver(UART, baud=baud).up().receiver.memory.baud == baud
 
 
-def test_a_firmware_without_signal_security_is_told_of_jamming_by_other_messages(bench, loop, caplog):
-    one = bench(Habits(unknown=(SIGNALS,), version=MonVer("EXT CORE 1.00", "00190000", ("PROTVER 27.11",)))).up()
+def test_a_firmware_without_signal_security_is_told_of_jamming_by_other_messages(make_receiver, loop, caplog):
+    one = make_receiver(
+        Habits(unknown=(SIGNALS,), version=MonVer("EXT CORE 1.00", "00190000", ("PROTVER 27.11",)))
+    ).up()
     assert one.details()["refused"] == [SIGNALS]
     assert one.receiver.memory.value("CFG-ITFM-ENABLE") == 1
     assert f"does not know {SIGNALS}" in caplog.text
@@ -125,29 +114,29 @@ def test_a_firmware_without_signal_security_is_told_of_jamming_by_other_messages
     assert (details["jamming"], details["spoofing"], details["firmware"]) == ("critical", "indicated", "EXT CORE 1.00")
 
 
-def test_several_keys_that_are_not_known_are_found_among_those_that_are(bench):
+def test_several_keys_that_are_not_known_are_found_among_those_that_are(make_receiver):
     unknown = ("CFG-TP-ALIGN_TO_TOW_TP1", "CFG-TP-USE_LOCKED_TP1", "CFG-RATE-TIMEREF", SIGNALS)
-    one = bench(Habits(unknown=unknown)).up()
+    one = make_receiver(Habits(unknown=unknown)).up()
     assert set(one.details()["refused"]) == set(unknown)
     assert one.receiver.memory.value("CFG-TP-LEN_LOCK_TP1") == 100_000
 
 
-def test_a_receiver_that_refuses_epochs_is_named_as_too_old(bench, loop):
-    one = bench(Habits(unknown=("CFG-MSGOUT-UBX_NAV_PVT_USB",))).start()
+def test_a_receiver_that_refuses_epochs_is_named_as_too_old(make_receiver, loop):
+    one = make_receiver(Habits(unknown=("CFG-MSGOUT-UBX_NAV_PVT_USB",))).start()
     loop.run_until(lambda: one.host.failures)
     assert "refuses CFG-MSGOUT-UBX_NAV_PVT_USB" in one.host.failures[0].message
     assert "HPG 1.32" in one.host.failures[0].hint
 
 
-def test_a_receiver_that_acknowledges_nothing_is_a_fault(bench, loop):
-    one = bench().start()
+def test_a_receiver_that_acknowledges_nothing_is_a_fault(make_receiver, loop):
+    one = make_receiver().start()
     one.receiver.acknowledges = False
     loop.run_until(lambda: one.host.failures)
     assert "does not acknowledge its ports" in one.host.failures[0].message
 
 
-def test_acknowledgements_that_are_lost_now_and_then_are_asked_for_again(bench, loop):
-    one = bench().start()
+def test_acknowledgements_that_are_lost_now_and_then_are_asked_for_again(make_receiver, loop):
+    one = make_receiver().start()
     one.receiver.acknowledges = False
     loop.run_for(1.5)
     one.receiver.acknowledges = True
@@ -155,8 +144,8 @@ def test_acknowledgements_that_are_lost_now_and_then_are_asked_for_again(bench, 
     assert one.host.failures == []
 
 
-def test_where_nobody_answers_it_fails_by_name_and_after_three_times_only_power_may_help(bench, loop):
-    one = bench(UART)
+def test_where_nobody_answers_it_fails_by_name_and_after_three_times_only_power_may_help(make_receiver, loop):
+    one = make_receiver(UART)
     one.receiver.is_mute = True
     for failure in range(3):
         one.start()
@@ -167,14 +156,14 @@ def test_where_nobody_answers_it_fails_by_name_and_after_three_times_only_power_
     assert [isinstance(error, StuckError) for error in one.host.failures] == [False, False, True]
 
 
-def test_what_speaks_nmea_alone_is_told_apart(bench, loop):
-    one = bench(Habits(speaks_ubx=False)).start()
+def test_what_speaks_nmea_alone_is_told_apart(make_receiver, loop):
+    one = make_receiver(Habits(speaks_ubx=False)).start()
     loop.run_until(lambda: one.host.failures)
     assert 'kind = "nmea"' in one.host.failures[0].hint
 
 
-def test_it_is_kept_in_flash_once_and_not_written_again(bench, loop):
-    one = bench(UART, save=True).up()
+def test_it_is_kept_in_flash_once_and_not_written_again(make_receiver, loop):
+    one = make_receiver(UART, save=True).up()
     writes = one.receiver.memory.flash_writes
     assert writes == 8  # a group each, and the rate
     one.again(save=True).up()
@@ -188,8 +177,8 @@ def test_it_is_kept_in_flash_once_and_not_written_again(bench, loop):
     assert (one.receiver.memory.baud, one.receiver.memory.value("CFG-TP-ANT_CABLEDELAY")) == (230_400, 77)
 
 
-def test_a_port_that_another_program_has_is_not_taken(bench, loop):
-    one = bench().up()
+def test_a_port_that_another_program_has_is_not_taken(make_receiver, loop):
+    one = make_receiver().up()
     with pytest.raises(InterfaceError, match="taken by another program"):
         ZedF9p(one.options, SHARED).start(one.host)
 
@@ -215,16 +204,16 @@ def test_a_receiver_in_a_slot_is_found_by_its_place(loop, host, tmp_path):
     machine.close()
 
 
-def test_it_carries_no_messages(bench):
-    one = bench().start()
+def test_it_carries_no_messages(make_receiver):
+    one = make_receiver().start()
     assert one.driver.capabilities.can == Can.POSITION | Can.TIMEMARK
     assert isinstance(one.driver, Operated)
     with pytest.raises(RequestError, match="sends nothing"):
         one.driver.send(request(b"\2\2\0\0\0\1"))
 
 
-def test_stopped_at_any_moment_it_leaves_nothing_behind(bench, loop):
-    one = bench()
+def test_stopped_at_any_moment_it_leaves_nothing_behind(make_receiver, loop):
+    one = make_receiver()
     one.driver.stop()
     before, others = descriptors(), sources(loop)
     for moment in (0.0, 0.01, 0.3, 2.0):
@@ -273,8 +262,8 @@ def test_a_surveyed_position_is_told_every_second(loop, host):
     assert loop.delay() is None
 
 
-def test_a_receiver_of_nmea_gives_positions_and_the_time_of_day(bench, loop):
-    one = bench(Habits(speaks_ubx=False), kind="nmea").up()
+def test_a_receiver_of_nmea_gives_positions_and_the_time_of_day(make_receiver, loop):
+    one = make_receiver(Habits(speaks_ubx=False), kind="nmea").up()
     assert one.driver.capabilities.can == Can.POSITION
     fix = one.host.fixes[-1]
     motion = one.track.at(fix.utc_ns / 1e9 - UTC)
@@ -290,8 +279,8 @@ def test_a_receiver_of_nmea_gives_positions_and_the_time_of_day(bench, loop):
     assert "nothing comes at 38400 baud" in one.host.failures[0].message
 
 
-def test_a_receiver_of_nmea_whose_sentences_tell_no_position_is_never_up_and_soon_a_fault(bench, loop):
-    one = bench(Habits(speaks_ubx=False), kind="nmea").start()
+def test_a_receiver_of_nmea_whose_sentences_tell_no_position_is_never_up_and_soon_a_fault(make_receiver, loop):
+    one = make_receiver(Habits(speaks_ubx=False), kind="nmea").start()
     one.receiver.is_mute = True
     for _ in range(30):
         one.receiver.say(nmea.encode("GPGSA,A,1,,,,,,,,,,,,,99.9,99.9,99.9"))

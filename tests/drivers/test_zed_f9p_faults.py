@@ -12,28 +12,15 @@ from drivers.reason import Reason
 from drivers.sim import receiver_messages as says
 from drivers.sim.receiver_habits import Habits
 from drivers.wire.gnss_time import GPS_EPOCH, Leap
-from tests.drivers.gnss import UTC, Bench
+from tests.drivers.gnss import UTC
 
 UART = Habits(port="uart1")
 MIDNIGHT = calendar.timegm((2017, 1, 1, 0, 0, 0))
 EVENT = MIDNIGHT - GPS_EPOCH + 17
 
 
-@pytest.fixture
-def bench(loop):
-    made = []
-
-    def make(habits=None, **options):
-        made.append(Bench(loop, habits, **options))
-        return made[-1]
-
-    yield make
-    for one in made:
-        one.close()
-
-
-def test_in_a_tunnel_the_link_stays_up_and_fixes_say_that_there_is_none(bench, loop):
-    one = bench().up()
+def test_in_a_tunnel_the_link_stays_up_and_fixes_say_that_there_is_none(make_receiver, loop):
+    one = make_receiver().up()
     one.receiver.sky = replace(one.receiver.sky, satellites=0)
     loop.run_for(10.5)
     fix = one.host.fixes[-1]
@@ -48,9 +35,9 @@ def test_in_a_tunnel_the_link_stays_up_and_fixes_say_that_there_is_none(bench, l
     assert one.details()["jumps"] == 0
 
 
-def test_jamming_spoofing_and_the_antenna_are_told_and_logged_once(bench, loop, caplog):
+def test_jamming_spoofing_and_the_antenna_are_told_and_logged_once(make_receiver, loop, caplog):
     caplog.set_level("INFO", "captain.gnss")
-    one = bench().up()
+    one = make_receiver().up()
     loop.run_for(2.5)
     caplog.clear()
     quiet = one.receiver.sky
@@ -70,8 +57,8 @@ def test_jamming_spoofing_and_the_antenna_are_told_and_logged_once(bench, loop, 
     assert one.host.details[-1]["jamming"] == "none"
 
 
-def test_from_a_cold_start_no_second_is_named_before_leap_seconds_come_from_satellites(bench, loop):
-    one = bench(Habits(leap_s=20.0, default_leap=16)).up()
+def test_from_a_cold_start_no_second_is_named_before_leap_seconds_come_from_satellites(make_receiver, loop):
+    one = make_receiver(Habits(leap_s=20.0, default_leap=16)).up()
     loop.run_for(3.5)
     assert one.host.fixes[-1].utc_ns is None
     mark = one.host.time_marks[-1]
@@ -87,9 +74,9 @@ def test_from_a_cold_start_no_second_is_named_before_leap_seconds_come_from_sate
 
 @pytest.mark.parametrize("repeats", [False, True])
 @pytest.mark.parametrize("rate_hz", [1, 5])
-def test_across_a_leap_second_each_pulse_and_each_epoch_has_its_second(bench, loop, repeats, rate_hz):
+def test_across_a_leap_second_each_pulse_and_each_epoch_has_its_second(make_receiver, loop, repeats, rate_hz):
     habits = Habits(gps_s=EVENT - 9, leap=Leap(17, EVENT, 1), repeats=repeats, fix_s=1.0, leap_s=1.0)
-    one = bench(habits, rate_hz=rate_hz).up()
+    one = make_receiver(habits, rate_hz=rate_hz).up()
     loop.run_for(1.5)
     change = one.details()["leap_change"]
     assert change == {"seconds": 1, "unix": MIDNIGHT}
@@ -104,16 +91,16 @@ def test_across_a_leap_second_each_pulse_and_each_epoch_has_its_second(bench, lo
     assert one.host.time_marks[-1].leap_seconds == 18
 
 
-def test_across_the_end_of_a_week_seconds_go_on(bench, loop):
-    one = bench(Habits(gps_s=2400 * 604_800 - 6)).up()
+def test_across_the_end_of_a_week_seconds_go_on(make_receiver, loop):
+    one = make_receiver(Habits(gps_s=2400 * 604_800 - 6)).up()
     loop.run_until(lambda: one.gps_s() > 2400 * 604_800 + 3)
     seconds = [mark.utc_s for mark in one.host.time_marks if mark.is_locked]
     assert seconds == list(range(seconds[0], seconds[0] + len(seconds)))
     assert seconds[-1] > GPS_EPOCH + 2400 * 604_800 - 18
 
 
-def test_a_jump_of_100_km_is_reported_and_not_passed_on_before_epochs_agree(bench, loop, caplog):
-    one = bench().up()
+def test_a_jump_of_100_km_is_reported_and_not_passed_on_before_epochs_agree(make_receiver, loop, caplog):
+    one = make_receiver().up()
     before = len(one.host.fixes)
     one.receiver.sky = replace(one.receiver.sky, offset=9_000_000)
     loop.run_until(lambda: one.details()["withheld"] == 4)
@@ -127,8 +114,8 @@ def test_a_jump_of_100_km_is_reported_and_not_passed_on_before_epochs_agree(benc
     assert caplog.text.count("jumped") == 1
 
 
-def test_one_wrong_epoch_is_not_passed_on_and_the_next_right_one_is(bench, loop):
-    one = bench().up()
+def test_one_wrong_epoch_is_not_passed_on_and_the_next_right_one_is(make_receiver, loop):
+    one = make_receiver().up()
     one.receiver.sky = replace(one.receiver.sky, offset=9_000_000)
     loop.run_until(lambda: one.details()["withheld"] == 1)
     one.receiver.sky = replace(one.receiver.sky, offset=0)
@@ -137,8 +124,8 @@ def test_one_wrong_epoch_is_not_passed_on_and_the_next_right_one_is(bench, loop)
     assert all(fix.latitude is None or fix.latitude < 488_000_000 for fix in one.host.fixes)
 
 
-def test_a_receiver_that_falls_silent_is_down_after_three_seconds_and_back_when_it_speaks(bench, loop):
-    one = bench().up()
+def test_a_receiver_that_falls_silent_is_down_after_three_seconds_and_back_when_it_speaks(make_receiver, loop):
+    one = make_receiver().up()
     since = one.host.fixes[-1].monotonic
     one.receiver.is_mute = True
     loop.run_until(lambda: not one.host.is_up)
@@ -150,8 +137,8 @@ def test_a_receiver_that_falls_silent_is_down_after_three_seconds_and_back_when_
     assert one.host.failures == []
 
 
-def test_a_receiver_that_hangs_is_a_fault_with_a_name(bench, loop):
-    one = bench().up()
+def test_a_receiver_that_hangs_is_a_fault_with_a_name(make_receiver, loop):
+    one = make_receiver().up()
     one.receiver.is_mute = True
     loop.run_until(lambda: one.host.failures)
     assert isinstance(one.host.failures[0], InterfaceError)
@@ -162,8 +149,8 @@ def test_a_receiver_that_hangs_is_a_fault_with_a_name(bench, loop):
     loop.run_until(lambda: one.host.is_up)
 
 
-def test_one_that_acknowledges_everything_and_sends_no_epochs_is_never_up_and_soon_a_fault(bench, loop):
-    one = bench(receiver_port="uart2").start()  # it is at its USB port
+def test_one_that_acknowledges_everything_and_sends_no_epochs_is_never_up_and_soon_a_fault(make_receiver, loop):
+    one = make_receiver(receiver_port="uart2").start()  # it is at its USB port
     loop.run_until(lambda: one.host.failures, within=20)
     assert not any(is_up for is_up, _ in one.host.links)
     assert "was brought up 3 times and sends no epochs" in one.host.failures[0].message
@@ -172,8 +159,8 @@ def test_one_that_acknowledges_everything_and_sends_no_epochs_is_never_up_and_so
     assert len(one.host.failures) == 1
 
 
-def test_one_that_sends_garbage_alone_is_a_fault_and_the_garbage_is_counted(bench, loop):
-    one = bench().up()
+def test_one_that_sends_garbage_alone_is_a_fault_and_the_garbage_is_counted(make_receiver, loop):
+    one = make_receiver().up()
     one.receiver.is_mute = True
     for _ in range(12):
         one.receiver.say(bytes(range(128, 256)) * 10)
@@ -183,8 +170,8 @@ def test_one_that_sends_garbage_alone_is_a_fault_and_the_garbage_is_counted(benc
     assert len(one.host.failures) == 1
 
 
-def test_garbage_between_messages_costs_none_of_them(bench, loop):
-    one = bench().up()
+def test_garbage_between_messages_costs_none_of_them(make_receiver, loop):
+    one = make_receiver().up()
     for _ in range(4):
         before = len(one.host.fixes)
         one.receiver.say(b"\xb5b\1\7\0\x20 garbage $ \xd3\0\x40")
@@ -193,8 +180,8 @@ def test_garbage_between_messages_costs_none_of_them(bench, loop):
     assert one.host.failures == []
 
 
-def test_a_port_that_vanishes_is_told_at_once_and_the_receiver_comes_back(bench, loop):
-    one = bench().up()
+def test_a_port_that_vanishes_is_told_at_once_and_the_receiver_comes_back(make_receiver, loop):
+    one = make_receiver().up()
     one.receiver.unplug()
     loop.run_until(lambda: one.host.failures, within=1)
     assert one.host.failures[0].message.startswith(f"{one.options.port} is gone: ")
@@ -207,8 +194,8 @@ def test_a_port_that_vanishes_is_told_at_once_and_the_receiver_comes_back(bench,
 
 
 @pytest.mark.parametrize("kind", ["hot", "warm", "cold"])
-def test_a_reset_of_navigation_keeps_the_configuration_and_the_link(bench, loop, kind):
-    one = bench().up()
+def test_a_reset_of_navigation_keeps_the_configuration_and_the_link(make_receiver, loop, kind):
+    one = make_receiver().up()
     assert one.operate("reset", kind=kind) == {"reset": kind}
     loop.run_until(lambda: one.host.fixes[-1].latitude is None)
     loop.run_until(one.has_fix)
@@ -216,8 +203,8 @@ def test_a_reset_of_navigation_keeps_the_configuration_and_the_link(bench, loop,
     assert one.receiver.boots == 1
 
 
-def test_a_full_reset_of_a_uart_is_found_out_and_brought_up_anew(bench, loop):
-    one = bench(UART).up()
+def test_a_full_reset_of_a_uart_is_found_out_and_brought_up_anew(make_receiver, loop):
+    one = make_receiver(UART).up()
     one.operate("reset", kind="full")
     loop.run_until(lambda: not one.host.is_up)
     assert one.receiver.memory.baud == 38_400
@@ -226,16 +213,16 @@ def test_a_full_reset_of_a_uart_is_found_out_and_brought_up_anew(bench, loop):
     assert one.host.failures == []
 
 
-def test_a_full_reset_at_usb_is_an_unplugging(bench, loop):
-    one = bench().up()
+def test_a_full_reset_at_usb_is_an_unplugging(make_receiver, loop):
+    one = make_receiver().up()
     one.operate("reset", kind="full")
     loop.run_until(lambda: one.host.failures)
     loop.run_until(lambda: one.receiver.boots == 2)
     one.again().up()
 
 
-def test_what_an_operator_cannot_have_is_explained(bench):
-    one = bench()
+def test_what_an_operator_cannot_have_is_explained(make_receiver):
+    one = make_receiver()
     one.start()
     answers = [one.operate("reset"), one.operate("reset", kind="lukewarm"), one.operate("dance")]
     assert all(isinstance(answer, RequestError) for answer in answers)
@@ -243,8 +230,8 @@ def test_what_an_operator_cannot_have_is_explained(bench):
     assert "hot, warm, cold, full" in answers[1].hint
 
 
-def test_details_tell_all_of_it_once_a_second(bench, loop):
-    one = bench(UART, antenna_delay_ns=5).up()
+def test_details_tell_all_of_it_once_a_second(make_receiver, loop):
+    one = make_receiver(UART, antenna_delay_ns=5).up()
     loop.run_for(3.45)  # between two reports
     told = one.host.details[-1]
     assert told["module"] == "ZED-F9P"
@@ -260,8 +247,8 @@ def test_details_tell_all_of_it_once_a_second(bench, loop):
     assert len(one.host.details) - before == 3
 
 
-def test_the_second_of_a_mark_is_that_of_the_simulated_sky(bench, loop):
-    one = bench(Habits(gps_s=says.gps_of(2026, 12, 31, 23, 59, 50))).up()
+def test_the_second_of_a_mark_is_that_of_the_simulated_sky(make_receiver, loop):
+    one = make_receiver(Habits(gps_s=says.gps_of(2026, 12, 31, 23, 59, 50))).up()
     loop.run_for(4.5)
     mark = one.host.time_marks[-1]
     assert mark.utc_s == GPS_EPOCH + int(one.gps_s()) - 18 + 1
