@@ -20,14 +20,13 @@ _AT_ONCE = struct.pack("ii", 1, 0)  # socket(7), SO_LINGER: struct linger
 class Line:
     """What paho takes for its socket.
 
-    error      what the last write ended with.
     is_closed  paho wants no more of it; end() closes it.
     """
 
     def __init__(self, connection: socket.socket) -> None:
-        self.error: OSError | None = None
         self.is_closed = False
         self._connection = connection
+        self._error: OSError | None = None  # that the last write ended with
         self._packets = Packets(MAX_PACKET)
         self._whole = b""
         self._at = 0
@@ -49,7 +48,7 @@ class Line:
         except (ssl.SSLWantWriteError, ssl.SSLWantReadError, BlockingIOError) as error:
             raise BlockingIOError from error
         except OSError as error:
-            self.error = error
+            self._error = error
             raise
 
     def fileno(self) -> int:
@@ -75,6 +74,7 @@ class Line:
     def read(self) -> Iterator[bytes | Oversized]:
         """What has arrived, once. Raises OSError, EOFError when the broker has closed, ProtocolError."""
         try:
+            self._look()
             octets = self._connection.recv(READ)
         except (ssl.SSLWantWriteError, ssl.SSLWantReadError, BlockingIOError):
             return iter(())
@@ -82,10 +82,29 @@ class Line:
             raise EOFError
         return self._packets.receive(octets)
 
+    def _look(self) -> None:
+        """Raise what the network has ended the connection with: TLS would call it the broker's end."""
+        with suppress(BlockingIOError):
+            socket.socket.recv(self._connection, 1, socket.MSG_PEEK)
+
     @property
     def has_more(self) -> bool:
         """Whether octets were decrypted that no poll tells of."""
         return isinstance(self._connection, ssl.SSLSocket) and self._connection.pending() > 0
+
+    def cause(self) -> OSError | None:
+        """Why a write has failed, if one has: what the broker has said before it closed says more than that it did."""
+        if self._error is None:
+            return None
+        try:
+            self._connection.recv(READ)
+        except (ssl.SSLWantReadError, ssl.SSLEOFError):
+            pass
+        except ssl.SSLError as error:
+            return error
+        except OSError:
+            pass
+        return self._error
 
     def shut(self) -> None:
         """Nothing more will be written: the broker reads to the end, then closes."""

@@ -28,7 +28,7 @@ from drivers.mqtt_session import Session
 from drivers.mqtt_settings import MqttSettings, broker
 from drivers.mqtt_window import Accepted
 from drivers.reason import Reason
-from drivers.wire.mqtt_packets import Oversized
+from drivers.wire.mqtt_packets import CONNACK, Oversized
 from drivers.wire.v2n import Delivery, Publication
 
 # paho looks at its keep-alive when it is asked to.
@@ -38,6 +38,8 @@ LOOK_S = 1.0
 MOST_OWED = 1000
 
 LINGER_S = 0.3  # for the last words to be read: the station kills this process a little later
+
+UNACCEPTABLE_VERSION = 1  # return code of CONNACK (MQTT 3.1.1, clause 3.2.2.3)
 
 MAX_WORDS = 200  # characters of a broker's own explanation
 
@@ -211,8 +213,8 @@ class Network:
         paho.on_subscribe = self._on_subscribe
         paho.on_unsubscribe = self._on_unsubscribe
         if settings.username:
-            paho.username_pw_set(settings.username)
-            paho.password = mqtt_credentials.password(settings)  # type: ignore[assignment] # octets are none of its types
+            # A password is octets; paho takes them as well.
+            paho.username_pw_set(settings.username, mqtt_credentials.password(settings))  # type: ignore[arg-type]
         if will is not None:
             paho.will_set(will.topic, will.payload, will.qos, will.retain)
         host, port, _ = self._broker
@@ -234,6 +236,7 @@ class Network:
                 if isinstance(packet, Oversized):
                     self._oversized(packet)
                     continue
+                _check_version(packet)
                 paho.line.put(packet)
                 while paho.line.has_packets and not paho.line.is_closed:
                     paho.loop_read()
@@ -244,9 +247,7 @@ class Network:
                 paho.loop_misc()
             if not paho.want_write():
                 self._owed = 0
-        except EOFError:
-            self._ended("has closed the connection")
-        except (OSError, ProtocolError) as error:
+        except (OSError, EOFError, ProtocolError) as error:
             self._ended(mqtt_trouble.why(error))
         except Exception as error:  # noqa: BLE001 paho meets octets that it does not expect
             self._ended(f"sends what is no MQTT: {type(error).__name__}: {error}")
@@ -265,11 +266,14 @@ class Network:
 
     def _over(self, why: str, now: float) -> None:
         paho = self._paho
-        if paho is not None and paho.line.error is not None:
-            why = mqtt_trouble.why(paho.line.error)
+        if paho is not None and (cause := paho.line.cause()) is not None:
+            why = mqtt_trouble.why(cause)
         was_accepted = self._is_accepted
         self.drop()
-        (self.session.lost if was_accepted else self.session.failed)(why, now)
+        if was_accepted:
+            self.session.lost(why, now)
+        else:
+            self.session.failed(mqtt_trouble.early(why, self._settings), now)
 
     # paho's callbacks.
 
@@ -277,7 +281,7 @@ class Network:
         self, _: Any, __: Any, flags: ConnectFlags, code: ReasonCode, properties: Properties | None
     ) -> None:
         if code.is_failure:
-            self._ended(f"refuses the connection: {mqtt_trouble.refusal(str(code), _words(properties))}")
+            self._ended(f"refuses the connection: {mqtt_trouble.refusal(str(code), _words(properties), True)}")
             return
         accepted = Accepted(
             receive_maximum=getattr(properties, "ReceiveMaximum", 65535),
@@ -300,7 +304,7 @@ class Network:
         elif str(code) == "Keep alive timeout":
             self._ended("does not answer to PINGREQ")
         else:
-            self._ended(f"is not understood: {code}")
+            self._ended(f"sends what is no MQTT: {code}")
 
     def _on_message(self, _: Any, __: Any, message: MQTTMessage) -> None:
         self._events.append(lambda now: self._deliver(message, now))
@@ -345,6 +349,13 @@ class Network:
         if paho is not None:
             paho.ack(number, 1)
             self._owed += paho.want_write()
+
+
+def _check_version(packet: bytes) -> None:
+    """paho would try an older version by itself. Raises ProtocolError."""
+    if len(packet) == 4 and packet[0] >> 4 == CONNACK and packet[3] == UNACCEPTABLE_VERSION:
+        hint = 'set version = "3.1.1" in place of 5, or the other way round'
+        raise ProtocolError("refuses the connection: Unsupported protocol version", hint)
 
 
 def _properties(kind: int) -> Properties:

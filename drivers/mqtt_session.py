@@ -23,6 +23,9 @@ from drivers.wire.v2n import Delivery, Profile, Publication, RefusedError
 # A connection that was up for so long was a good one: what comes after it begins with the first delay again.
 STEADY_S = 10.0
 
+# Connections in a row that were accepted and did not hold: a broker closes the older one of two that have one name.
+AGAIN = 3
+
 LOOK_S = 1.0  # between two changes of what is subscribed to: a vehicle at the edge of a tile goes to and fro
 
 SHOWN = 16  # subscriptions in status, of the many that tiles are
@@ -156,6 +159,8 @@ class Session:
         """The connection is gone that was accepted."""
         was_good = self.phase is Phase.UP and now - self._since >= STEADY_S
         self._failures = 0 if was_good else self._failures + 1
+        if self._failures >= AGAIN:
+            why += ", again and again; if another client has the same client_id, set another one"
         self._pause(why, now)
 
     def subscribed(self, refused: dict[str, str], now: float) -> None:

@@ -5,6 +5,7 @@ import socket
 import ssl
 
 from board.errors import StationError
+from drivers.mqtt_settings import MqttSettings, broker
 
 # X.509 verification, by X509_V_ERR_* of openssl/x509_vfy.h.
 _CERTIFICATE = {
@@ -40,15 +41,17 @@ _PLAIN = "answers without TLS at this port; correct the port in url"
 _NOT_TLS = frozenset(("WRONG_VERSION_NUMBER", "HTTP_REQUEST", "RECORD_LAYER_FAILURE", "PACKET_LENGTH_TOO_LONG"))
 _ENDS = "ends the connection during the TLS handshake; is TLS spoken at this port?"
 
+_CLOSED = "has closed the connection"
+
 _NETWORK = {
     errno.ECONNREFUSED: "refuses the connection; no broker listens there",
     errno.EHOSTUNREACH: "no route to it; is the network there?",
     errno.ENETUNREACH: "no route to it; is the network there?",
     errno.ENODEV: "there is no network device of the name in device",
     errno.EADDRNOTAVAIL: "this machine has no address to reach it from",
-    errno.ECONNRESET: "has cut the connection",
-    errno.EPIPE: "has cut the connection",
-    errno.ECONNABORTED: "has cut the connection",
+    errno.ECONNRESET: _CLOSED,
+    errno.EPIPE: _CLOSED,
+    errno.ECONNABORTED: _CLOSED,
     errno.ETIMEDOUT: "does not answer any more",
     errno.EPERM: "this machine's rules forbid the connection; look at firewall and device",
     errno.EACCES: "this machine's rules forbid the connection; look at firewall and device",
@@ -61,11 +64,13 @@ _NAMES = {
     getattr(socket, "EAI_NODATA", -5): "this name has no address; correct the host in url",
 }
 
+_LOGIN = "correct username and password_file, or ask who runs the broker"
+
 # Reason codes of CONNACK, PUBACK, SUBACK and DISCONNECT (MQTT 5.0, clause 2.4) that somebody can do something about.
 _REMEDIES = {
     "Unsupported protocol version": 'set version = "3.1.1"',
     "Client identifier not valid": "set another client_id",
-    "Bad user name or password": "correct username and password_file",
+    "Bad user name or password": _LOGIN,
     "Not authorized": "ask who runs the broker what this client may do",
     "Session taken over": "another client has the same client_id: set another one here or there",
     "Banned": "ask who runs the broker",
@@ -79,6 +84,8 @@ def why(error: Exception, is_handshake: bool = False) -> str:
 
     is_handshake  the error is of a TLS handshake, before anything else was said.
     """
+    if isinstance(error, EOFError):
+        return _CLOSED
     if isinstance(error, StationError):
         return f"{error.message}; {error.hint}" if error.hint else error.message
     if isinstance(error, ssl.SSLCertVerificationError):
@@ -94,6 +101,17 @@ def why(error: Exception, is_handshake: bool = False) -> str:
     return str(error)
 
 
+def early(words: str, settings: MqttSettings) -> str:
+    """The same for a connection that was not accepted yet: brokers often close it without a reason."""
+    if words != _CLOSED:
+        return words
+    if not broker(settings.url).has_tls:
+        return f"{words} before CONNACK; if it wants TLS, write mqtts:// in url"
+    if not settings.certificate:
+        return f"{words} before CONNACK; if it {_NO_CERTIFICATE}"
+    return f"{words} before CONNACK; its log may say why"
+
+
 def _of_tls(error: ssl.SSLError, is_handshake: bool) -> str:
     reason = error.reason or ""
     if reason in _ALERTS:
@@ -105,11 +123,13 @@ def _of_tls(error: ssl.SSLError, is_handshake: bool) -> str:
     if is_handshake and reason in _NOT_TLS:
         return _PLAIN
     if isinstance(error, ssl.SSLEOFError | ssl.SSLZeroReturnError) or reason == "UNEXPECTED_EOF_WHILE_READING":
-        return _ENDS if is_handshake else "has closed the connection"
+        return _ENDS if is_handshake else _CLOSED
     return f"TLS fails: {reason.replace('_', ' ').lower() or error.strerror}"
 
 
-def refusal(words: str, detail: str = "") -> str:
+def refusal(words: str, detail: str = "", is_connack: bool = False) -> str:
     """A reason of the broker, as the client library calls it, with what it says itself and what can be done."""
     said = f"{words} ({detail})" if detail else words
+    if is_connack and words == "Not authorized":  # brokers say so of a wrong password as well
+        return f"{said}; {_LOGIN}"
     return f"{said}; {_REMEDIES[words]}" if words in _REMEDIES else said

@@ -11,6 +11,9 @@ from board.errors import ProtocolError
 CONNACK, PUBLISH = 2, 3
 MAX_LENGTH_OCTETS = 4
 
+# Of the first octet: the type, and the bit that qualities of service 2 and 3 (which is none) have.
+_KIND_AND_QOS_2, _PUBLISH_QOS_2 = 0xF4, 0x34
+
 # First octets of a TLS record (RFC 8446, clause 5.1): an alert or a handshake of version 3.x.
 _TLS = (b"\x15\x03", b"\x16\x03")
 
@@ -27,7 +30,7 @@ class Oversized(NamedTuple):
 
 
 class Packets:
-    """The broker's side of one connection.
+    """The broker's side of one connection whose subscriptions are all of quality of service 1 at most.
 
     limit  octets behind the fixed header that a packet may have.
     """
@@ -49,6 +52,8 @@ class Packets:
         at = 0
         while (header := self._header(at)) is not None:
             start, length = header
+            if buffer[at] & _KIND_AND_QOS_2 == _PUBLISH_QOS_2:
+                raise ProtocolError("sends a message by quality of service 2, which nobody has asked for")
             if length > self._limit:
                 found = self._oversized(at, start, length)
                 if found is None:

@@ -84,6 +84,8 @@ def test_a_topic_that_is_too_long_is_waited_for_and_no_more():
         (b"SSH-2.0-OpenSSH", "no MQTT: b'SSH-2.0-'"),
         (bytes(2), "no MQTT"),
         (CONNACK + b"\x20\xff\xff\xff\xff\x01", "length has more than 4 octets"),
+        (CONNACK + b"\x34\x05\x00\x01t\x00\x01", "quality of service 2"),
+        (CONNACK + b"\x36\x05\x00\x01t\x00\x01", "quality of service 2"),
         (CONNACK + b"\x90\xff\xff\xff\x7f", "268435455 octets that holds no message"),
     ],
 )
