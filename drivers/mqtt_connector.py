@@ -13,6 +13,10 @@ from drivers.mqtt_settings import MqttSettings, broker
 # Look-ups that hang cannot be ended: the C library gives up after half a minute. So many are waited for.
 MOST_HANGING = 4
 
+# What the kernel keeps of what is written, twice that by its own count: a slow network has it in seconds, and what
+# waits behind it waits where it has a lifetime.
+SEND_BUFFER = 8192  # octets
+
 # A connection that nobody waits for any more goes on for no longer than this.
 LEAST_S = 0.5
 
@@ -60,7 +64,7 @@ class Connector:
             self._end(found, "")
 
     def _why(self, error: Exception, stage: "_Stage") -> str:
-        if isinstance(error, TimeoutError):
+        if isinstance(error, TimeoutError) and error.errno is None:  # ours, not the kernel's
             return f"{self.waits_for} within {self._settings.connect_s:g} s"
         where = f"{stage.address}: " if stage.address and not stage.is_handshake else ""
         return where + mqtt_trouble.why(error, stage.is_handshake)
@@ -72,7 +76,8 @@ class Connector:
         addresses = self._look_up()
         raw = self._connect(addresses, end, stage)
         if context is None:
-            return self._ready(raw)
+            raw.setblocking(False)
+            return raw
         stage.is_handshake = True
         self.waits_for = f"no end of the TLS handshake with {stage.address}"
         raw.settimeout(max(LEAST_S, end - time.monotonic()))
@@ -81,13 +86,8 @@ class Connector:
         except BaseException:
             raw.close()
             raise
-        return self._ready(secure)
-
-    def _ready(self, connection: socket.socket) -> socket.socket:
-        """It never blocks, and ends when what was written stays unacknowledged: after STALL_S, not a quarter hour."""
-        connection.setblocking(False)
-        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, int(1000 * self._settings.stall_s))
-        return connection
+        secure.setblocking(False)
+        return secure
 
     def _look_up(self) -> list[tuple[socket.AddressFamily, tuple[str, int]]]:
         with Connector._lock:
@@ -117,12 +117,15 @@ class Connector:
                 if self._settings.device:
                     made.setsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, self._settings.device.encode())
                 made.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                made.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
                 made.settimeout(max(LEAST_S, share))
                 made.connect(address)
             except OSError as error:
                 made.close()
                 failure = error
             else:
+                # What was written and stays unacknowledged ends it, after a quarter of an hour otherwise (tcp(7)).
+                made.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, int(1000 * self._settings.stall_s))
                 return made
         raise failure
 

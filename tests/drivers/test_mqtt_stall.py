@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from drivers.mqtt_connector import Connector
+from drivers.mqtt_connector import SEND_BUFFER, Connector
 from drivers.mqtt_line import Line
 from drivers.mqtt_settings import STALL_S, MqttSettings
 
@@ -16,6 +16,7 @@ PATIENCE_S = 5.0  # reached only by a test that fails
 @pytest.fixture
 def listener() -> Iterator[socket.socket]:
     with socket.create_server(("127.0.0.1", 0)) as made:
+        made.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)  # of what it accepts, too
         made.settimeout(PATIENCE_S)
         yield made
 
@@ -45,6 +46,11 @@ def test_what_a_given_up_connection_has_not_sent_is_never_sent(
         read, error = _read_all(broker)
     assert isinstance(error, ConnectionResetError)
     assert read < written
+
+
+def test_a_kernel_keeps_no_more_than_a_slow_network_takes_in_seconds(connection: socket.socket) -> None:
+    # The kernel doubles what it is asked for (socket(7)). It would keep 2.5 MB and more, each message of it SENT.
+    assert connection.getsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF) == 2 * SEND_BUFFER
 
 
 def _fill(connection: socket.socket) -> int:
