@@ -20,6 +20,7 @@ VERBS = {
     "encode": "fields to octets: the inverse of decode --json",
     "convert": "messages from one form into another: hex, base64, binary, JSON, pcap",
     "explain": "a message bit by bit, or why it does not decode",
+    "v2n-tap": "what a fleet publishes at an MQTT broker: shown and recorded, in as many copies as one likes",
     "slot": "what sits in the board's slots, and their power: list, on, off, cycle",
     "board": "the board: identity, slots, rails, temperatures, and the time line of the start",
     "gnss": "what the GNSS receivers see: fix, accuracy, jamming, leap seconds; and their reset",
@@ -69,6 +70,10 @@ def load(verb: str) -> ModuleType:
             from firmware.commands import explain
 
             return explain
+        case "v2n-tap":
+            from firmware.commands import v2n_tap
+
+            return v2n_tap
         case "slot":
             from firmware.commands import slot
 

@@ -1,0 +1,105 @@
+"""What a tap has taken, by type, and what it could not read, by reason."""
+
+import time
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+from drivers.reason import MEANING, Reason
+from drivers.wire.v2n_message import Delivery, RefusedError
+from firmware.topics import Topics
+
+MAX_SAMPLE = 32  # octets of what could not be read
+_TYPES = Topics()
+
+
+class Taken(NamedTuple):
+    """A message out of a delivery; received_ns is Unix time."""
+
+    pdu: bytes
+    btp_port: int | None
+    source: str
+    topic: str
+    received_ns: int
+
+    @property
+    def type(self) -> str:
+        """The name of its messageID; the number where that has none."""
+        return _TYPES.by_number[self.pdu[1]].name or str(self.pdu[1])
+
+    @property
+    def station_id(self) -> int:
+        """stationID of the ITS PDU header (TS 102 894-2, ItsPduHeader)."""
+        return int.from_bytes(self.pdu[2:6])
+
+    def record(self) -> dict[str, object]:
+        """As `--json` and files of JSON lines have it; the keys are those of `captain listen --json`."""
+        return {
+            "type": self.type,
+            "station_id": self.station_id,
+            "message_id": self.pdu[1],
+            "protocol_version": self.pdu[0],
+            "octets": len(self.pdu),
+            "received": self.received_ns // 1000 / 1e6,
+            "btp_port": self.btp_port,
+            "topic": self.topic,
+            "source": self.source,
+            "hex": self.pdu.hex(),
+        }
+
+
+class Unread(NamedTuple):
+    """Deliveries that were not messages, for one reason: how many, and why and what the last one was."""
+
+    number: int
+    why: str
+    sample: bytes
+
+
+class Counts:
+    """Of one tap since its start."""
+
+    def __init__(self) -> None:
+        self.started = time.monotonic()
+        self.total = 0
+        self.types: Counter[str] = Counter()
+        self.octets = 0  # of payloads, read or not
+        self.unwanted = 0  # of types that were not asked for
+        self.beyond = 0  # taken on the way out, after the count that was asked for
+        self.unread: dict[Reason, Unread] = {}
+        self.unrecorded: Counter[str] = Counter()
+
+    def add(self, kind: str) -> None:
+        self.total += 1
+        self.types[kind] += 1
+
+    def refuse(self, error: RefusedError, delivery: Delivery) -> None:
+        before = self.unread.get(error.reason)
+        number = 1 + (before.number if before else 0)
+        self.unread[error.reason] = Unread(number, error.message, delivery.payload[:MAX_SAMPLE])
+
+    def lines(self, connection: Mapping[str, float]) -> Iterator[str]:
+        """What is said at the end. connection: counts of what happened to it, and `gap_s` without it."""
+        seconds = time.monotonic() - self.started
+        types = ", ".join(f"{count} {kind}" for kind, count in sorted(self.types.items()))
+        rate = self.total / seconds if seconds > 0 else 0.0
+        yield f"{self.total} messages in {seconds:.1f} s ({rate:.1f}/s)" + (f": {types}" if types else "")
+        yield f"{self.octets} octets of payload"
+        yield from self.complaints()
+        if self.unwanted:
+            yield f"{self.unwanted} of other types"
+        if self.beyond:
+            yield f"{self.beyond} more came before the broker let us go, and were not shown"
+        if connection.get("losses"):
+            yield f"connection lost {connection['losses']:.0f} x, {connection['gap_s']:.1f} s without it"
+        if connection.get("repeated"):
+            yield f"{connection['repeated']:.0f} of them sent again by the broker: possibly twice"
+        if connection.get("dropped"):
+            yield f"the broker says that it dropped {connection['dropped']:.0f} meanwhile, of all its clients"
+
+    def complaints(self) -> Iterator[str]:
+        """What was not read or not recorded, a line for each reason."""
+        for reason, (count, why, sample) in sorted(self.unread.items()):
+            yield f"unreadable: {count} {reason}: {MEANING[reason]}; the last: {why} ({sample.hex()})"
+        for why, count in sorted(self.unrecorded.items()):
+            yield f"not recorded: {count}: {why}"

@@ -1,0 +1,79 @@
+"""What a back end takes of a profile: everything that its templates can hold, or one tile of it."""
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+from board.errors import RequestError
+from drivers.mqtt_settings import MqttSettings
+from drivers.wire.v2n_description import ProfileDescription, Row, SubscribeRow
+from drivers.wire.v2n_message import Identity
+from drivers.wire.v2n_topic import Template, check_value
+
+# Of whoever published: a back end takes all of them.
+_SENDER = ("{host}", "{station}", "{uuid}")
+_TILE = "{quadkey}"
+# Web Mercator has no tile of a vehicle's size below this; it is what topics of quadkeys go to.
+MAX_DEPTH = 22
+
+
+def tapped(description: ProfileDescription, is_published: bool) -> ProfileDescription:
+    """The profile of a back end: it receives from every sender.
+
+    is_published  what vehicles publish, in place of what they receive: a profile may have a topic for each.
+    """
+    rows: Iterable[Row] = description.publish if is_published else description.subscribe
+    # The first that a topic fits is taken, and {type} fits what {type}_enc does.
+    ordered = sorted(rows, key=lambda row: -len(row.topic))
+    return replace(
+        description, subscribe=tuple(SubscribeRow(_open(row.topic), row.payload, row.types) for row in ordered)
+    )
+
+
+def filters(description: ProfileDescription, prefix: str, tile: str = "") -> list[str]:
+    """What the broker is asked for, without `$share`.
+
+    tile  quadkey of the only tile that is wanted; empty: all. Raises RequestError where the topics name no tile.
+    """
+    if tile and not any(_TILE in row.topic for row in description.subscribe):
+        raise RequestError(f"profile {description.name} has no tiles in its topics", "leave --tile out")
+    values = {"prefix": prefix or description.prefix}
+    if any(Template(row.topic, is_filter=True).needs("prefix") for row in description.subscribe):
+        check_value("prefix", values["prefix"])
+    cut = [Template(_cut(row.topic, tile), is_filter=True) for row in description.subscribe]
+    return list(dict.fromkeys(template.filter(values) for template in cut))
+
+
+def shared(group: str, text: str) -> str:
+    """A filter of which each message goes to one client of the group (MQTT 5.0, 4.8.2); no group: to every client."""
+    return f"$share/{group}/{text}" if group else text
+
+
+def identity(settings: MqttSettings) -> Identity:
+    """Who a tap is to its profile: nobody who publishes."""
+    name = settings.client_id
+    return Identity(name, 0, name, settings.prefix)
+
+
+def quadkey(text: str) -> str:
+    """A tile by its digits. Raises ValueError."""
+    if not 1 <= len(text) <= MAX_DEPTH or set(text) - set("0123"):
+        raise ValueError(f"{text!r} is no quadkey: 1 to {MAX_DEPTH} digits of 0 to 3, the largest tile first")
+    return text
+
+
+def group_name(text: str) -> str:
+    """The name of a shared subscription, or nothing. Raises ValueError."""
+    if any(letter in "/+#\0" or not letter.isprintable() for letter in text):
+        raise ValueError(f"{text!r} cannot name a shared subscription: leave / + # out")
+    return text
+
+
+def _open(topic: str) -> str:
+    levels = topic.split("/")
+    return "/".join("+" if any(name in level for name in _SENDER) else level for level in levels)
+
+
+def _cut(topic: str, tile: str) -> str:
+    """A tile has a level for each digit, nobody knows how many: where it begins, the filter ends."""
+    front, gap, _ = topic.partition(_TILE)
+    return front + "/".join([*tile, "#"]) if gap else topic

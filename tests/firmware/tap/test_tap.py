@@ -1,0 +1,201 @@
+"""`captain v2n-tap` against a real broker: TLS, what cannot be read, a broker that goes and comes back."""
+
+import json
+import re
+import signal
+from pathlib import Path
+
+import pytest
+from paho.mqtt.client import DisconnectFlags
+from paho.mqtt.packettypes import PacketTypes
+from paho.mqtt.reasoncodes import ReasonCode
+
+from board.errors import StationError
+from drivers.mqtt_settings import MqttSettings
+from firmware import cli
+from firmware.tap.connection import Connection
+from tests.broker.fixtures import Brokers
+from tests.broker.mosquitto import Mosquitto
+from tests.firmware.tap.copies import Copy, publish
+
+CAM = "vm(2001): <AgIAAAU5AAECAw==>"
+
+
+def secured(broker: Mosquitto, brokers: Brokers, *more: str) -> list[str]:
+    """Options for TLS with a good certificate."""
+    client = brokers.certificates.client
+    ca = str(broker.authority.certificate)
+    return ["--url", broker.url, "--ca", ca, "--certificate", str(client.certificate), "--key", str(client.key), *more]
+
+
+def test_over_TLS_with_a_client_certificate_each_message_is_an_object(brokers: Brokers) -> None:
+    broker = brokers()
+    with Copy(*secured(broker, brokers, "--json", "--count", "1")) as copy:
+        brokers.client(broker, "writer").publish("v2x/btp/2001", CAM)
+        assert copy.result()[0] == 0
+        (record,) = map(json.loads, copy.lines)
+    assert record.pop("received") > 1.7e9
+    assert record == {
+        "type": "cam",
+        "station_id": 1337,
+        "message_id": 2,
+        "protocol_version": 2,
+        "octets": 10,
+        "btp_port": 2001,
+        "topic": "v2x/btp/2001",
+        "source": "vm",
+        "hex": "02020000053900010203",
+    }
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"--ca": "stranger"}, "signed by an authority that is not known here"),
+        ({"--certificate": "", "--key": ""}, "asks for a certificate of this client"),
+        # The broker's alert may be lost with the connection: it has not read CONNECT when it closes that.
+        ({"--certificate": "strange_client", "--key": "strange_client"}, "knows no authority|before CONNACK"),
+    ],
+)
+def test_each_failure_of_TLS_ends_it_with_its_reason(
+    brokers: Brokers, capsys: pytest.CaptureFixture[str], changed: dict[str, str], words: str
+) -> None:
+    broker = brokers()
+    pairs = dict(zip(*[iter(secured(broker, brokers))] * 2, strict=True))
+    for option, name in changed.items():
+        made = getattr(brokers.certificates, name) if name else None
+        path = getattr(made, option.removeprefix("--"), None) if option != "--ca" else made.certificate
+        pairs[option] = str(path or "")
+    assert cli.main(["v2n-tap", *[word for pair in pairs.items() for word in pair]]) == 1
+    said = capsys.readouterr().err
+    assert f"mqtts://localhost:{broker.port}: " in said
+    assert re.search(words, said)
+
+
+def test_a_broker_that_is_not_there_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["v2n-tap", "--url", "mqtt://127.0.0.1:1"]) == 1
+    assert "mqtt://127.0.0.1:1: refuses the connection" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--url", "mqtt://broker.example"], "without TLS to another machine"),
+        (["--url", "http://localhost"], "neither mqtts:// nor mqtt://"),
+        (["--url", "mqtt://localhost", "--username", "me"], "username is given without password_file"),
+        (["--url", "mqtt://localhost", "--session-expiry-s", "60"], "without --client-id"),
+        (["--url", "mqtt://localhost", "--keep", "2"], "are of --record"),
+        (["--url", "mqtt://localhost", "--record", "x.jsonl", "--keep", "2"], "there is only one file"),
+    ],
+)
+def test_what_does_not_go_together_is_wrong_usage(
+    options: list[str], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(["v2n-tap", *options]) == cli.USAGE_ERROR
+    assert words in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("options", [["--tile", "4"], ["--group", "a/b"], ["--type", "nosuch"], ["--count", "0"]])
+def test_a_value_that_cannot_be_is_wrong_usage(options: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["v2n-tap", "--url", "mqtt://localhost", *options])
+    assert ended.value.code == cli.USAGE_ERROR
+    assert f"argument {options[0]}" in capsys.readouterr().err
+
+
+def test_what_cannot_be_read_is_counted_by_reason_and_the_next_message_passes(brokers: Brokers) -> None:
+    broker = brokers()
+    with Copy("--url", broker.plain_url, "--json", "--count", "1", "--filter", "v2x/#") as copy:
+        writer = brokers.client(broker, "writer")
+        for topic, payload in (
+            ("v2x/btp/2001", "no brackets"),
+            ("v2x/btp/2001", "vm(2001): <no base64>"),
+            ("v2x/btp/2001", "vm(2001): <AgI=>"),
+            ("v2x/other", CAM),
+        ):
+            writer.publish(topic, payload)
+        writer.publish("v2x/btp/2001", CAM)
+        _, said = copy.result()
+    assert "1 messages in" in said
+    assert re.search("unreadable: 2 payload: .*no base64", said)
+    assert "unreadable: 1 short-pdu" in said
+    assert re.search("unreadable: 1 topic: .*v2x/other", said)
+
+
+def test_it_connects_again_and_says_how_long_it_was_without(brokers: Brokers) -> None:
+    broker = brokers()
+    with Copy("--url", broker.plain_url, "--profile", "raw", "--json") as copy:
+        publish(brokers.client(broker, "one"), 0, 3)
+        copy.wait_for(3)
+        broker.kill()
+        broker.start()
+        broker.says("captain-tap-")
+        broker.says(r"captain-tap-\S+ \d v2x|\$share")
+        publish(brokers.client(broker, "two"), 3, 3)
+        copy.wait_for(6)
+        code, said = copy.end()
+    assert code == 0
+    assert copy.numbers == list(range(6))
+    assert "connecting again" in said
+    assert re.search(r"connection lost 1 x, \d+\.\d s without it", said)
+
+
+def test_another_client_of_its_name_is_suspected(brokers: Brokers) -> None:
+    broker = brokers()
+    with Copy("--url", broker.plain_url, "--client-id", "same", "--quiet") as copy:
+        brokers.client(broker, "same")
+        broker.says("New client connected from .* as same", 3)  # it came back
+        _, said = copy.end()
+    assert "is there another client named same?" in said
+
+
+def test_a_broker_that_names_the_other_client_ends_it_with_a_remedy() -> None:
+    settings = MqttSettings(url="mqtt://localhost", client_id="same")
+    connection = Connection(settings, [("t", 0)], lambda delivery: None, lambda line: None)
+    taken_over = ReasonCode(PacketTypes.DISCONNECT, "Session taken over")
+    with pytest.raises(StationError, match="another client came with the name same") as ended:
+        connection._on_disconnect(None, None, DisconnectFlags(True), taken_over, None)
+    assert "--client-id" in ended.value.hint
+
+
+def test_Ctrl_C_leaves_the_broker_and_has_the_status_of_a_shell(brokers: Brokers) -> None:
+    broker = brokers()
+    with Copy("--url", broker.plain_url, "--client-id", "tapped") as copy:
+        code, said = copy.end(signal.SIGINT)
+    assert code == 130
+    assert "0 messages in" in said
+    broker.says("Client tapped disconnected")
+
+
+def test_only_wanted_types_are_shown_and_the_others_counted(brokers: Brokers) -> None:
+    broker = brokers()
+    with Copy("--url", broker.plain_url, "--lines", "--type", "denm", "--count", "1") as copy:
+        writer = brokers.client(broker, "writer")
+        writer.publish("v2x/btp/2001", CAM)
+        writer.publish("v2x/btp/2002", "vm(2002): <AgEAAAU5AAECAw==>")
+        _, said = copy.result()
+    assert re.fullmatch(
+        r"\d\d:\d\d:\d\d\.\d{3}  denm of station 1337  10 octets  port 2002  vm  v2x/btp/2002\n", copy.lines[0]
+    )
+    assert "1 of other types" in said
+
+
+def test_the_table_has_a_row_for_each_type_and_station(brokers: Brokers) -> None:
+    broker = brokers()
+    with Copy("--url", broker.plain_url, "--count", "3") as copy:
+        writer = brokers.client(broker, "writer")
+        for _ in range(3):
+            writer.publish("v2x/btp/2001", CAM)
+        assert copy.result()[0] == 0
+    assert re.search(r"^cam +1337 +3 ", "".join(copy.lines), re.MULTILINE)
+
+
+def test_it_records_while_it_shows(brokers: Brokers, tmp_path: Path) -> None:
+    broker = brokers()
+    options = ("--record", str(tmp_path / "drive.jsonl"), "--max-messages", "4", "--count", "10", "--quiet")
+    with Copy("--url", broker.plain_url, "--profile", "raw", *options) as copy:
+        publish(brokers.client(broker, "writer"), 0, 10)
+        assert copy.result()[0] == 0
+    parts = [path.read_text().splitlines() for path in sorted(tmp_path.iterdir())]
+    assert [len(part) for part in parts] == [4, 4, 2]
+    assert [json.loads(line)["hex"][12:] for part in parts for line in part] == [f"{at:08x}" for at in range(10)]

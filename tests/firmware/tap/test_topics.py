@@ -1,0 +1,96 @@
+"""Which filters a back end asks for, and that what vehicles publish and receive is read through them."""
+
+import pytest
+from paho.mqtt.client import topic_matches_sub
+
+from board.errors import ConfigurationError, RequestError
+from drivers.message import Ego, Position
+from drivers.mqtt_profile import codec, load
+from drivers.wire.v2n import Profile
+from drivers.wire.v2n_message import Delivery, Identity
+from firmware.tap import topics
+
+CAM = bytes.fromhex("02020000053900010203")
+VEHICLE = Identity("vm", 1337, "com_fleet_car_1", "v2n")
+TAP = Identity("tap", 0, "tap", "v2n")
+HERE = Ego(0, Position(487668616, 114320680), True)
+
+
+@pytest.mark.parametrize(
+    ("name", "is_published", "expected"),
+    [
+        ("vcaptain", False, ["v2x/btp/+", "v2x/btp"]),
+        ("nap", True, ["vanetza/out/+", "vanetza/own/+"]),
+        ("vcaptain", True, ["v2x/btp/+"]),
+        ("raw", False, ["v2x/+"]),
+        ("orange", False, ["v2n/outQueue/v2x/+/+/#"]),
+        ("orange", True, ["v2n/inQueue/v2x/+/+/#"]),
+    ],
+)
+def test_everything_of_a_profile_is_asked_for(name: str, is_published: bool, expected: list[str]) -> None:
+    assert topics.filters(topics.tapped(load(name), is_published), "v2n") == expected
+
+
+@pytest.mark.parametrize(("is_published", "queue"), [(True, "inQueue"), (False, "outQueue")])
+def test_a_tile_is_a_level_for_each_digit(is_published: bool, queue: str) -> None:
+    description = topics.tapped(load("orange"), is_published)
+    assert topics.filters(description, "v2n", "1202") == [f"v2n/{queue}/v2x/+/+/1/2/0/2/#"]
+
+
+@pytest.mark.parametrize("name", ["vcaptain", "raw", "orange"])
+def test_what_a_vehicle_publishes_comes_through_the_filters_and_is_read(name: str) -> None:
+    description = topics.tapped(load(name), is_published=True)
+    (sent,) = Profile(load(name), VEHICLE).publications("cam", 2001, CAM, HERE, 1_795_182_426_000)
+    asked = topics.filters(description, "v2n")
+    assert any(topic_matches_sub(one, sent.topic) for one in asked)
+    assert Profile(description, TAP).receive(Delivery(sent.topic, sent.payload)).pdu == CAM
+
+
+def test_what_nap_publishes_in_two_forms_is_read_in_both() -> None:
+    description = topics.tapped(load("nap"), is_published=True)
+    library = codec(description)
+    pdu = bytes.fromhex(
+        "02029b260aa393e6005a6f0da4ae7bfb35a238230a6a3d4290581a90a3f67e02e6928b37fee9fea6103fdf93d980"  # asn1tools' example
+    )
+    sent = Profile(load("nap"), VEHICLE, library).publications("cam", 2001, pdu, HERE, 1_795_182_426_000)
+    reader = Profile(description, TAP, library)
+    assert {one.topic: reader.receive(Delivery(one.topic, one.payload)).pdu for one in sent} == {
+        "vanetza/out/cam": pdu,
+        "vanetza/out/cam_enc": pdu,
+        "vanetza/own/cam": pdu,
+    }
+
+
+def test_what_is_sent_from_another_tile_does_not_come_through() -> None:
+    description = topics.tapped(load("orange"), is_published=True)
+    (sent,) = Profile(load("orange"), VEHICLE).publications("cam", 2001, CAM, HERE, 1_795_182_426_000)
+    own = "".join(sent.topic.split("/")[5:])
+    asked = {tile: topics.filters(description, "v2n", tile) for tile in (own[:12], own[:11] + str(3 - int(own[11])))}
+    assert [topic_matches_sub(one, sent.topic) for (one,) in asked.values()] == [True, False]
+
+
+def test_a_profile_without_tiles_has_none_to_choose() -> None:
+    with pytest.raises(RequestError, match="no tiles in its topics"):
+        topics.filters(topics.tapped(load("raw"), False), "", "12")
+
+
+def test_a_prefix_that_cannot_stand_in_a_topic_is_refused() -> None:
+    with pytest.raises(ConfigurationError, match="prefix"):
+        topics.filters(topics.tapped(load("orange"), False), "v2n/#")
+
+
+@pytest.mark.parametrize("text", ["", "4", "12a", "0" * 23])
+def test_no_quadkey(text: str) -> None:
+    with pytest.raises(ValueError, match="is no quadkey"):
+        topics.quadkey(text)
+
+
+@pytest.mark.parametrize("text", ["a/b", "+", "#", "a\n"])
+def test_no_name_of_a_group(text: str) -> None:
+    with pytest.raises(ValueError, match="cannot name a shared subscription"):
+        topics.group_name(text)
+
+
+def test_without_a_group_nothing_is_shared() -> None:
+    assert topics.shared("", "v2x/+") == "v2x/+"
+    assert topics.shared("g", "v2x/+") == "$share/g/v2x/+"
