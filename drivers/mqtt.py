@@ -138,6 +138,8 @@ class Mqtt:
         before, self._bearer = self._bearer, Bearer(is_up, device, why)
         if is_up or before.is_up:
             self._tell_bearer()
+        if is_up and not before.is_up:
+            self._said = None  # it waited for its bearer
         self._show()
 
     def _changed(self, is_up: bool, why: str) -> None:

@@ -311,6 +311,20 @@ def test_without_its_bearer_it_is_down_whatever_the_process_says(start, host):
     assert {talk.parse_bearer(message)[0] for message in worker.take(talk.BEARER)} == {False}
 
 
+def test_that_it_waited_is_no_news_when_its_bearer_is_up(start, host):
+    driver, worker = start(bearer="modem")
+    driver.bearer_changed(False, "", "no SIM")
+    worker.message(talk.state(False, f"{URL}: waits for its bearer"))
+    driver.bearer_changed(True, "wwan0", "wwan0 has 10.0.0.7")
+    worker.message(talk.state(False, f"{URL}: connects"))
+    worker.message(talk.state(True, f"{URL}: connected"))
+    assert [why for _, why in host.links] == [
+        "bearer modem is down: no SIM",
+        f"{URL}: connects",
+        f"{URL}: connected",
+    ]
+
+
 def test_a_bearer_that_comes_up_or_has_another_address_is_told_at_once(start, host):
     driver, worker = start(bearer="modem")
     worker.told.clear()
