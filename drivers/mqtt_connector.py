@@ -26,6 +26,7 @@ class Connector:
 
     waits_for  what it lacks, in words.
     socket     the connection, not blocking, when it has ended well. why_not: it has not; empty before.
+    is_away    why_not is that this machine has no network.
     """
 
     _hanging = 0  # look-ups of earlier tries, in all
@@ -35,6 +36,7 @@ class Connector:
         self.waits_for = "no answer from the name server"
         self.socket: socket.socket | None = None
         self.why_not = ""
+        self.is_away = False
         self._settings = settings
         self._broker = broker(settings.url)
         self._is_abandoned = False
@@ -59,6 +61,7 @@ class Connector:
         try:
             found = self._reach(stage)
         except (OSError, InterfaceError, ValueError) as error:  # ValueError: a name that no certificate can have
+            self.is_away = mqtt_trouble.is_away(error)
             self._end(None, self._why(error, stage))
         else:
             self._end(found, "")

@@ -193,7 +193,7 @@ class Network:
         self._connector = None
         connector.close()
         if connector.socket is None:
-            self.session.failed(connector.why_not, now)
+            self.session.failed(connector.why_not, now, connector.is_away)
             return
         try:
             self._paho = self._greet(connector.socket)
@@ -248,7 +248,7 @@ class Network:
             if not paho.want_write():
                 self._owed = 0
         except (OSError, EOFError, ProtocolError) as error:
-            self._ended(mqtt_trouble.why(error))
+            self._ended(mqtt_trouble.why(error), mqtt_trouble.is_cut(error))
         except Exception as error:  # noqa: BLE001 paho meets octets that it does not expect
             self._ended(f"sends what is no MQTT: {type(error).__name__}: {error}")
 
@@ -261,17 +261,17 @@ class Network:
         assert self._paho is not None
         return self._paho
 
-    def _ended(self, why: str) -> None:
-        self._events.append(lambda now: self._over(why, now))
+    def _ended(self, why: str, is_cut: bool = False) -> None:
+        self._events.append(lambda now: self._over(why, is_cut, now))
 
-    def _over(self, why: str, now: float) -> None:
+    def _over(self, why: str, is_cut: bool, now: float) -> None:
         paho = self._paho
         if paho is not None and (cause := paho.line.cause()) is not None:
-            why = mqtt_trouble.why(cause)
+            why, is_cut = mqtt_trouble.why(cause), mqtt_trouble.is_cut(cause)
         was_accepted = self._is_accepted
         self.drop()
         if was_accepted:
-            self.session.lost(why, now)
+            self.session.lost(why, now, is_cut)
         else:
             self.session.failed(mqtt_trouble.early(why, self._settings), now)
 

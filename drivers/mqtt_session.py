@@ -23,6 +23,9 @@ from drivers.wire.v2n import Delivery, Profile, Publication, RefusedError
 # A connection that was up for so long was a good one: what comes after it begins with the first delay again.
 STEADY_S = 10.0
 
+# The longest wait while this machine has no network: a try costs nobody anything, and a tunnel has an end.
+AWAY_S = 2.0
+
 # Connections in a row that were accepted and did not hold: a broker closes the older one of two that have one name.
 AGAIN = 3
 
@@ -150,18 +153,18 @@ class Session:
         self._subscriptions.follow(now)
         self._look(now)
 
-    def failed(self, why: str, now: float) -> None:
-        """The connection did not come up."""
+    def failed(self, why: str, now: float, is_away: bool = False) -> None:
+        """The connection did not come up. is_away: this machine has no network, and no broker was asked."""
         self._failures += 1
-        self._pause(why, now)
+        self._pause(why, now, AWAY_S if is_away else self._settings.longest_delay_s)
 
-    def lost(self, why: str, now: float) -> None:
-        """The connection is gone that was accepted."""
-        was_good = self.phase is Phase.UP and now - self._since >= STEADY_S
+    def lost(self, why: str, now: float, is_cut: bool = False) -> None:
+        """The connection is gone that was accepted. is_cut: the network has cut it, and the broker did nothing."""
+        was_good = self.phase is Phase.UP and (is_cut or now - self._since >= STEADY_S)
         self._failures = 0 if was_good else self._failures + 1
         if self._failures >= AGAIN:
             why += ", again and again; if another client has the same client_id, set another one"
-        self._pause(why, now)
+        self._pause(why, now, self._settings.longest_delay_s)
 
     def subscribed(self, refused: dict[str, str], now: float) -> None:
         """The broker has answered subscribe(). refused: filters that it does not deliver, and its words."""
@@ -251,11 +254,10 @@ class Session:
         self._enter(Phase.CONNECTING, now)
         self._client.connect()
 
-    def _pause(self, why: str, now: float) -> None:
+    def _pause(self, why: str, now: float, longest_s: float) -> None:
         self._window.close()
         self._enter(Phase.PAUSE, now)
-        settings = self._settings
-        delay = min(settings.longest_delay_s, settings.first_delay_s * 2.0 ** min(self._failures, 16))
+        delay = min(longest_s, self._settings.first_delay_s * 2.0 ** min(self._failures, 16))
         self._retry_at = now + delay * (0.5 + self._jitter() / 2)
         self._tally.last_error = why
         self._state(False, why)

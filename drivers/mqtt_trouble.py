@@ -57,6 +57,8 @@ _NETWORK = {
     errno.EACCES: "this machine's rules forbid the connection; look at firewall and device",
 }
 
+_AWAY = frozenset((errno.EHOSTUNREACH, errno.ENETUNREACH, errno.ENETDOWN, errno.EADDRNOTAVAIL))
+
 _NAMES = {
     socket.EAI_NONAME: "there is no host of this name; correct the host in url",
     socket.EAI_AGAIN: "no name server answers; is the network there?",
@@ -99,6 +101,18 @@ def why(error: Exception, is_handshake: bool = False) -> str:
     if isinstance(error, OSError):
         return _NETWORK.get(error.errno or 0, error.strerror or str(error) or type(error).__name__)
     return str(error)
+
+
+def is_away(error: Exception) -> bool:
+    """Whether this machine has no network: nobody was asked."""
+    if isinstance(error, socket.gaierror):
+        return error.errno == socket.EAI_AGAIN
+    return isinstance(error, OSError) and error.errno in _AWAY
+
+
+def is_cut(error: Exception) -> bool:
+    """Whether a connection has ended without either end wanting it."""
+    return is_away(error) or (isinstance(error, OSError) and error.errno == errno.ETIMEDOUT)
 
 
 def early(words: str, settings: MqttSettings) -> str:
