@@ -9,9 +9,9 @@ import pytest
 import drivers.mqtt
 from board.describe import read
 from board.errors import BlockedError, ConfigurationError, InterfaceError
-from drivers.contract import Borne, Can, Sent
+from drivers.contract import Borne, Can, Parting, Sent
 from drivers.message import Ego, Position
-from drivers.mqtt import Mqtt, is_another
+from drivers.mqtt import PART_S, Mqtt, is_another
 from drivers.mqtt_options import MqttOptions
 from drivers.mqtt_settings import settings
 from drivers.reason import Reason
@@ -30,6 +30,7 @@ class FakeWorker:
     def __init__(self, loop, name, on_message, on_state, on_writable, *, command, silence_s):
         self.message, self.state, self.writable = on_message, on_state, on_writable
         self.silence_s = silence_s
+        self.waited_s = 0.0
         self.is_up = self.is_stopped = self.is_full = False
         self.told: list[bytes] = []
         self.made.append(self)
@@ -51,6 +52,9 @@ class FakeWorker:
     def stop(self):
         self.is_stopped = True
         self.is_up = False
+
+    def finish(self, within):
+        self.waited_s = within
 
     def take(self, kind):
         """What it was told of one kind since the last time."""
@@ -287,6 +291,19 @@ def test_stopped_it_tells_the_process_nothing_and_hears_of_no_bearer(start, host
     driver.bearer_changed(True, "wwan0", "wwan0 has 10.0.0.7")
     loop.run_for(10)
     assert (worker.told, host.links, loop.delay()) == ([], [], None)
+
+
+def test_its_good_bye_is_waited_for_a_moment_at_the_end_and_not_before(start, host):
+    driver, worker = start()
+    driver.stop()
+    assert worker.waited_s == 0.0
+    driver.part()
+    assert worker.waited_s == PART_S
+    assert isinstance(driver, Parting)
+
+
+def test_one_that_was_never_started_has_no_good_bye():
+    Mqtt(MqttOptions(url=URL), SHARED).part()
 
 
 # The bearer.

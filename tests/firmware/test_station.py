@@ -232,3 +232,36 @@ def test_links_that_come_up_are_in_the_time_line_of_the_start(folder: Folder, lo
         station.start()
         (note,) = station.timeline.status()
         assert (note["who"], note["what"][:4]) == ("air", "up: ")
+
+
+SECOND = "[interfaces.other]\ndriver = 'udp'\nframing = 'pdu'\n{option}\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "is_paired"),
+    [
+        ("", False),
+        (SECOND.format(option="peers = ['127.0.0.1:1']"), False),
+        (SECOND.format(option="listen = '127.0.0.1:0'"), True),
+    ],
+)
+def test_copies_are_looked_for_where_more_than_one_interface_receives(
+    folder: Folder, loop: Loop, text: str, is_paired: bool
+) -> None:
+    folder.write(text)
+    with closing(folder.station(loop)) as station:
+        assert station.router.stages == ((station.duplicates,) if is_paired else ())
+
+
+def test_a_driver_with_a_last_word_is_waited_for_when_all_are_stopped(
+    folder: Folder, loop: Loop, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    station = folder.station(loop)
+    driver = station.router.interfaces["air"].driver
+    said: list[str] = []
+    stop = driver.stop
+    monkeypatch.setattr(driver, "stop", lambda: (said.append("stop"), stop()))
+    monkeypatch.setattr(driver, "part", lambda: said.append("part"), raising=False)
+    station.start()
+    station.close()
+    assert (said[-1], said.count("part")) == ("part", 1)
