@@ -1,12 +1,15 @@
-"""What all tests share: the same examples in every run, no assertion on a clock, and a word when a process has ended."""
+"""What all tests share: the same examples in every run, a loop whose clock jumps, and a word when a process has ended."""
 
 import os
 import select
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import closing
 
 import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis.configuration import set_hypothesis_home_dir
+
+from tests.virtual import VirtualLoop
 
 set_hypothesis_home_dir("build/hypothesis")
 
@@ -19,6 +22,13 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
 )
 settings.load_profile("captain")
+
+
+@pytest.fixture
+def loop() -> Iterator[VirtualLoop]:
+    """For what is ready at once or waits for a timer; a folder or a file whose ends are elsewhere has its own."""
+    with closing(VirtualLoop()) as loop:
+        yield loop
 
 
 @pytest.fixture(scope="session")

@@ -1,16 +1,8 @@
-"""A loop whose clock jumps, and a machine with a USB hub."""
+"""A machine with a USB hub."""
 
 import pytest
 
 from drivers.sim.machine import SimulatedMachine
-from tests.virtual import VirtualLoop
-
-
-@pytest.fixture
-def loop():
-    loop = VirtualLoop()
-    yield loop
-    loop.close()
 
 
 @pytest.fixture

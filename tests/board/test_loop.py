@@ -82,13 +82,6 @@ class Sources:
 
 
 @pytest.fixture
-def loop() -> Iterator[VirtualLoop]:
-    loop = VirtualLoop()
-    yield loop
-    loop.close()
-
-
-@pytest.fixture
 def make(loop: VirtualLoop) -> Iterator[Sources]:
     sources = Sources(loop)
     yield sources

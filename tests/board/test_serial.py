@@ -4,7 +4,6 @@ import os
 import pty
 import termios
 from collections.abc import Iterator
-from contextlib import closing
 from typing import NoReturn
 
 import pytest
@@ -13,12 +12,6 @@ from board.errors import InterfaceError
 from board.loop import Loop
 from board.serial import SerialPort
 from tests.virtual import VirtualLoop
-
-
-@pytest.fixture
-def loop() -> Iterator[VirtualLoop]:
-    with closing(VirtualLoop()) as loop:
-        yield loop
 
 
 @pytest.fixture

@@ -2,21 +2,12 @@
 
 import os
 import signal
-from collections.abc import Iterator
 from contextlib import closing
-
-import pytest
 
 from board.signals import Signals
 from tests.virtual import VirtualLoop
 
 FIRST, SECOND = signal.SIGUSR1, signal.SIGUSR2
-
-
-@pytest.fixture
-def loop() -> Iterator[VirtualLoop]:
-    with closing(VirtualLoop()) as loop:
-        yield loop
 
 
 def raise_(number: int) -> None:

@@ -1,7 +1,5 @@
 """What a row of the self-test says of a receiver, a bearer and a slot, and when it says that they work."""
 
-from collections.abc import Iterator
-from contextlib import closing
 from typing import Any
 
 import pytest
@@ -16,12 +14,6 @@ from tests.firmware.doubles import NotingStation, ScriptedDriver, interface_of
 from tests.virtual import VirtualLoop
 
 SLOT = {"interface": None, "state": "unused", "device": "", "why": "", "cause": "", "hint": ""}
-
-
-@pytest.fixture
-def loop() -> Iterator[VirtualLoop]:
-    with closing(VirtualLoop()) as loop:
-        yield loop
 
 
 @pytest.fixture

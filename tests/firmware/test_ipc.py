@@ -54,12 +54,6 @@ class Bench:
 
 
 @pytest.fixture
-def loop() -> Iterator[VirtualLoop]:
-    with closing(VirtualLoop()) as loop:
-        yield loop
-
-
-@pytest.fixture
 def bench(loop: VirtualLoop, tmp_path: Path) -> Iterator[Bench]:
     with closing(Bench(loop, f"ipc://{tmp_path}/v2x/in/0", f"ipc://{tmp_path}/v2x/out/0")) as bench:
         bench.ipc.start(bench.interface)

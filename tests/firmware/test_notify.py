@@ -2,7 +2,6 @@
 
 import os
 import socket
-from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
@@ -29,12 +28,6 @@ class ServiceManager:
 
     def close(self) -> None:
         self.socket.close()
-
-
-@pytest.fixture
-def loop() -> Iterator[VirtualLoop]:
-    with closing(VirtualLoop()) as loop:
-        yield loop
 
 
 def test_a_message_reaches_the_manager_on_a_path(tmp_path: Path) -> None:

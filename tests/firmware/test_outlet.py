@@ -1,7 +1,6 @@
 """The queue towards an interface: what overtakes, what is pushed out, what is too old, and that nothing is lost."""
 
 import math
-from collections.abc import Iterator
 from contextlib import closing
 
 import pytest
@@ -67,12 +66,6 @@ class Bench:
     def free(self) -> None:
         self.air.answer = Sent.NOW
         self.outlet.writable()
-
-
-@pytest.fixture
-def loop() -> Iterator[VirtualLoop]:
-    with closing(VirtualLoop()) as loop:
-        yield loop
 
 
 @pytest.fixture

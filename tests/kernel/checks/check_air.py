@@ -2,7 +2,7 @@
 
 import json
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import pytest
@@ -11,9 +11,7 @@ from board.loop import Loop
 from drivers.ethernet import Ethernet, EthernetOptions
 from firmware.lab import netns
 from tests.drivers.host import CAM, SHARED, Host, request
-from tests.kernel.checks.kernel import load, run
-
-Seen = Callable[[str], None]
+from tests.kernel.checks.kernel import Seen, load, run
 
 NAMESPACES = ("a", "b")
 MHZ, WIDTH = "5900", "10MHZ"

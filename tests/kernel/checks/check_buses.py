@@ -3,7 +3,7 @@
 The second is an MCP2221, a bridge from USB HID to I2C: the kernel's own driver for it, the device itself played here.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -16,10 +16,8 @@ from board.i2c import Bus
 from board.loop import Loop
 from drivers.sim.chips import SimulatedBus
 from drivers.sim.registers import Eeprom, Expander, Tmp102, hat_image
-from tests.kernel.checks.kernel import Hotplug, load, run, until
+from tests.kernel.checks.kernel import Hotplug, Seen, load, run, until
 from tests.kernel.checks.mcp2221 import Mcp2221
-
-Seen = Callable[[str], None]
 
 EXPANDER, POWER, TEMPERATURE, EEPROM, NOBODY = 0x20, 0x40, 0x48, 0x50, 0x21
 DEVICES = Path("/sys/bus/i2c/devices")

@@ -1,6 +1,6 @@
 """board/line.py on gpio-sim: the kernel's own character devices, whose lines are pulled and looked at from below."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import pytest
 
@@ -8,8 +8,7 @@ from board.description import LineDescription
 from board.errors import InterfaceError
 from board.line import Lines, OutputLine
 from tests.kernel.checks.gpio_sim import GpioSim
-
-Seen = Callable[[str], None]
+from tests.kernel.checks.kernel import Seen
 
 
 @pytest.fixture

@@ -1,6 +1,6 @@
 """The SIM8202G's driver and its simulated module, with the kernel's option driver and USB of our making between them."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -13,10 +13,8 @@ from drivers.sim.modem import SimulatedModem
 from drivers.sim8202g import Sim8202g
 from tests.drivers.host import SHARED
 from tests.drivers.modem import Station
-from tests.kernel.checks.gadget import Gadget
-from tests.kernel.checks.kernel import Hotplug, load, until
-
-Seen = Callable[[str], None]
+from tests.kernel.checks.gadget import MODEM, Gadget, modem_gadget
+from tests.kernel.checks.kernel import Hotplug, Seen, until
 
 AT = 2  # the interface that is the AT port
 NAMES = ("SIMCOM", "SDXPRAIRIE-MTP")
@@ -24,16 +22,8 @@ BOOT_S = 1.0
 
 
 @pytest.fixture
-def loop() -> Iterator[Loop]:
-    made = Loop()
-    yield made
-    made.close()
-
-
-@pytest.fixture
 def gadget() -> Iterator[Gadget]:
-    load("option")
-    with Gadget("1e0e:9001", [f"gser.{number}" for number in range(4)], names=NAMES) as made:
+    with modem_gadget(NAMES) as made:
         yield made
 
 
@@ -51,7 +41,7 @@ def test_option_binds_and_the_at_port_is_found_by_its_place(gadget: Gadget, loop
     until(loop, lambda: hotplug.told.count("add tty") == 4)
     device = usb.find(REAL, gadget.place)
     assert device is not None
-    assert device.id == "1e0e:9001"
+    assert device.id == MODEM
     assert [(one.number, one.driver) for one in device.interfaces] == [(number, "option") for number in range(4)]
     seen(f"interface {AT} at {gadget.place} is {usb.tty(REAL, gadget.place, AT)}")
     gadget.unplug()

@@ -1,6 +1,6 @@
 """Network devices that are USB modules: the radio's NCM, and the modem's RNDIS with an address by DHCP."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -15,9 +15,7 @@ from drivers.sim8202g import Sim8202g
 from tests.drivers.host import SHARED
 from tests.drivers.modem import Station
 from tests.kernel.checks.gadget import Gadget
-from tests.kernel.checks.kernel import load, run, started, until
-
-Seen = Callable[[str], None]
+from tests.kernel.checks.kernel import Seen, load, run, started, until
 
 # What the module at the other end is: a namespace of its own, or the kernel would talk to itself without any USB.
 MODULE = "module"
@@ -36,13 +34,6 @@ bound | renew)
     ;;
 esac
 """
-
-
-@pytest.fixture
-def loop() -> Iterator[Loop]:
-    made = Loop()
-    yield made
-    made.close()
 
 
 @pytest.fixture

@@ -1,6 +1,6 @@
 """The ZED-F9P's driver and its simulated receiver, with the kernel's cdc_acm and a USB of our making between them."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import pytest
 
@@ -14,9 +14,7 @@ from drivers.sim.receiver_habits import Habits
 from drivers.zed_f9p import ZedF9p
 from tests.drivers.host import SHARED, Host
 from tests.kernel.checks.gadget import Gadget
-from tests.kernel.checks.kernel import Hotplug, load, until
-
-Seen = Callable[[str], None]
+from tests.kernel.checks.kernel import Hotplug, Seen, load, until
 
 
 @pytest.fixture
@@ -25,13 +23,6 @@ def gadget() -> Iterator[Gadget]:
     with Gadget("1546:01a9", ["acm.0"], controller=1, names=("u-blox AG", "u-blox GNSS receiver")) as made:
         made.plug()
         yield made
-
-
-@pytest.fixture
-def loop() -> Iterator[Loop]:
-    made = Loop()
-    yield made
-    made.close()
 
 
 def test_cdc_acm_binds_and_the_port_is_found_by_its_place(gadget: Gadget, loop: Loop, seen: Seen) -> None:

@@ -1,6 +1,6 @@
 """What switches a USB device: `authorized`, reset, and the power of its hub's port; and a slot that uses the first."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import pytest
 
@@ -12,25 +12,13 @@ from board.machine import REAL
 from board.slot import Slot, State
 from board.supply import Done, Kind
 from board.uevent import Uevents
-from tests.kernel.checks.gadget import Gadget
-from tests.kernel.checks.kernel import load, until
-
-Seen = Callable[[str], None]
-
-MODEM = "1e0e:9001"
-
-
-@pytest.fixture
-def loop() -> Iterator[Loop]:
-    made = Loop()
-    yield made
-    made.close()
+from tests.kernel.checks.gadget import MODEM, Gadget, modem_gadget
+from tests.kernel.checks.kernel import Seen, until
 
 
 @pytest.fixture
 def gadget(loop: Loop) -> Iterator[Gadget]:
-    load("option")
-    with Gadget(MODEM, [f"gser.{number}" for number in range(4)]) as made:
+    with modem_gadget() as made:
         made.plug()
         until(loop, lambda: _has_ttys(made))
         yield made

@@ -2,10 +2,14 @@
 
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import closing
 from typing import Any
 
 import pytest
+
+from board.loop import Loop
+from tests.kernel.checks.kernel import Seen
 
 RESULTS = os.environ.get("CAPTAIN_RESULTS", "/dev/stdout")
 
@@ -18,7 +22,13 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 @pytest.fixture
-def seen(record_property: Callable[[str, object], None]) -> Callable[[str], None]:
+def loop() -> Iterator[Loop]:
+    with closing(Loop()) as loop:
+        yield loop
+
+
+@pytest.fixture
+def seen(record_property: Callable[[str, object], None]) -> Seen:
     """Tells what a check saw; the words of several calls are joined."""
     return lambda words: record_property("seen", words)
 

@@ -12,6 +12,8 @@ CONTROLLERS = 3
 FOLDER = CONFIGFS / "usb_gadget"
 HIGH_SPEED = "high-speed"
 
+MODEM = "1e0e:9001"
+
 
 class Gadget:
     """A device with functions as configfs names them, in the order of its interfaces: `gser.0`, `acm.0`, `rndis.0`.
@@ -74,3 +76,9 @@ class Gadget:
     def network_device(self, function: int) -> str:
         """Name of the device's own end of a network function."""
         return (self._functions[function] / "ifname").read_text().strip()
+
+
+def modem_gadget(names: tuple[str, str] = ("", "")) -> Gadget:
+    """A SIM8202G in its first composition, whose four serial functions option binds."""
+    load("option")
+    return Gadget(MODEM, [f"gser.{number}" for number in range(4)], names=names)

@@ -12,6 +12,8 @@ from board.uevent import Uevent, Uevents
 LOOK_S = 0.05  # sysfs does not tell of everything: it is looked at again after this time
 CONFIGFS = Path("/sys/kernel/config")
 
+Seen = Callable[[str], None]  # told what a check saw
+
 
 def load(module: str, **parameters: object) -> None:
     """Load a module; one that is there already stays."""

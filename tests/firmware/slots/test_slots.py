@@ -3,8 +3,7 @@
 import logging
 import random
 from collections import Counter
-from collections.abc import Callable, Iterator
-from contextlib import closing
+from collections.abc import Callable
 
 import pytest
 
@@ -13,27 +12,8 @@ from board.journal import DECISIONS
 from drivers.contract import Host
 from firmware.slot_states import FAULTS, Event, State
 from firmware.slots import CYCLES, RULES, STARTS, STEADY_S
-from tests.firmware.slot_bench import BOOT_S, DEAF, OFF_S, SETTLE_S, WAIT_S, Bench
+from tests.firmware.slots.bench import BOOT_S, DEAF, OFF_S, SETTLE_S, WAIT_S, Bench
 from tests.virtual import VirtualLoop
-
-
-@pytest.fixture
-def loop() -> Iterator[VirtualLoop]:
-    with closing(VirtualLoop()) as loop:
-        yield loop
-
-
-@pytest.fixture
-def bench(loop: VirtualLoop) -> Bench:
-    bench = Bench(loop)
-    bench.slot.start()
-    return bench
-
-
-@pytest.fixture
-def running(bench: Bench) -> Bench:
-    bench.until(State.RUNNING)
-    return bench
 
 
 @pytest.fixture

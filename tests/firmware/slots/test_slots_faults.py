@@ -1,8 +1,7 @@
 """A slot whose module comes and goes, stays silent, or cannot be switched: what the sequencer says, and who says it."""
 
 import random
-from collections.abc import Callable, Iterator
-from contextlib import closing
+from collections.abc import Callable
 
 import pytest
 
@@ -12,27 +11,8 @@ from board.slot import State as Sequence
 from drivers.contract import Host
 from firmware.slot_states import MEANINGS, Event, State
 from firmware.slots import CYCLES, FIRST_RESWITCH_S, RESWITCH_S, RULES, STEADY_S
-from tests.firmware.slot_bench import BOOT_S, DEAF, OFF_S, SETTLE_S, Bench
+from tests.firmware.slots.bench import BOOT_S, DEAF, OFF_S, SETTLE_S, Bench
 from tests.virtual import VirtualLoop
-
-
-@pytest.fixture
-def loop() -> Iterator[VirtualLoop]:
-    with closing(VirtualLoop()) as loop:
-        yield loop
-
-
-@pytest.fixture
-def bench(loop: VirtualLoop) -> Bench:
-    bench = Bench(loop)
-    bench.slot.start()
-    return bench
-
-
-@pytest.fixture
-def running(bench: Bench) -> Bench:
-    bench.until(State.RUNNING)
-    return bench
 
 
 def test_a_device_that_comes_and_goes_is_given_a_power_cycle(running: Bench) -> None:
