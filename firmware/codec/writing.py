@@ -17,19 +17,10 @@ from firmware.codec.decoding import Decoder, record
 from firmware.codec.library import NoLibraryError, load
 from firmware.codec.reading import Pdu
 from firmware.topics import Topics
+from firmware.user import payload
 
-FORMS = ("hex", "base64", "binary", "json", "pcap")
-SUFFIXES = {
-    ".hex": "hex",
-    ".txt": "hex",
-    ".b64": "base64",
-    ".base64": "base64",
-    ".bin": "binary",
-    ".json": "json",
-    ".jsonl": "json",
-    ".pcap": "pcap",
-    ".cap": "pcap",
-}
+FORMS = (*payload.FORMATS, "pcap")
+SUFFIXES = {**payload.SUFFIXES, ".pcap": "pcap", ".cap": "pcap"}
 
 _NOWHERE = Ego(its_ms=0, position=Position(), is_known=False)
 _TYPES = Topics()
