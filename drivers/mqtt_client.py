@@ -57,10 +57,10 @@ class Process:
         session, network, outbox = self._session, self._network, self._outbox
         session.start(time.monotonic())
         while True:
-            self._wait()
-            is_over = not self._read()
+            ready = self._wait()
+            is_over = self._channel.fileno() in ready and not self._read()
             now = time.monotonic()
-            network.turn(now)
+            network.turn(now, bool(ready - {self._channel.fileno()}))
             if now >= session.deadline():
                 session.expire(now)
             if outbox.is_waiting:
@@ -70,15 +70,16 @@ class Process:
         session.close(now)
         network.finish()
 
-    def _wait(self) -> None:
-        """Until something can be done."""
+    def _wait(self) -> set[int]:
+        """Until something can be done; the descriptors that can be read from."""
         network = self._network
         reads, writes = network.wants()
         if self._outbox.is_waiting:
             writes.append(self._channel.fileno())
         due = min(self._session.deadline(), network.deadline())
         left = 0.0 if network.has_more else max(0.0, due - time.monotonic())
-        select.select([self._channel.fileno(), *reads], writes, [], None if left == math.inf else left)
+        ready, _, _ = select.select([self._channel.fileno(), *reads], writes, [], None if left == math.inf else left)
+        return set(ready)
 
     def _read(self) -> bool:
         """Take what the station says; False when it has closed its end."""

@@ -10,6 +10,7 @@ import socket
 import time
 from collections import deque
 from collections.abc import Callable, Collection
+from functools import lru_cache
 from typing import Any
 
 from paho.mqtt.client import Client as PahoClient
@@ -24,7 +25,7 @@ from board.errors import InterfaceError, ProtocolError
 from drivers import mqtt_credentials, mqtt_trouble
 from drivers.mqtt_connector import Connector
 from drivers.mqtt_line import MAX_PACKET, Line
-from drivers.mqtt_session import Session
+from drivers.mqtt_session import STEADY_S, Session
 from drivers.mqtt_settings import MqttSettings, broker
 from drivers.mqtt_window import Accepted
 from drivers.reason import Reason
@@ -79,6 +80,7 @@ class Network:
         self._connector: Connector | None = None
         self._paho: Paho | None = None
         self._is_accepted = False
+        self._accepted_at = 0.0
         self._asked: list[str] = []
         self._owed = 0
         self._look_at = 0.0
@@ -116,13 +118,7 @@ class Network:
     def publish(self, publication: Publication) -> int:
         topic, payload, qos, retain, expiry_s, user_properties = publication
         paho = self._connected()
-        properties = None
-        if self._is_5 and (expiry_s is not None or user_properties):
-            properties = _properties(PacketTypes.PUBLISH)
-            if expiry_s is not None:
-                properties.MessageExpiryInterval = expiry_s
-            if user_properties:
-                properties.UserProperty = list(user_properties)
+        properties = _of_publish(expiry_s, user_properties) if self._is_5 else None
         return paho.publish(topic, payload, qos, retain, properties).mid
 
     def subscribe(self, filters: Collection[tuple[str, int]]) -> None:
@@ -158,12 +154,12 @@ class Network:
     def deadline(self) -> float:
         return self._look_at if self._paho is not None else float("inf")
 
-    def turn(self, now: float) -> None:
-        """Do what can be done without waiting."""
+    def turn(self, now: float, is_readable: bool) -> None:
+        """Do what can be done without waiting. is_readable: one of the descriptors to read from is."""
         if self._connector is not None:
             self._connect_ended(now)
-        if self._paho is not None:
-            self._exchange(self._paho, now)
+        elif self._paho is not None:
+            self._exchange(self._paho, now, is_readable or self._paho.line.has_more)
         self._tell(now)
 
     def finish(self) -> None:
@@ -229,10 +225,10 @@ class Network:
         self._owed = 0
         return paho
 
-    def _exchange(self, paho: Paho, now: float) -> None:
+    def _exchange(self, paho: Paho, now: float, is_readable: bool) -> None:
         """Read, write, and let paho look at its clock; or tell why that is over."""
         try:
-            for packet in paho.line.read():
+            for packet in paho.line.read() if is_readable else ():
                 if isinstance(packet, Oversized):
                     self._oversized(packet)
                     continue
@@ -271,6 +267,7 @@ class Network:
         was_accepted = self._is_accepted
         self.drop()
         if was_accepted:
+            why = mqtt_trouble.soon(why) if now - self._accepted_at < STEADY_S else why
             self.session.lost(why, now, is_cut)
         else:
             self.session.failed(mqtt_trouble.early(why, self._settings), now)
@@ -294,6 +291,7 @@ class Network:
 
     def _accept(self, accepted: Accepted, now: float) -> None:
         self._is_accepted = True
+        self._accepted_at = now
         self.session.connected(accepted, now)
 
     def _on_disconnect(
@@ -356,6 +354,28 @@ def _check_version(packet: bytes) -> None:
     if len(packet) == 4 and packet[0] >> 4 == CONNACK and packet[3] == UNACCEPTABLE_VERSION:
         hint = 'set version = "3.1.1" in place of 5, or the other way round'
         raise ProtocolError("refuses the connection: Unsupported protocol version", hint)
+
+
+class Packed(Properties):
+    """Properties as octets: to make paho's own takes as long as to send a message."""
+
+    octets: bytes
+
+    def __init__(self, octets: bytes) -> None:
+        object.__setattr__(self, "octets", octets)
+
+    def pack(self) -> bytes:
+        return self.octets
+
+
+@lru_cache(maxsize=256)  # expiries are few, as long as nothing else is said
+def _of_publish(expiry_s: int | None, user_properties: tuple[tuple[str, str], ...]) -> Packed:
+    properties = _properties(PacketTypes.PUBLISH)
+    if expiry_s is not None:
+        properties.MessageExpiryInterval = expiry_s
+    if user_properties:
+        properties.UserProperty = list(user_properties)
+    return Packed(properties.pack())  # type: ignore[no-untyped-call]
 
 
 def _properties(kind: int) -> Properties:

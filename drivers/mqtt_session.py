@@ -26,9 +26,6 @@ STEADY_S = 10.0
 # The longest wait while this machine has no network: a try costs nobody anything, and a tunnel has an end.
 AWAY_S = 2.0
 
-# Connections in a row that were accepted and did not hold: a broker closes the older one of two that have one name.
-AGAIN = 3
-
 LOOK_S = 1.0  # between two changes of what is subscribed to: a vehicle at the edge of a tile goes to and fro
 
 SHOWN = 16  # subscriptions in status, of the many that tiles are
@@ -162,8 +159,6 @@ class Session:
         """The connection is gone that was accepted. is_cut: the network has cut it, and the broker did nothing."""
         was_good = self.phase is Phase.UP and (is_cut or now - self._since >= STEADY_S)
         self._failures = 0 if was_good else self._failures + 1
-        if self._failures >= AGAIN:
-            why += ", again and again; if another client has the same client_id, set another one"
         self._pause(why, now, self._settings.longest_delay_s)
 
     def subscribed(self, refused: dict[str, str], now: float) -> None:

@@ -115,8 +115,13 @@ def is_cut(error: Exception) -> bool:
     return is_away(error) or (isinstance(error, OSError) and error.errno == errno.ETIMEDOUT)
 
 
+def soon(words: str) -> str:
+    """The same for a connection that did not last: a broker closes the older one of two that have one name."""
+    return f"{words} soon after CONNACK; does another client have the same client_id?" if words == _CLOSED else words
+
+
 def early(words: str, settings: MqttSettings) -> str:
-    """The same for a connection that was not accepted yet: brokers often close it without a reason."""
+    """The same for a connection that was not accepted: brokers often close it without a reason."""
     if words != _CLOSED:
         return words
     if not broker(settings.url).has_tls:

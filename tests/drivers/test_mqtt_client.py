@@ -347,4 +347,6 @@ def test_a_kept_session_delivers_what_came_meanwhile(brokers, broker, start):
 def test_two_clients_of_the_same_name_put_each_other_out_ever_more_slowly_and_say_why(broker, start):
     both = [start(settings(broker.plain_url, client_id="same")) for _ in range(2)]
     for station in both:
-        station.until(lambda station=station: any("set another one" in why for _, why in station.states))
+        station.until(
+            lambda station=station: any("another client have the same client_id" in why for _, why in station.states)
+        )

@@ -32,9 +32,9 @@ def turns(monkeypatch) -> list[int]:
     counted: list[int] = []
     wait = Process._wait
 
-    def count(process: Process) -> None:
+    def count(process: Process) -> set[int]:
         counted.append(id(process))
-        wait(process)
+        return wait(process)
 
     monkeypatch.setattr(Process, "_wait", count)
     return counted
