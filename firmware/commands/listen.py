@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
-from board.errors import RequestError
+from board.errors import RequestError, UsageError
 from firmware.codec import fields, library, showing
 from firmware.codec.decoding import Decoder, UndecodableError, joined, refusal_record
 from firmware.codec.field_names import FieldNames
@@ -109,14 +109,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(arguments: argparse.Namespace) -> int:
     if (arguments.decode and not arguments.json) or (arguments.full and arguments.json):
-        print("captain listen: error: --json goes with --decode or --fields, --decode with --json", file=sys.stderr)
-        return 2
+        raise UsageError("--json goes with --decode or --fields, --decode with --json")
     place = address(arguments)
     try:
         show = _shower(arguments)
     except RequestError as error:
-        print(f"captain listen: error: --fields: {error}", file=sys.stderr)
-        return 2
+        raise UsageError(f"--fields: {error.message}", error.hint) from error
     with client.session() as context:
         # Everything, where all types are wanted: what a station should not publish is to be seen as well.
         # A messageID has whatever name the station gives it.
