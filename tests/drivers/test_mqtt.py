@@ -2,7 +2,6 @@
 
 import os
 from pathlib import Path
-from typing import ClassVar
 
 import pytest
 
@@ -16,51 +15,10 @@ from drivers.mqtt_options import MqttOptions
 from drivers.mqtt_settings import settings
 from drivers.reason import Reason
 from drivers.wire import v2n_talk as talk
+from tests.drivers.fake_worker import FakeWorker
 from tests.drivers.host import CAM, DENM, EGO, SHARED, requests
 
 URL = "mqtts://broker.example:8883"
-
-
-class FakeWorker:
-    """board.worker.Worker whose process is the test."""
-
-    made: ClassVar[list["FakeWorker"]] = []
-    starts: ClassVar[bool] = True
-
-    def __init__(self, loop, name, on_message, on_state, on_writable, *, command, silence_s):
-        self.message, self.state, self.writable = on_message, on_state, on_writable
-        self.silence_s = silence_s
-        self.waited_s = 0.0
-        self.is_up = self.is_stopped = self.is_full = False
-        self.told: list[bytes] = []
-        self.made.append(self)
-
-    def start(self):
-        if not FakeWorker.starts:
-            self.state(False, "cannot be started: Too many open files; starts again in 0.2 s")
-
-    def run(self):
-        self.is_up = True
-        self.state(True, "process 7 runs")
-
-    def send(self, message):
-        if not self.is_up or self.is_full:
-            return False
-        self.told.append(message)
-        return True
-
-    def stop(self):
-        self.is_stopped = True
-        self.is_up = False
-
-    def finish(self, within):
-        self.waited_s = within
-
-    def take(self, kind):
-        """What it was told of one kind since the last time."""
-        found = [message for message in self.told if message[0] == kind]
-        self.told = [message for message in self.told if message[0] != kind]
-        return found
 
 
 @pytest.fixture(autouse=True)

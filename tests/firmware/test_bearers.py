@@ -6,15 +6,21 @@ from pathlib import Path
 
 import pytest
 
+import drivers.mqtt
 from board.errors import ConfigurationError, InterfaceError
-from drivers.contract import Can, Host
-from firmware import bearers, config
+from drivers.contract import Can, Host, Shared
+from drivers.mqtt import Mqtt
+from drivers.mqtt_options import MqttOptions
+from drivers.wire import v2n_talk as talk
+from firmware import bearers, carrier, config
 from firmware.drops import Drops
 from firmware.interface import Interface
 from firmware.supervisor import Supervised
 from firmware.tables import QueueOptions
 from firmware.topics import Topics
+from tests.drivers.fake_worker import FakeWorker
 from tests.firmware.doubles import NotingStation, ScriptedDriver
+from tests.firmware.whole_board import NearRemote, WholeBoard
 from tests.virtual import VirtualLoop
 
 
@@ -112,6 +118,33 @@ def test_a_driver_may_fail_by_what_it_is_told(bench: Bench) -> None:
     bench.driver.bearer_changed = lambda *_: hosts[0].fail(InterfaceError("no"))  # type: ignore[method-assign]
     bench.all["v2n"].start()
     assert bench.all["v2n"].state == "waiting"
+
+
+def test_an_interface_at_a_broker_follows_the_modem_of_a_slot(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(drivers.mqtt, "Worker", FakeWorker)
+    monkeypatch.setattr(FakeWorker, "made", [])
+    monkeypatch.setattr(carrier, "Remote", NearRemote)
+    with closing(VirtualLoop()) as loop, closing(WholeBoard(loop)) as board:
+        driver = Mqtt(MqttOptions(url="mqtts://broker.example:8883", bearer="cellular"), Shared(bytes(6)))
+        interface = Interface("v2n", driver, QueueOptions("mqtt"), loop, NotingStation(), Topics(), Drops())
+        v2n = Supervised(loop, interface)
+        bearers.join({"v2n": v2n, "cellular": board.cellular})
+        v2n.start()
+        (worker,) = FakeWorker.made
+        worker.run()
+        board.start()
+        board.until_up()
+        assert [talk.parse_bearer(message)[0] for message in worker.take(talk.BEARER)] == [False, True]
+        assert interface.why.startswith("bearer cellular is down: ")  # until the process says what it does
+        worker.message(talk.state(True, "connected"))
+        assert (interface.is_up, interface.why) == (True, "connected")
+        board.carrier.slots["cellular"].operate("off")
+        assert [talk.parse_bearer(message)[0] for message in worker.take(talk.BEARER)] == [False]
+        assert (interface.is_up, interface.why) == (
+            False,
+            "bearer cellular is down: slot cellular: off: by an operator",
+        )
+        v2n.stop()
 
 
 TOML = """
