@@ -1,6 +1,8 @@
 """One bench per driver: the interface under test and what is at the other end of it."""
 
+import atexit
 import os
+import shutil
 import signal
 import socket
 import subprocess
@@ -426,7 +428,9 @@ class ModemBench(ModuleBench):
 @cache
 def _identities() -> tuple[Authority, Identity, Identity, Identity]:
     """An authority; what the broker, the station and the other end show."""
-    authority = Authority(Path(tempfile.mkdtemp(prefix="captain-bench-")))
+    folder = tempfile.mkdtemp(prefix="captain-bench-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    authority = Authority(Path(folder))
     return authority, authority.server(), authority.client("bench"), authority.client("other")
 
 
