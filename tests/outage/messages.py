@@ -1,0 +1,57 @@
+"""What a vehicle sends: CAMs all the time, now and then a DENM, and seldom more at once than any queue holds."""
+
+import random
+from typing import NamedTuple
+
+CAM_HZ = 10.0  # the most, EN 302 637-2 clause 6.1.3
+SIZE = 41  # octets of a CAM without its optional containers
+
+CAM, DENM, POI = b"v2x.cam.", b"v2x.denm.", b"v2x.poi."
+NUMBERS = {CAM: 2, DENM: 1, POI: 3}
+STATION = 1337
+
+DENM_S = 20.0  # on average between two
+BURST_S = 600.0  # the same
+BURST = 400  # a queue holds 256
+
+# That a path has to work in a message's lifetime, so that it could have left. A full queue and a full window leave at
+# 20 in a round trip, behind everything else.
+NEED_S = {CAM: 0.5, DENM: 0.5, POI: 3.0}
+
+
+class Sending(NamedTuple):
+    """What is due: an envelope, so many times."""
+
+    envelope: bytes
+    count: int = 1
+
+
+class Schedule:
+    """What is due at each tick of a CAM."""
+
+    def __init__(self, seed: int, burst_s: float = BURST_S) -> None:
+        self._chance = random.Random(f"messages {seed}")
+        self._shares = {DENM: 1 / (DENM_S * CAM_HZ), POI: 1 / (burst_s * CAM_HZ)}
+
+    def due(self) -> list[Sending]:
+        due = [Sending(CAM)]
+        if self._chance.random() < self._shares[DENM]:
+            due.append(Sending(DENM))
+        if self._chance.random() < self._shares[POI]:
+            due.append(Sending(POI, BURST))
+        return due
+
+
+def pdu(envelope: bytes, number: int) -> bytes:
+    """Of the size of a CAM, with a number of our own behind the header."""
+    head = bytes((2, NUMBERS[envelope])) + STATION.to_bytes(4, "big") + number.to_bytes(8, "big")
+    return head.ljust(SIZE, b"\x55")
+
+
+def need_s(octets: bytes) -> float:
+    """As NEED_S, of a PDU."""
+    return next(NEED_S[envelope] for envelope, number in NUMBERS.items() if number == octets[1])
+
+
+def number_of(octets: bytes) -> int:
+    return int.from_bytes(octets[6:14], "big")

@@ -1,0 +1,51 @@
+"""What the accounts of a run come to: goals, and a table."""
+
+from collections.abc import Sequence
+
+from drivers.reason import Reason
+from firmware.user.table import Table
+from tests.chaos.run import Goal
+from tests.outage.account import SENT, Account
+
+ROWS = (
+    ("sent", SENT),
+    ("expired", Reason.EXPIRED),
+    ("link down", Reason.LINK_DOWN),
+    ("queue full", Reason.QUEUE_FULL),
+)
+
+
+def goals(account: Account, requests: int) -> list[Goal]:
+    """What has to hold of an interface that was given so many requests."""
+    sums, name = account.sums, account.name
+    outcomes = sum(sums.outcomes.values())
+    said = ", ".join(f"{count} {word or 'sent'}" for word, count in sorted(sums.outcomes.items()))
+    offences = "; ".join(
+        f"{what}: {count} ({', '.join(account.samples[what])})" for what, count in sorted(account.offences.items())
+    )
+    return [
+        Goal(
+            f"{name}: every request has its outcome",
+            f"{requests} = {said}",
+            requests == sums.requests == outcomes,
+        ),
+        Goal(
+            f"{name}: none stale, none lost that could have left, each loss explained", offences or "none", not offences
+        ),
+    ]
+
+
+def table(accounts: Sequence[Account]) -> Table:
+    """One column for each interface."""
+    sums = [account.sums for account in accounts]
+    rows = [
+        ("requests", *(str(one.requests) for one in sums)),
+        *((name, *(str(one.outcomes[word]) for one in sums)) for name, word in ROWS),
+        ("arrived", *(str(one.arrived) for one in sums)),
+        ("repeated", *(str(one.repeats) for one in sums)),
+        ("said to be sent, did not arrive", *(str(one.sent_in_vain) for one in sums)),
+        ("said to be dropped, yet arrived", *(str(one.dropped_yet_arrived) for one in sums)),
+        ("latest arrival after its lifetime", *(f"{max(0.0, one.longest_transit_s):.2f} s" for one in sums)),
+        ("latest word of a drop after it", *(f"{one.latest_word_s:.2f} s" for one in sums)),
+    ]
+    return Table("what became of the messages", ("", *(f">{account.name}" for account in accounts)), rows)

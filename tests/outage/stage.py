@@ -1,0 +1,164 @@
+"""A station's way out over MQTT in virtual time: router, queue, driver and session are real, kernel and broker played."""
+
+import base64
+import random
+from collections.abc import Iterable, Sequence
+
+import pytest
+
+from board import worker
+from drivers.contract import Shared
+from drivers.message import Confirm, Outcome
+from drivers.mqtt import Mqtt
+from drivers.mqtt_options import MqttOptions
+from drivers.mqtt_settings import STALL_S
+from drivers.reason import Reason
+from drivers.wire.v2n import Publication
+from firmware.drops import Drops
+from firmware.interface import Interface
+from firmware.options import Parsed, RequestOptions
+from firmware.router import Router
+from firmware.supervisor import Supervised
+from firmware.tables import QueueOptions
+from firmware.topics import Topics
+from tests.chaos.processes import PlayedChild
+from tests.drivers.host import EGO, MAC
+from tests.outage import messages
+from tests.outage.account import Account
+from tests.outage.broker import Broker, PlayedMqtt, played
+from tests.outage.network import Network
+from tests.outage.pattern import Kind, Trouble
+from tests.outage.watch import Watch
+from tests.virtual import VirtualLoop
+
+# A message is under way for as long as the kernel tries: what is stale then arrived in a connection that came back.
+TRANSIT_S = STALL_S + 1.0
+WORD_S = 1.0  # the queue looks every 0.2 s, and counts its own pauses
+
+URL = "mqtts://broker.example:8883"
+BEARER = "modem"
+
+# What a modem says of its bearer; a tunnel it knows nothing of.
+TOLD = frozenset({Kind.HANDOVER, Kind.LOSS, Kind.ABSENCE})
+
+
+class Path:
+    """What one interface has to the broker."""
+
+    def __init__(self, stage: "Stage", name: str, qos: int, bearer: str) -> None:
+        self.watch = Watch()
+        self.account = Account(name, TRANSIT_S, WORD_S, self.watch.was_usable, is_lossy=qos == 0)
+        self.asked = Parsed(RequestOptions(interfaces=(name,)), None)
+        options = MqttOptions(url=URL, client_id=name, host=name, qos=qos, bearer=bearer)
+        self.driver = Mqtt(options, stage.shared)
+        self.interface = Interface(
+            name, self.driver, QueueOptions("mqtt"), stage.loop, stage.router, stage.topics, stage.drops
+        )
+        self.supervised = Supervised(stage.loop, self.interface, stage.chance.random)
+        stage.router.add(self.interface)
+
+
+class Stage:
+    """Paths to one broker over one network; none is up yet.
+
+    paths  by name, each (QoS, whether it follows its bearer).
+    """
+
+    def __init__(self, patch: pytest.MonkeyPatch, seed: int, paths: Iterable[tuple[str, int, bool]]) -> None:
+        self.chance = random.Random(f"stage {seed}")
+        self.loop = VirtualLoop()
+        self.network = Network(self.loop)
+        self.broker = Broker(self.loop, self.network, self._arrived)
+        patch.setattr(worker, "Child", PlayedChild)
+        patch.setitem(PlayedChild.programs, "mqtt", played(self.broker, self.chance.random))
+        patch.setitem(worker.Worker.__init__.__kwdefaults__, "jitter", self.chance.random)
+        patch.setattr(PlayedChild, "running", [])
+        self.topics = Topics()
+        self.drops = Drops()
+        kinds = tuple(kind.name for kind in self.topics.kinds)
+        ports = frozenset(self.topics.ports)
+        self.shared = Shared(mac=MAC, btp_ports=ports, lanes=self.topics.lanes(), types=kinds)
+        self.router = Router(self.loop, self.topics, self.drops, lambda: EGO)
+        self.router.is_confirm_wanted = True
+        self.router.report = self._reported
+        self.requests = 0
+        self.refused = 0
+        self.paths = {name: Path(self, name, qos, BEARER if has_bearer else "") for name, qos, has_bearer in paths}
+
+    def start(self) -> None:
+        """Until all are up."""
+        for path in self.paths.values():
+            path.supervised.start()
+            if path.driver.bearer:
+                path.driver.bearer_changed(True, "wwan0", "up")
+        self.loop.run_until(lambda: all(path.interface.is_up for path in self.paths.values()), 10.0)
+
+    def stop(self) -> None:
+        for path in self.paths.values():
+            path.supervised.stop()
+        self.loop.run_for(2.0)
+        self.loop.close()
+
+    def begin(self, trouble: Trouble) -> None:
+        self.network.begin(trouble)
+        for path in self.paths.values():
+            path.watch.begin(self.loop.now)
+            if path.driver.bearer and trouble.kind in TOLD:
+                path.driver.bearer_changed(False, "", trouble.kind.value)
+
+    def end(self, trouble: Trouble) -> None:
+        self.network.end(trouble)
+        for path in self.paths.values():
+            path.watch.end(trouble, self.loop.now)
+            if path.driver.bearer and trouble.kind in TOLD:
+                path.driver.bearer_changed(True, "wwan0", "up")
+
+    def request(self, envelope: bytes, pdu: bytes) -> None:
+        """By each path for itself: one whose link is down is not passed over for those that are up."""
+        self.requests += 1
+        for path in self.paths.values():
+            self.router.request(self.topics.by_envelope[envelope], pdu, "test", path.asked)
+
+    @property
+    def programs(self) -> list[PlayedMqtt]:
+        return [child._program for child in PlayedChild.running if isinstance(child._program, PlayedMqtt)]
+
+    def held(self) -> dict[str, int]:
+        """What must not become more: entries of everything that keeps messages or timers."""
+        windows = [program.session._window for program in self.programs if program.session is not None]
+        return {
+            "queues": sum(path.interface.outlet.length for path in self.paths.values()),
+            "kept": sum(len(path.driver._kept) for path in self.paths.values()),
+            "windows": sum(len(one._requests) + len(one._waiting) + len(one._out) for one in windows),
+            "timers": sum(timer.is_pending for _, _, timer in self.loop._timers),
+            "children": len(PlayedChild.running),
+        }
+
+    def _reported(self, confirm: Confirm, targets: Sequence[Interface]) -> None:
+        request, now = confirm.request, self.loop.clock()
+        number = messages.number_of(request.pdu)
+        if confirm.outcome is Outcome.ACCEPTED:
+            for target in targets:
+                account, need_s = self.paths[target.name].account, messages.need_s(request.pdu)
+                account.request(number, request.accepted, request.deadline, need_s)
+        elif confirm.outcome is Outcome.REFUSED:
+            self.refused += 1
+        else:
+            path = self.paths[confirm.interface]
+            path.account.said(number, confirm.reason, now, self._is_full(path, confirm.reason))
+            if confirm.outcome is Outcome.SENT and not path.account.is_lossy:
+                path.watch.through(now)
+
+    def _is_full(self, path: Path, reason: Reason | None) -> bool:
+        outlet = path.interface.outlet
+        return reason is not Reason.QUEUE_FULL or outlet.length >= outlet.capacity
+
+    def _arrived(self, client: str, publication: Publication) -> None:
+        host, _, rest = publication.payload.decode().partition("(")
+        if rest:  # else it is about the status
+            assert host == client
+            pdu = base64.b64decode(rest.partition("<")[2].partition(">")[0], validate=True)
+            path, now = self.paths[client], self.loop.now
+            path.account.arrived(messages.number_of(pdu), now)
+            if path.account.is_lossy:
+                path.watch.through(now)

@@ -1,0 +1,217 @@
+"""The outages of an hour of a vehicle's network, and what takes part in that: its pattern, its accounts, its model."""
+
+import itertools
+import logging
+from collections import Counter
+
+import pytest
+
+from drivers.reason import Reason
+from tests.outage import messages, pattern
+from tests.outage.account import KEEP_S, Account
+from tests.outage.messages import Schedule
+from tests.outage.network import Line, Network
+from tests.outage.pattern import Kind, Trouble
+from tests.outage.virtual import VirtualRun
+from tests.outage.watch import Watch
+from tests.virtual import VirtualLoop
+
+HOUR_S = 3600.0
+PATHS = (("qos1", 1, False), ("qos0", 0, False))
+SEED = 25  # its first hour has each kind of trouble
+
+
+def test_an_hour_of_outages_loses_nothing_that_could_have_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Its quiet stretches are cut out; `make outages` plays all of 24 hours.
+    monkeypatch.setattr(logging.getLogger("captain"), "level", logging.CRITICAL)
+    troubles = pattern.squeezed(pattern.day(SEED, HOUR_S))
+    assert {one.kind for one in troubles} == set(Kind)
+    run = VirtualRun(SEED, troubles, monkeypatch, PATHS, burst_s=120.0)
+    try:
+        goals = run.play()
+    finally:
+        run.stage.stop()
+    assert [f"{goal.what}: {goal.seen}" for goal in goals if not goal.is_met] == []
+    outcomes = run.stage.paths["qos1"].account.sums.outcomes
+    assert {Reason.EXPIRED, Reason.LINK_DOWN, Reason.QUEUE_FULL} <= set(outcomes)
+
+
+# The pattern.
+
+
+@pytest.mark.parametrize("seed", range(1, 6))
+def test_half_an_hour_without_the_quiet_has_two_hundred_outages_of_up_to_20_s(seed: int) -> None:
+    part = pattern.cut(pattern.day(seed), 1800.0)
+    assert sum(one.is_outage for one in part) >= 200
+    assert part[-1].end_s <= 1800.0
+
+
+def test_a_cut_of_half_a_minute_has_one_outage_of_each_kind() -> None:
+    part = pattern.cut(pattern.day(1), 30.0)
+    assert {Kind.TUNNEL, Kind.HANDOVER, Kind.LOSS} == {one.kind for one in part}
+
+
+def test_a_day_is_the_same_for_the_same_seed_and_its_troubles_keep_apart() -> None:
+    day = pattern.day(1)
+    assert day == pattern.day(1) != pattern.day(2)
+    assert all(before.end_s + pattern.APART_S <= after.at_s for before, after in itertools.pairwise(day))
+    kinds = Counter(one.kind for one in day)
+    assert min(kinds[kind] for kind in Kind) >= 3
+    assert day[-1].end_s < pattern.DAY_S
+
+
+# What is accounted for.
+
+
+def account(is_usable: bool = False, is_lossy: bool = False) -> Account:
+    made = Account("one", 4.0, 1.0, lambda begin, end, need_s: is_usable, is_lossy)
+    made.request(7, 100.0, 101.0, 0.5)
+    return made
+
+
+def test_what_arrived_and_was_said_to_be_sent_is_no_offence() -> None:
+    one = account(is_usable=True)
+    one.arrived(7, 100.1)
+    one.said(7, None, 100.2)
+    one.close_old(float("inf"))
+    assert not one.offences
+    assert (one.sums.outcomes, one.sums.arrived, one.length) == ({"": 1}, 1, 0)
+
+
+def test_what_arrives_twice_is_a_repeat_and_no_offence() -> None:
+    one = account()
+    one.arrived(7, 100.1)
+    one.arrived(7, 100.9)
+    one.said(7, None, 100.9)
+    one.close_old(float("inf"))
+    assert (one.sums.repeats, one.offences) == (1, {})
+
+
+@pytest.mark.parametrize("late_s", [4.1, KEEP_S + 2.0])
+def test_what_arrives_late_is_stale(late_s: float) -> None:
+    one = account()
+    one.said(7, Reason.EXPIRED, 101.1)
+    one.close_old(101.0 + late_s)
+    one.arrived(7, 101.0 + late_s)
+    assert sum(count for what, count in one.offences.items() if what.startswith("stale")) == 1
+
+
+@pytest.mark.parametrize(
+    ("reason", "at", "is_full", "offence"),
+    [
+        (Reason.EXPIRED, 100.9, True, "dropped for its age before its time"),
+        (Reason.LINK_DOWN, 102.1, True, "dropped for its age and told late"),
+        (Reason.SEND_FAILED, 100.5, True, "dropped for a reason that no outage explains"),
+        (Reason.QUEUE_FULL, 100.5, False, "dropped by a queue with room"),
+        (None, 105.1, True, "said to be sent after its lifetime"),
+    ],
+)
+def test_a_word_that_is_wrong_is_an_offence(reason: Reason | None, at: float, is_full: bool, offence: str) -> None:
+    one = account()
+    one.said(7, reason, at, is_full)
+    assert offence in one.offences
+
+
+def test_a_message_that_could_have_left_must_not_expire() -> None:
+    one = account(is_usable=True)
+    one.said(7, Reason.EXPIRED, 101.1)
+    assert "lost although it could have left" in one.offences
+
+
+def test_a_message_of_which_nothing_is_said_or_too_much_is_an_offence() -> None:
+    one = account()
+    one.said(8, None, 100.0)
+    one.close_old(float("inf"))
+    assert set(one.offences) == {"said twice, or of no request", "nothing was said of it"}
+
+
+@pytest.mark.parametrize(
+    ("is_lossy", "is_usable", "is_offence"), [(False, False, True), (True, False, False), (True, True, True)]
+)
+def test_sent_in_vain_is_what_quality_of_service_0_may_be_amid_an_outage(
+    is_lossy: bool, is_usable: bool, is_offence: bool
+) -> None:
+    one = account(is_usable, is_lossy)
+    one.said(7, None, 100.1)
+    one.close_old(float("inf"))
+    assert bool(one.offences) is is_offence
+    assert one.sums.sent_in_vain == 1
+
+
+def test_a_path_works_from_the_first_message_that_is_through_to_the_next_trouble() -> None:
+    watch = Watch()
+    watch.through(10.0)
+    watch.begin(20.0)
+    watch.through(20.1)  # it was under way
+    watch.end(Trouble(20.0, Kind.TUNNEL, 5.0), 25.0)
+    watch.through(26.0)
+    assert watch.back_s[Kind.TUNNEL] == [1.0]
+    spans = [(9.0, 10.4), (9.0, 10.6), (19.6, 26.0), (20.0, 26.4), (20.0, 26.6)]
+    assert [watch.was_usable(*span, 0.5) for span in spans] == [False, True, False, False, True]
+
+
+# The model of the network.
+
+
+def sent(network: Network, stall_s: float = 3.0) -> tuple[Line, list[float], list[str]]:
+    """A connection in which one message is under way: when it arrives, and what the connection ends with."""
+    arrived: list[float] = []
+    ended: list[str] = []
+    line = Line(network, stall_s, ended.append)
+    line.up.send(100, lambda: arrived.append(network.loop.clock()))
+    return line, arrived, ended
+
+
+@pytest.mark.parametrize("kind", [Kind.TUNNEL, Kind.LOSS])
+def test_what_was_sent_into_a_short_outage_arrives_after_it(kind: Kind) -> None:
+    network = Network(loop := VirtualLoop(now=0.0))
+    network.begin(trouble := Trouble(0.0, kind, 1.0))
+    loop.after(trouble.lasts_s, lambda: network.end(trouble))
+    _, arrived, ended = sent(network)
+    loop.run_for(10.0)
+    assert (len(arrived), ended) == (1, [])
+    assert 1.0 < arrived[0] < 2.0
+
+
+@pytest.mark.parametrize(
+    ("kind", "lasts_s", "stall_s", "is_ended"),
+    [(Kind.TUNNEL, 5.0, 3.0, True), (Kind.HANDOVER, 0.5, 3.0, True), (Kind.HANDOVER, 0.5, 0.0, False)],
+)
+def test_what_was_sent_from_an_address_that_is_gone_or_before_the_limit_never_arrives(
+    kind: Kind, lasts_s: float, stall_s: float, is_ended: bool
+) -> None:
+    network = Network(loop := VirtualLoop(now=0.0))
+    network.begin(trouble := Trouble(0.0, kind, lasts_s))
+    loop.after(lasts_s, lambda: network.end(trouble))
+    _, arrived, ended = sent(network, stall_s)
+    loop.run_for(30.0)
+    assert arrived == []
+    assert bool(ended) is is_ended
+
+
+def test_the_kernel_takes_no_more_at_once_than_its_buffer_holds() -> None:
+    network = Network(loop := VirtualLoop(now=0.0))
+    network.begin(Trouble(0.0, Kind.TUNNEL, 60.0))
+    written: list[int] = []
+    line = Line(network, 0.0, lambda why: None)
+    for number in range(20):
+        line.up.send(1000, lambda: None, lambda number=number: written.append(number))
+    loop.run_for(1.0)
+    assert written == list(range(8))
+
+
+# What is sent.
+
+
+def test_a_number_is_found_again_in_its_pdu() -> None:
+    for envelope in messages.NUMBERS:
+        octets = messages.pdu(envelope, 123_456)
+        assert (messages.number_of(octets), len(octets)) == (123_456, messages.SIZE)
+        assert messages.need_s(octets) == messages.NEED_S[envelope]
+
+
+def test_a_burst_is_more_than_a_queue_holds() -> None:
+    schedule = Schedule(1, burst_s=10.0)
+    due = [one for _ in range(1000) for one in schedule.due()]
+    assert max(one.count for one in due) > 256
+    assert sum(one.envelope == messages.CAM for one in due) == 1000

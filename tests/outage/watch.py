@@ -1,0 +1,67 @@
+"""When a path to the broker worked, by what came through; and how soon after a trouble it did again."""
+
+from collections import deque
+
+from firmware.user.table import Table
+from tests.outage.pattern import Kind, Trouble
+
+SPANS = 64  # of a path that worked, remembered: a lifetime has few
+
+
+class Watch:
+    """Of one path.
+
+    back_s    from the end of a trouble until a message was through, by its kind.
+    not_back  how often none did before the next trouble.
+    """
+
+    def __init__(self) -> None:
+        self.back_s: dict[Kind, list[float]] = {kind: [] for kind in Kind}
+        self.not_back = 0
+        self._since: float | None = None
+        self._spans: deque[tuple[float, float]] = deque(maxlen=SPANS)
+        self._is_troubled = False
+        self._last: tuple[Kind, float] | None = None  # the trouble that it is not back from, and when that ended
+
+    def begin(self, now: float) -> None:
+        """Of a trouble."""
+        self.not_back += self._last is not None
+        self._last = None
+        self._is_troubled = True
+        if self._since is not None:
+            self._spans.append((self._since, now))
+            self._since = None
+
+    def end(self, trouble: Trouble, now: float) -> None:
+        self._is_troubled = False
+        self._last = trouble.kind, now
+
+    def through(self, now: float) -> None:
+        """A message is through, with its acknowledgement if it has one: the path works until the next trouble."""
+        if self._is_troubled or self._since is not None:
+            return
+        self._since = now
+        if self._last is not None:
+            kind, ended = self._last
+            self.back_s[kind].append(now - ended)
+            self._last = None
+
+    def was_usable(self, begin: float, end: float, need_s: float) -> bool:
+        """Whether it worked for need_s in one piece between two moments, the later of them not in the future."""
+        spans = [*self._spans, *([(self._since, end)] if self._since is not None else [])]
+        return any(min(end, last) - max(begin, first) >= need_s for first, last in spans)
+
+
+def table(watches: dict[str, Watch]) -> Table:
+    """How soon each was back, by the kind of trouble."""
+    rows = []
+    for name, watch in watches.items():
+        for kind, found in watch.back_s.items():
+            times = sorted(found)
+            if times:
+                shown = (times[len(times) // 2], times[int(0.95 * len(times))], times[-1])
+                rows.append((name, kind.value, str(len(times)), *(f"{one:.2f}" for one in shown)))
+    heads = ("interface", "after", ">times", ">median s", ">95 % s", ">longest s")
+    missed = ", ".join(f"{name} {watch.not_back}" for name, watch in watches.items())
+    title = "from the end of a trouble until a message is through"
+    return Table(title, heads, rows, (f"not before the next trouble: {missed}",))
