@@ -3,7 +3,7 @@
 
 .DEFAULT_GOAL := help
 .PHONY: help setup run codec import-check docs test test-binary check portable fuzz truth \
-	bench bench-station bench-messages bench-v2n lab chaos binary lock proof clean
+	bench bench-station bench-messages bench-v2n lab chaos outages binary lock proof clean
 
 PYTEST := .venv/bin/python -m pytest
 
@@ -73,6 +73,13 @@ chaos: setup-test ## everything that is simulated fails at random: MINUTES=30 of
 	@.venv/bin/python -m tests.chaos.virtual --minutes $(or $(MINUTES),30) --seeds 1 2 3
 	@.venv/bin/python -m tests.chaos --duration $(or $(DURATION),600) $(ARGS)
 
+outages: setup-test ## a vehicle's network: HOURS=24 of it in virtual time, then DURATION=1800 real seconds without the quiet
+	@.venv/bin/python -m tests.outage.virtual --hours $(or $(HOURS),24) --seeds 1 2 3
+	@.venv/bin/python -m tests.outage --duration $(or $(DURATION),1800) $(ARGS)
+
+fleet: setup-test ## V2N of 1,000 to 100,000 vehicles: messages by tile, broker, vehicle; measured at two brokers: DURATION=20
+	@.venv/bin/python -m tests.fleet --duration $(or $(DURATION),20) $(ARGS)
+
 kernel: setup-kernel ## our code on Debian's kernel in an emulated computer: 802.11p, GPIO, I2C, USB; ARGS='--only air'
 	@.ci/kernel
 	@.venv/bin/python -m tests.kernel $(ARGS)
@@ -83,7 +90,7 @@ binary: setup-freeze setup ## one file to copy by hand and one directory for the
 lock: ## newest versions of everything that pyproject.toml names, with hashes
 	@.ci/lock
 
-proof: ## everything above in full length: about 3.5 hours on two cores; ASN1=DIR checks the import as well
+proof: ## everything above in full length: about 4 hours on two cores; ASN1=DIR checks the import as well
 	@ASN1="$(ASN1)" .ci/run full
 
 clean: ## remove build/ and the caches; .venv stays
