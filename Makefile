@@ -3,7 +3,7 @@
 
 .DEFAULT_GOAL := help
 .PHONY: help setup run codec import-check docs test test-binary check portable fuzz truth \
-	bench bench-station bench-messages bench-v2n lab chaos outages binary lock proof clean
+	bench bench-station bench-messages bench-v2n lab chaos outages fleet binary lock proof clean
 
 PYTEST := .venv/bin/python -m pytest
 
@@ -76,6 +76,9 @@ chaos: setup-test ## everything that is simulated fails at random: MINUTES=30 of
 outages: setup-test ## a vehicle's network: HOURS=24 of it in virtual time, then DURATION=1800 real seconds without the quiet
 	@.venv/bin/python -m tests.outage.virtual --hours $(or $(HOURS),24) --seeds 1 2 3
 	@.venv/bin/python -m tests.outage --duration $(or $(DURATION),1800) $(ARGS)
+
+fleet: setup-test ## V2N of 1,000 to 100,000 vehicles: messages by tile, broker, vehicle; measured at two brokers: DURATION=20
+	@.venv/bin/python -m tests.fleet --duration $(or $(DURATION),20) $(ARGS)
 
 fleet: setup-test ## V2N of 1,000 to 100,000 vehicles: messages by tile, broker, vehicle; measured at two brokers: DURATION=20
 	@.venv/bin/python -m tests.fleet --duration $(or $(DURATION),20) $(ARGS)

@@ -1,0 +1,38 @@
+"""At which size of the fleet a profile breaks a limit.
+
+What a vehicle hears grows with the fleet, and what a broker sends with its square: vehicles are spread alike, whatever
+share of the traffic has a station. So one computed load tells where the limit is.
+"""
+
+import math
+from typing import NamedTuple
+
+from tests.fleet.load import Load
+
+# Assumptions; --downlink-kbit and --broker-rate are others.
+# 1 Mbit/s: a mobile cell of 50 Mbit/s for 50 vehicles; in an hour it is 450 MB.
+DOWNLINK_BITS = 1e6
+# What one mosquitto sends on one core; the measured part of `make fleet` says what this machine's would.
+BROKER_RATE = 50_000.0
+
+
+class Limits(NamedTuple):
+    """downlink  bits a second that 95 of 100 vehicles must stay below. broker_rate: messages a second out of one."""
+
+    downlink: float = DOWNLINK_BITS
+    broker_rate: float = BROKER_RATE
+
+
+class Breaks(NamedTuple):
+    """Vehicles with which a limit is reached."""
+
+    downlink: int
+    one_broker: int
+
+
+def breaks(load: Load, limits: Limits) -> Breaks:
+    size = load.fleet.size
+    return Breaks(
+        math.floor(size * limits.downlink / load.downlink.busy),
+        math.floor(size * math.sqrt(limits.broker_rate / load.delivered.messages)),
+    )

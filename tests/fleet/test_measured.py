@@ -1,0 +1,42 @@
+"""The small end with real brokers, for a moment: nothing is lost, and every tile and vehicle has what was computed."""
+
+import pytest
+
+from tests.fleet.carried import carried
+from tests.fleet.load import Fleet, Load
+from tests.fleet.measured import BUDGET, EAST, MOST_VEHICLES, WEST, bridge_topics, chosen, measure, owner
+from tests.fleet.region import traffic
+
+FLEET = Fleet(traffic(1))
+SHORT_S = 0.5
+
+
+@pytest.mark.parametrize("name", ["vcaptain", "raw", "orange"])
+def test_what_is_published_at_two_bridged_brokers_is_heard_as_computed(name: str) -> None:
+    result = measure(FLEET, carried(name), SHORT_S, seed=1, budget=1500.0, has_counts=False)
+    assert result.heard == result.expected > 0
+    assert sum(result.tapped) == result.published * (1 if name == "orange" else 2)  # each broker has all, by its bridge
+    # In half a second each row is off by a message or so of each vehicle.
+    assert all(abs(row.difference) < 0.3 for row in result.rows if row.computed * SHORT_S > 50)
+
+
+@pytest.mark.parametrize("name", ["vcaptain", "raw", "orange", "nap"])
+def test_the_vehicles_are_as_many_as_one_process_can_be_and_on_both_sides(name: str) -> None:
+    load = chosen(FLEET, carried(name), BUDGET)
+    assert load.delivered.messages <= BUDGET
+    assert load.fleet.size <= MOST_VEHICLES
+    assert {owner(place) for place in load.fleet.places} == {WEST, EAST}
+
+
+def test_with_tiles_there_are_hundreds_and_only_the_edge_is_bridged() -> None:
+    one = carried("orange")
+    load = chosen(FLEET, one, BUDGET)
+    assert load.fleet.size >= 200
+    lines = bridge_topics(one, load)
+    assert 0 < len(lines) < len(load.fleet.places) / 4
+    assert {line.split()[1] for line in lines} == {"out", "in"}
+
+
+def test_a_smaller_fleet_hears_less() -> None:
+    one = carried("raw")
+    assert Load(FLEET.part(range(50)), one).heard.mean < Load(FLEET.part(range(100)), one).heard.mean
