@@ -1,18 +1,10 @@
 """A decoded message on a screen."""
 
-import sys
 import textwrap
 
 from firmware.codec.identify import Identity
 from firmware.codec.reading import Pdu
-from firmware.user.table import clean, width_of
-
-WIDEST = 1000  # columns: what is not a terminal has room for everything
-
-
-def room() -> int:
-    """Columns for a table that nothing shall be cut from unless the terminal ends."""
-    return width_of(sys.stdout) if sys.stdout.isatty() else WIDEST
+from firmware.user.table import clean
 
 
 def tree(pdu: Pdu, found: Identity, width: int) -> str:

@@ -9,8 +9,8 @@ from firmware.codec.arguments import FORMS_HELP, add_edition, add_input, each, p
 from firmware.codec.decoding import Decoder, record
 from firmware.codec.library import Message
 from firmware.codec.reading import Object, Pdu, pdu_of
-from firmware.codec.showing import room, tree
-from firmware.user.table import Table, plain, width_of
+from firmware.codec.showing import tree
+from firmware.user.table import Table, lines_for, width_of
 
 DESCRIPTION = f"""\
 Decodes messages and shows their fields with units and meanings. Type and
@@ -86,7 +86,7 @@ def _list(known: list[Message], is_json: bool) -> None:
         for message in known
     ]
     title = f"{len(known)} messages; of one type the preferred edition first"
-    print("\n".join(plain(Table(title, heads, rows), room())))
+    print("\n".join(lines_for(Table(title, heads, rows), sys.stdout)))
 
 
 def _numbers(numbers: Sequence[int]) -> str:

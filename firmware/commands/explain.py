@@ -8,7 +8,6 @@ from firmware.codec.arguments import FORMS_HELP, add_edition, add_input, each, p
 from firmware.codec.decoding import Decoder, UndecodableError
 from firmware.codec.library import Message
 from firmware.codec.reading import Pdu, pdu_of
-from firmware.codec.showing import WIDEST
 from firmware.user.table import Table, clean, plain
 
 DESCRIPTION = f"""\
@@ -37,6 +36,7 @@ exit codes:
   2    wrong usage
   130  Ctrl-C
 """
+WIDEST = 1000  # columns: a name that is cut is worth less than a line that the terminal folds
 HEADS = (">bit", ">width", "bits", "X.691", "field", "value")
 
 
@@ -70,7 +70,6 @@ def _show(pdu: Pdu, message: Message, note: str, is_json: bool) -> None:
             print_json({key: value for key, value in told.items() if key != "depth"})
         return
     title = f"{message.name}: {message.standard}, {len(pdu.octets)} octets, {pdu.origin}"
-    # A name that is cut is worth less than a line that the terminal folds.
     print("\n".join([*plain(Table(title, HEADS, _cells(rows), [note]), WIDEST), ""]), flush=True)
 
 

@@ -5,7 +5,7 @@ import sys
 
 from firmware.user.flights import Flight, Flights
 from firmware.user.sending import Sending
-from firmware.user.table import Table, clean, plain, width_of
+from firmware.user.table import Table, clean, lines_for
 
 
 class Account:
@@ -35,8 +35,7 @@ class Account:
             notes.append(f"{flights.rubbish} unreadable reports")
         stream = sys.stderr if self._is_json else sys.stdout
         rows = [_summed(flights, hop, count) for hop, count in sorted(flights.hops.items())]
-        lines = plain(Table(title, SUMMED, rows, notes), width_of(stream))
-        print("\n".join(lines), file=stream, flush=True)
+        print("\n".join(lines_for(Table(title, SUMMED, rows, notes), stream)), file=stream, flush=True)
 
 
 SUMMED = ("interface", "outcome", ">count", ">queue us", ">longest", ">send us", ">longest", "reason")

@@ -50,6 +50,11 @@ def plain(table: Table, width: int, cuts: bool = True) -> list[str]:
     return title + [_line(line, widths, table.heads, width if cuts else sys.maxsize) for line in lines] + notes
 
 
+def lines_for(table: Table, stream: TextIO) -> list[str]:
+    """Its lines on a stream: within the width of a terminal; uncut for what is read by another program."""
+    return plain(table, width_of(stream), cuts=stream.isatty())
+
+
 def _folded(note: str, width: int) -> list[str]:
     return textwrap.wrap(note, width, initial_indent=INDENT, subsequent_indent=INDENT * 2)
 
@@ -133,8 +138,7 @@ class Screen:
 
     def show(self, tables: Iterable[Table]) -> None:
         """Show tables one below the other; what is read by another program than a terminal is not cut."""
-        width, cuts = width_of(self.stream), self.stream.isatty()
-        blocks = [(table.title, plain(table, width, cuts)) for table in tables]
+        blocks = [(table.title, lines_for(table, self.stream)) for table in tables]
         if self._live is None:
             self.stream.write("\n\n".join("\n".join(lines) for _, lines in blocks) + "\n\n")
             self.stream.flush()
