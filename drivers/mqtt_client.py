@@ -11,8 +11,9 @@ import time
 
 from board.child import MAX_MESSAGE
 from board.errors import StationError
+from board.worker import jitter
 from drivers import mqtt_credentials, mqtt_profile
-from drivers.mqtt_network import Network, jitter
+from drivers.mqtt_network import Network
 from drivers.mqtt_outbox import Outbox
 from drivers.mqtt_session import Session
 from drivers.mqtt_settings import MqttSettings, broker, settings

@@ -4,32 +4,27 @@ paho keeps what was not acknowledged and sends it all again at a reconnect, stal
 looks names up where it is called; a Connector has done that before paho gets the socket.
 """
 
-import os
 import select
-import socket
 import time
 from collections import deque
 from collections.abc import Callable, Collection
-from functools import lru_cache
 from typing import Any
 
-from paho.mqtt.client import Client as PahoClient
 from paho.mqtt.client import ConnectFlags, DisconnectFlags, MQTTMessage
-from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
-from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 from paho.mqtt.reasoncodes import ReasonCode
 from paho.mqtt.subscribeoptions import SubscribeOptions
 
 from board.errors import InterfaceError, ProtocolError
-from drivers import mqtt_credentials, mqtt_trouble
+from drivers import mqtt_trouble
 from drivers.mqtt_connector import Connector
-from drivers.mqtt_line import MAX_PACKET, Line
+from drivers.mqtt_line import Line
+from drivers.mqtt_paho import Paho, accepted_of, check_version, words_of
 from drivers.mqtt_session import STEADY_S, Session
-from drivers.mqtt_settings import MqttSettings, broker
+from drivers.mqtt_settings import MqttSettings
 from drivers.mqtt_window import Accepted
 from drivers.reason import Reason
-from drivers.wire.mqtt_packets import CONNACK, Oversized
+from drivers.wire.mqtt_packets import Oversized
 from drivers.wire.v2n import Delivery, Publication
 
 # paho looks at its keep-alive when it is asked to.
@@ -39,30 +34,6 @@ LOOK_S = 1.0
 MOST_OWED = 1000
 
 LINGER_S = 0.3  # for the last words to be read: the station kills this process a little later
-
-UNACCEPTABLE_VERSION = 1  # return code of CONNACK (MQTT 3.1.1, clause 3.2.2.3)
-
-MAX_WORDS = 200  # characters of a broker's own explanation
-
-
-class Paho(PahoClient):
-    """With a socket that is connected already."""
-
-    def __init__(self, line: Line, settings: MqttSettings) -> None:
-        is_5 = settings.version == 5
-        super().__init__(
-            CallbackAPIVersion.VERSION2,
-            client_id=settings.client_id,
-            clean_session=None if is_5 else settings.clean,
-            protocol=MQTTProtocolVersion.MQTTv5 if is_5 else MQTTProtocolVersion.MQTTv311,
-            reconnect_on_failure=False,
-            manual_ack=True,
-        )
-        self.line = line
-        self.max_inflight_messages_set(0)  # the session counts
-
-    def _create_socket(self) -> Any:
-        return self.line
 
 
 class Network:
@@ -76,7 +47,6 @@ class Network:
         self._settings = settings
         self._will = will
         self._is_5 = settings.version == 5
-        self._broker = broker(settings.url)
         self._connector: Connector | None = None
         self._paho: Paho | None = None
         self._is_accepted = False
@@ -116,10 +86,7 @@ class Network:
             paho.line.discard()
 
     def publish(self, publication: Publication) -> int:
-        topic, payload, qos, retain, expiry_s, user_properties = publication
-        paho = self._connected()
-        properties = _of_publish(expiry_s, user_properties) if self._is_5 else None
-        return paho.publish(topic, payload, qos, retain, properties).mid
+        return self._connected().send(publication)
 
     def subscribe(self, filters: Collection[tuple[str, int]]) -> None:
         self._asked = [name for name, _ in filters]
@@ -192,38 +159,22 @@ class Network:
             self.session.failed(connector.why_not, now, connector.is_away)
             return
         try:
-            self._paho = self._greet(connector.socket)
+            self._paho = paho = Paho(Line(connector.socket), self._settings)
+            self._listen(paho)
+            paho.greet(self._will)
         except InterfaceError as error:
-            connector.socket.close()
+            self.drop()
             self.session.failed(mqtt_trouble.why(error), now)
         self._look_at = now + LOOK_S
 
-    def _greet(self, connection: socket.socket) -> Paho:
-        """CONNECT on a connection that stands."""
-        settings, will = self._settings, self._will
-        paho = Paho(Line(connection), settings)
+    def _listen(self, paho: Paho) -> None:
         paho.on_connect = self._on_connect
         paho.on_disconnect = self._on_disconnect
         paho.on_message = self._on_message
         paho.on_publish = self._on_publish
         paho.on_subscribe = self._on_subscribe
         paho.on_unsubscribe = self._on_unsubscribe
-        if settings.username:
-            # A password is octets; paho takes them as well.
-            paho.username_pw_set(settings.username, mqtt_credentials.password(settings))  # type: ignore[arg-type]
-        if will is not None:
-            paho.will_set(will.topic, will.payload, will.qos, will.retain)
-        host, port, _ = self._broker
-        if self._is_5:
-            properties = _properties(PacketTypes.CONNECT)
-            properties.MaximumPacketSize = MAX_PACKET
-            if not settings.clean:
-                properties.SessionExpiryInterval = settings.session_expiry_s
-            paho.connect(host, port, settings.keep_alive_s, clean_start=settings.clean, properties=properties)
-        else:
-            paho.connect(host, port, settings.keep_alive_s)
         self._owed = 0
-        return paho
 
     def _exchange(self, paho: Paho, now: float, is_readable: bool) -> None:
         """Read, write, and let paho look at its clock; or tell why that is over."""
@@ -232,7 +183,7 @@ class Network:
                 if isinstance(packet, Oversized):
                     self._oversized(packet)
                     continue
-                _check_version(packet)
+                check_version(packet)
                 paho.line.put(packet)
                 while paho.line.has_packets and not paho.line.is_closed:
                     paho.loop_read()
@@ -278,15 +229,9 @@ class Network:
         self, _: Any, __: Any, flags: ConnectFlags, code: ReasonCode, properties: Properties | None
     ) -> None:
         if code.is_failure:
-            self._ended(f"refuses the connection: {mqtt_trouble.refusal(str(code), _words(properties), True)}")
+            self._ended(f"refuses the connection: {mqtt_trouble.refusal(str(code), words_of(properties), True)}")
             return
-        accepted = Accepted(
-            receive_maximum=getattr(properties, "ReceiveMaximum", 65535),
-            maximum_packet=getattr(properties, "MaximumPacketSize", 268_435_460),
-            maximum_qos=getattr(properties, "MaximumQoS", 2),
-            retains=bool(getattr(properties, "RetainAvailable", 1)),
-            is_resumed=flags.session_present,
-        )
+        accepted = accepted_of(flags, properties)
         self._events.append(lambda now: self._accept(accepted, now))
 
     def _accept(self, accepted: Accepted, now: float) -> None:
@@ -298,7 +243,7 @@ class Network:
         self, _: Any, __: Any, flags: DisconnectFlags, code: ReasonCode, properties: Properties | None
     ) -> None:
         if flags.is_disconnect_packet_from_server:
-            self._ended(f"ends the connection: {mqtt_trouble.refusal(str(code), _words(properties))}")
+            self._ended(f"ends the connection: {mqtt_trouble.refusal(str(code), words_of(properties))}")
         elif str(code) == "Keep alive timeout":
             self._ended("does not answer to PINGREQ")
         else:
@@ -308,11 +253,11 @@ class Network:
         self._events.append(lambda now: self._deliver(message, now))
 
     def _on_publish(self, _: Any, __: Any, mid: int, code: ReasonCode, properties: Properties | None) -> None:
-        why = f"refuses it: {mqtt_trouble.refusal(str(code), _words(properties))}" if code.is_failure else ""
+        why = f"refuses it: {mqtt_trouble.refusal(str(code), words_of(properties))}" if code.is_failure else ""
         self._events.append(lambda now: self.session.published(mid, why, now))
 
     def _on_subscribe(self, _: Any, __: Any, mid: int, codes: list[ReasonCode], properties: Properties | None) -> None:
-        words = _words(properties)
+        words = words_of(properties)
         refused = {
             name: mqtt_trouble.refusal(str(code), words)
             for name, code in zip(self._asked, codes, strict=False)
@@ -347,47 +292,3 @@ class Network:
         if paho is not None:
             paho.ack(number, 1)
             self._owed += paho.want_write()
-
-
-def _check_version(packet: bytes) -> None:
-    """paho would try an older version by itself. Raises ProtocolError."""
-    if len(packet) == 4 and packet[0] >> 4 == CONNACK and packet[3] == UNACCEPTABLE_VERSION:
-        hint = 'set version = "3.1.1" in place of 5, or the other way round'
-        raise ProtocolError("refuses the connection: Unsupported protocol version", hint)
-
-
-class Packed(Properties):
-    """Properties as octets: to make paho's own takes as long as to send a message."""
-
-    octets: bytes
-
-    def __init__(self, octets: bytes) -> None:
-        object.__setattr__(self, "octets", octets)
-
-    def pack(self) -> bytes:
-        return self.octets
-
-
-@lru_cache(maxsize=256)  # expiries are few, as long as nothing else is said
-def _of_publish(expiry_s: int | None, user_properties: tuple[tuple[str, str], ...]) -> Packed:
-    properties = _properties(PacketTypes.PUBLISH)
-    if expiry_s is not None:
-        properties.MessageExpiryInterval = expiry_s
-    if user_properties:
-        properties.UserProperty = list(user_properties)
-    return Packed(properties.pack())  # type: ignore[no-untyped-call]
-
-
-def _properties(kind: int) -> Properties:
-    return Properties(kind)  # type: ignore[no-untyped-call]
-
-
-def _words(properties: Properties | None) -> str:
-    """A broker's own explanation, as far as it can be shown."""
-    words = str(getattr(properties, "ReasonString", ""))[:MAX_WORDS]
-    return words if words.isprintable() else ""
-
-
-def jitter() -> float:
-    """0 to 1, so that stations which a broker has lost together do not come back together."""
-    return os.urandom(1)[0] / 255

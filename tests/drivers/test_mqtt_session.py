@@ -394,6 +394,17 @@ def test_a_request_that_cannot_leave_expires_at_its_deadline_and_says_why():
     assert bench.client.published == {}
 
 
+def test_each_request_expires_at_its_own_deadline():
+    bench = Bench()
+    for number, lifetime in enumerate((7.3, 0.4, 3.6)):
+        bench.send(number, lifetime)
+    for moment, number in ((0.4, 1), (3.2, 2), (3.7, 0)):
+        bench.run(moment - 0.01)
+        assert number not in bench.outcomes
+        bench.run(0.01)
+        assert bench.outcomes[number] is Reason.EXPIRED
+
+
 def test_a_request_that_comes_too_late_does_not_leave():
     bench = Bench().accept()
     bench.send(1, lifetime=0.0)
