@@ -154,11 +154,9 @@ class Window:
         while self._waiting and len(self._out) < room:
             request, publication = self._waiting.popleft()
             left = request.deadline - now
-            if request.is_answered:
-                continue
-            if left <= 0:
-                self._answer(request, Reason.EXPIRED)
-            elif len(publication.payload) + len(publication.topic.encode()) + OVERHEAD > accepted.maximum_packet:
+            if request.is_answered or left <= 0:
+                continue  # expire() answers
+            if len(publication.payload) + len(publication.topic.encode()) + OVERHEAD > accepted.maximum_packet:
                 limit = f"{self._name}: takes no packet of more than {accepted.maximum_packet} octets"
                 self._answer(request, Reason.SEND_FAILED, limit)
             else:
