@@ -232,6 +232,42 @@ def test_each_connection_subscribes_anew():
     assert bench.client.subscribes == [[("v2x/+", 1)]] * 2
 
 
+@pytest.mark.parametrize("owed", ["SUBACK", "UNSUBACK"])
+def test_what_a_lost_connection_owed_does_not_keep_the_next_from_subscribing(owed):
+    bench = tiles().accept()
+    bench.move(3)
+    bench.run(1.0)
+    if owed == "UNSUBACK":
+        bench.session.subscribed({}, bench.now)
+    bench.session.lost("gone", bench.now)
+    bench.run(2.0)
+    bench.accept()
+    assert bench.client.subscribes[-1] == [("3", 1), ("all", 0)]
+    assert bench.is_up
+
+
+def test_what_one_connection_refused_the_next_is_asked_for():
+    bench = Bench()
+    bench.session.connected(Accepted(), bench.now)
+    bench.session.subscribed({"v2x/+": "Not authorized"}, bench.now)
+    bench.session.lost("gone", bench.now)
+    bench.run(2.0)
+    bench.accept()
+    assert bench.client.subscribes == [[("v2x/+", 1)]] * 2
+    assert bench.states[-1] == (True, f"{URL}: connected")
+
+
+def test_a_refused_tile_that_was_left_is_not_told_any_more():
+    bench = tiles()
+    bench.session.connected(Accepted(), bench.now)
+    bench.session.subscribed({"0": "Not authorized"}, bench.now)
+    assert "refuses subscription 0" in bench.states[-1][1]
+    bench.move(3)
+    bench.run(1.0)
+    bench.session.subscribed({}, bench.now)
+    assert bench.states[-1] == (True, f"{URL}: connected")
+
+
 def test_a_session_that_the_broker_kept_is_not_subscribed_again():
     bench = Bench(clean=False).accept()
     bench.session.lost("gone", bench.now)
