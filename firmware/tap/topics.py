@@ -14,6 +14,7 @@ _SENDER = ("{host}", "{station}", "{uuid}")
 _TILE = "{quadkey}"
 # Web Mercator has no tile of a vehicle's size below this; it is what topics of quadkeys go to.
 MAX_DEPTH = 22
+NO_STATION = -1  # stationIDs begin at 0
 
 
 def tapped(description: ProfileDescription, is_published: bool) -> ProfileDescription:
@@ -49,9 +50,9 @@ def shared(group: str, text: str) -> str:
 
 
 def identity(settings: MqttSettings) -> Identity:
-    """Who a tap is to its profile: nobody who publishes."""
+    """Who a tap is to its profile: nobody who publishes, so that nothing is taken for its own echo."""
     name = settings.client_id
-    return Identity(name, 0, name, settings.prefix)
+    return Identity(name, NO_STATION, name, settings.prefix)
 
 
 def quadkey(text: str) -> str:

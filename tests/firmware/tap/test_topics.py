@@ -6,11 +6,17 @@ from paho.mqtt.client import topic_matches_sub
 from board.errors import ConfigurationError, RequestError
 from drivers.message import Ego, Position
 from drivers.mqtt_profile import codec, load
+from drivers.mqtt_settings import MqttSettings
 from drivers.wire.v2n import Profile
 from drivers.wire.v2n_message import Delivery, Identity
 from firmware.tap import topics
 
 CAM = bytes.fromhex("02020000053900010203")
+# The example of asn1tools.
+CAM_OF_ASN1TOOLS = bytes.fromhex(
+    "02029b260aa393e6005a6f0da4ae7bfb35a238230a6a3d4290581a90a3f67e02e6928b37fee9fea6103fdf93d980"
+)
+NOW_MS = 1_795_182_426_000
 VEHICLE = Identity("vm", 1337, "com_fleet_car_1", "v2n")
 TAP = Identity("tap", 0, "tap", "v2n")
 HERE = Ego(0, Position(487668616, 114320680), True)
@@ -40,7 +46,7 @@ def test_a_tile_is_a_level_for_each_digit(is_published: bool, queue: str) -> Non
 @pytest.mark.parametrize("name", ["vcaptain", "raw", "orange"])
 def test_what_a_vehicle_publishes_comes_through_the_filters_and_is_read(name: str) -> None:
     description = topics.tapped(load(name), is_published=True)
-    (sent,) = Profile(load(name), VEHICLE).publications("cam", 2001, CAM, HERE, 1_795_182_426_000)
+    (sent,) = Profile(load(name), VEHICLE).publications("cam", 2001, CAM, HERE, NOW_MS)
     asked = topics.filters(description, "v2n")
     assert any(topic_matches_sub(one, sent.topic) for one in asked)
     assert Profile(description, TAP).receive(Delivery(sent.topic, sent.payload)).pdu == CAM
@@ -49,21 +55,27 @@ def test_what_a_vehicle_publishes_comes_through_the_filters_and_is_read(name: st
 def test_what_nap_publishes_in_two_forms_is_read_in_both() -> None:
     description = topics.tapped(load("nap"), is_published=True)
     library = codec(description)
-    pdu = bytes.fromhex(
-        "02029b260aa393e6005a6f0da4ae7bfb35a238230a6a3d4290581a90a3f67e02e6928b37fee9fea6103fdf93d980"  # asn1tools' example
-    )
-    sent = Profile(load("nap"), VEHICLE, library).publications("cam", 2001, pdu, HERE, 1_795_182_426_000)
+    sent = Profile(load("nap"), VEHICLE, library).publications("cam", 2001, CAM_OF_ASN1TOOLS, HERE, NOW_MS)
     reader = Profile(description, TAP, library)
     assert {one.topic: reader.receive(Delivery(one.topic, one.payload)).pdu for one in sent} == {
-        "vanetza/out/cam": pdu,
-        "vanetza/out/cam_enc": pdu,
-        "vanetza/own/cam": pdu,
+        "vanetza/out/cam": CAM_OF_ASN1TOOLS,
+        "vanetza/out/cam_enc": CAM_OF_ASN1TOOLS,
+        "vanetza/own/cam": CAM_OF_ASN1TOOLS,
     }
+
+
+def test_a_station_0_is_not_taken_for_the_tap_itself() -> None:
+    description = topics.tapped(load("nap"), is_published=True)
+    library = codec(description)
+    zero = Identity("vm", 0, "u", "")
+    tap = topics.identity(MqttSettings(url="mqtt://localhost", client_id="tap"))
+    (sent, *_) = Profile(load("nap"), zero, library).publications("cam", 2001, CAM_OF_ASN1TOOLS, HERE, NOW_MS)
+    assert Profile(description, tap, library).receive(Delivery(sent.topic, sent.payload)).pdu == CAM_OF_ASN1TOOLS
 
 
 def test_what_is_sent_from_another_tile_does_not_come_through() -> None:
     description = topics.tapped(load("orange"), is_published=True)
-    (sent,) = Profile(load("orange"), VEHICLE).publications("cam", 2001, CAM, HERE, 1_795_182_426_000)
+    (sent,) = Profile(load("orange"), VEHICLE).publications("cam", 2001, CAM, HERE, NOW_MS)
     own = "".join(sent.topic.split("/")[5:])
     asked = {tile: topics.filters(description, "v2n", tile) for tile in (own[:12], own[:11] + str(3 - int(own[11])))}
     assert [topic_matches_sub(one, sent.topic) for (one,) in asked.values()] == [True, False]
