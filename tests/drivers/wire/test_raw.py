@@ -92,6 +92,7 @@ receptions = st.builds(
     RxInfo,
     btp_port=st.none(),  # not in the message
     transport=st.just(""),
+    source=st.just(""),
     rssi_dbm=st.none() | st.integers(-32768, 32767).filter(bool),
     data_rate=unsigned(16),
     traffic_class=unsigned(8),
