@@ -140,11 +140,17 @@ class Client:
         line = self.paho.socket()
         assert line is not None, "it is not connected"
         line.shutdown(socket.SHUT_RDWR)
-        self.paho.loop_stop()
+        self._leave()
 
     def close(self) -> None:
         self.paho.disconnect()
+        self._leave()
+
+    def _leave(self) -> None:
+        """Without its callbacks nothing keeps it, and it closes the sockets that wake its thread."""
         self.paho.loop_stop()
+        for name in ("on_connect", "on_disconnect", "on_message", "on_subscribe", "on_unsubscribe"):
+            setattr(self.paho, name, None)
 
     def __enter__(self) -> Self:
         return self

@@ -49,7 +49,7 @@ class Proxy:
         self._tasks: set[asyncio.Task[None]] = set()
         self._is_dark = False
         self._flowing = asyncio.Event()
-        self._server: asyncio.Server | None = None
+        self._listener: socket.socket | None = None
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
 
@@ -112,13 +112,16 @@ class Proxy:
         return asyncio.run_coroutine_threadsafe(what, self._loop).result(PATIENCE)
 
     async def _listen(self) -> None:
-        if self._server is None:
-            self._server = await asyncio.start_server(self._accept, "127.0.0.1", self.port, limit=CHUNK)
+        if self._listener is None:
+            self._listener = socket.create_server(("127.0.0.1", self.port))
+            self._listener.setblocking(False)
+            self._loop.add_reader(self._listener, self._accept, self._listener)
 
     async def _unlisten(self) -> None:
-        if self._server is not None:
-            self._server.close()
-            self._server = None
+        if self._listener is not None:
+            self._loop.remove_reader(self._listener)
+            self._listener.close()
+            self._listener = None
 
     async def _set_flowing(self, is_flowing: bool) -> None:
         if is_flowing:
@@ -133,23 +136,33 @@ class Proxy:
 
     async def _end(self) -> None:
         await self._unlisten()
-        tasks = asyncio.all_tasks() - {asyncio.current_task()}
-        for task in tasks:
+        for task in self._tasks:
             task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+        await asyncio.sleep(0)  # what was reset is closed in the loop's next turn
 
-    def _accept(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    def _accept(self, listener: socket.socket) -> None:
+        """Not asyncio's own server: one that is closed while it accepts leaves a socket behind."""
+        try:
+            accepted, _ = listener.accept()
+        except BlockingIOError:
+            return  # it has gone again
         self.accepted += 1
-        task = self._loop.create_task(self._serve(reader, writer))
+        task = self._loop.create_task(self._serve(accepted))
         self._tasks.add(task)  # else nobody keeps it
         task.add_done_callback(self._tasks.discard)
-        task.add_done_callback(lambda _: _reset(writer))
+        task.add_done_callback(lambda _: accepted.close())
 
-    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    async def _serve(self, accepted: socket.socket) -> None:
+        reader, writer = await asyncio.open_connection(sock=accepted, limit=CHUNK)
         try:
             there, back = await asyncio.open_connection(*self._to, limit=CHUNK)
         except OSError:
+            _reset(writer)
             return
+        except asyncio.CancelledError:
+            _reset(writer)
+            raise
         line = _Line(writer, back)
         self._lines.add(line)
         try:
@@ -159,6 +172,7 @@ class Proxy:
                     both.create_task(self._read(source, way))
                     both.create_task(self._forward(way, sink))
         finally:
+            _reset(writer)
             _reset(back)
             self._lines.discard(line)
 
