@@ -4,8 +4,9 @@ import pytest
 
 from tests.fleet.carried import carried
 from tests.fleet.load import Fleet, Load
-from tests.fleet.measured import BUDGET, EAST, MOST_VEHICLES, WEST, bridge_topics, chosen, measure, owner
+from tests.fleet.measured import BUDGET, MOST_VEHICLES, chosen, measure
 from tests.fleet.region import traffic
+from tests.fleet.two_brokers import EAST, WEST, bridge_topics, owner
 
 FLEET = Fleet(traffic(1))
 SHORT_S = 0.5
