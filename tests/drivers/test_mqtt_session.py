@@ -293,6 +293,16 @@ def test_what_is_new_is_subscribed_before_what_is_old_is_left():
     assert bench.client.subscribes[2:] == []
 
 
+def test_a_vehicle_that_goes_to_and_fro_at_an_edge_costs_no_packet():
+    bench = tiles().accept()
+    for _ in range(3):
+        bench.move(7)
+        bench.run(0.3)
+        bench.move(0)
+        bench.run(0.8)
+    assert (len(bench.client.subscribes), bench.client.unsubscribes) == (1, [])
+
+
 def test_a_vehicle_that_moves_on_meanwhile_ends_with_what_it_wants_last():
     bench = tiles().accept()
     held = {"0", "all"}
