@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from board.errors import ConfigurationError
+from board.errors import ConfigurationError, RequestError
 from drivers.message import Ego
 from drivers.mqtt_echo import KEPT_S, MOST, Echoes
 from drivers.mqtt_profile import load
@@ -213,6 +213,18 @@ def test_without_its_bearer_a_connection_is_gone_and_says_so():
     bench.accept()
     bench.bearer(False)
     assert (bench.client.calls[-1], bench.states[-1]) == ("drop", (False, f"{URL}: waits for its bearer"))
+    calls = len(bench.client.calls)
+    bench.run(300.0)
+    assert (len(bench.client.calls), bench.session.phase) == (calls, Phase.BEARER)
+
+
+def test_details_keep_why_the_last_connection_ended():
+    bench = Bench().accept()
+    bench.session.lost("gone", bench.now)
+    bench.run(0.51, lambda: bench.session.phase is Phase.CONNECTING)
+    bench.accept()
+    bench.run(2.0)
+    assert talk.parse_details(bench.all(talk.DETAILS)[-1])["last_error"] == "gone"
 
 
 def test_a_bearer_that_nobody_asked_for_changes_nothing():
@@ -553,6 +565,22 @@ def test_a_broker_that_acknowledges_nothing_is_given_up(qos, words):
     assert bench.is_up
     bench.run(1.1)
     assert (bench.states[-1], bench.outcomes) == ((False, f"{URL}: {words}"), {1: Reason.EXPIRED})
+
+
+def test_a_message_that_the_profile_cannot_carry_fails_in_its_words():
+    class Unable(Tiles):
+        def publications(self, *_: object) -> list[Publication]:
+            raise RequestError("no ASN.1 of this edition")
+
+    bench = Bench(profile=cast(Profile, Unable())).accept()
+    bench.send(1)
+    assert bench.sent == [(1, Reason.SEND_FAILED, f"{URL}: no ASN.1 of this edition")]
+
+
+def test_a_message_that_the_profile_publishes_nowhere_fails_and_says_so():
+    bench = tiles(publications=0).accept()
+    bench.send(1)
+    assert bench.sent == [(1, Reason.SEND_FAILED, f"{URL}: profile raw publishes no message of this type")]
 
 
 # What is received.
