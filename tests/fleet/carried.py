@@ -29,6 +29,7 @@ NOW_MS = 1_795_182_426_000
 class Carried(NamedTuple):
     """A profile, seen by who pays for it.
 
+    profile  its name among those that ship, or its file.
     sent     what a vehicle publishes for each recorded message: packets and their octets.
     heard    what another one is sent for it.
     qos      1: a PUBACK goes the other way for each packet.
@@ -38,6 +39,7 @@ class Carried(NamedTuple):
     """
 
     name: str
+    profile: str
     sent: Mapping[Message, Flow]
     heard: Mapping[Message, Flow]
     qos: int
@@ -77,10 +79,13 @@ def carried(name: str) -> Carried:
         sent[message] = _flow(packets)
         heard[message] = _flow([packet for packet in packets if OWN not in packet.topic])
     has_tiles = any("{quadkey}" in row.topic for row in description.subscribe)
-    has_echo = has_tiles and {row.topic for row in description.publish}.isdisjoint(
-        row.topic.removesuffix("/#") for row in description.subscribe
+    fronts = [
+        {row.topic.partition("{quadkey}")[0] for row in rows} for rows in (description.publish, description.subscribe)
+    ]
+    has_echo = has_tiles and fronts[0] != fronts[1]
+    return Carried(
+        description.name, name, sent, heard, description.qos, description.tiles if has_tiles else None, has_echo
     )
-    return Carried(description.name, sent, heard, description.qos, description.tiles if has_tiles else None, has_echo)
 
 
 def _flow(packets: Sequence[Publication]) -> Flow:

@@ -102,7 +102,7 @@ def measure(
                 (keep / f"{carried.name}-{name}.conf").write_text(broker.file.read_text())
         taps = {name: Taps(carried, broker) for name, broker in both.items()}
         driven = [
-            Driven(at, vehicle, load.fleet.rates[at], carried.name, both[owner(load.fleet.places[at])].plain_port)
+            Driven(at, vehicle, load.fleet.rates[at], carried.profile, both[owner(load.fleet.places[at])].plain_port)
             for at, vehicle in enumerate(load.fleet.vehicles)
         ]
         drive = Drive(driven, seed)
@@ -184,8 +184,8 @@ def _count_brokers(
 
 def _broker_rows(name: str, load: Load, broker: Broker, took: float, sent: float) -> list[Compared]:
     """With what this set-up adds: the loop of inQueue to outQueue, and the copies of v2n-tap."""
-    loop = broker.taken if load.carried.tiles is not None else 0.0
-    tapped = broker.taken if load.carried.tiles is not None else broker.taken + broker.bridged_in
+    loop = broker.taken if load.carried.has_echo else 0.0
+    tapped = broker.taken if load.carried.has_echo else broker.taken + broker.bridged_in
     return [
         Compared(f"broker {name} in", broker.taken + loop + broker.bridged_in, took),
         Compared(f"broker {name} out", broker.out + loop + tapped, sent),

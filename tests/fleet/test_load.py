@@ -1,6 +1,7 @@
 """What the simulation says that a vehicle hears: against the profiles' own topics and filters, one vehicle at a time."""
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -24,7 +25,7 @@ from tests.fleet.load import Fleet, Load
 from tests.fleet.rates import CAM, PORTS, recorded
 from tests.fleet.region import traffic
 
-PROFILES = ("vcaptain", "raw", "orange")
+PROFILES = ("vcaptain", "raw", "orange", str(Path(__file__).with_name("tiles.toml")))
 FLEET = Fleet(traffic(1, 20_000))
 # Around the middle, where they hear each other.
 NEAR = sorted(range(FLEET.size), key=lambda at: FLEET.vehicles[at].x ** 2 + FLEET.vehicles[at].y ** 2)[:2000:40]

@@ -52,15 +52,21 @@ def bridge_topics(carried: Carried, load: Load) -> list[str]:
     lines = []
     for key, (mine, *_) in sorted((key, sorted(each)) for key, each in by_owner.items()):
         if any(by_owner.get(near, {mine}) != {mine} for near in neighbours(key)):
-            pattern = f"v2x/+/+/{'/'.join(quadkey(key, EDGE_DEPTH))}/#"
-            way, near_end, far_end = ("out", "in", "out") if mine == WEST else ("in", "out", "in")
-            lines.append(f"{pattern} {way} 0 {PREFIX}/{near_end}Queue/ {PREFIX}/{far_end}Queue/")
+            lines.append(_edge_line("/".join(quadkey(key, EDGE_DEPTH)), mine == WEST, carried.has_echo))
     return lines
+
+
+def _edge_line(digits: str, is_out: bool, has_queues: bool) -> str:
+    """With queues what one side puts into inQueue the other hears in outQueue."""
+    if not has_queues:
+        return f"{PREFIX}/{digits}/# {'out' if is_out else 'in'} 0"
+    way, near_end, far_end = ("out", "in", "out") if is_out else ("in", "out", "in")
+    return f"v2x/+/+/{digits}/# {way} 0 {PREFIX}/{near_end}Queue/ {PREFIX}/{far_end}Queue/"
 
 
 def loop_topics(carried: Carried) -> list[str]:
     """Of a broker's bridge to itself: what vehicles put into inQueue they hear in outQueue."""
-    return [f"v2x/# out 0 {PREFIX}/inQueue/ {PREFIX}/outQueue/"] if carried.tiles is not None else []
+    return [f"v2x/# out 0 {PREFIX}/inQueue/ {PREFIX}/outQueue/"] if carried.has_echo else []
 
 
 @contextmanager
@@ -99,7 +105,7 @@ class Taps:
     """Copies of v2n-tap at one broker, which share what is published there."""
 
     def __init__(self, carried: Carried, broker: Mosquitto) -> None:
-        options = ["--url", broker.plain_url, "--profile", carried.name, "--prefix", PREFIX, "--published", "--json"]
+        options = ["--url", broker.plain_url, "--profile", carried.profile, "--prefix", PREFIX, "--published", "--json"]
         self._files = [tempfile.TemporaryFile("w+") for _ in range(COPIES)]  # noqa: SIM115 until end()
         self._copies = [
             subprocess.Popen(
