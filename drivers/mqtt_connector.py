@@ -13,9 +13,10 @@ from drivers.mqtt_settings import MqttSettings, broker
 # Look-ups that hang cannot be ended: the C library gives up after half a minute. So many are waited for.
 MOST_HANGING = 4
 
-# What the kernel keeps of what is written, twice that by its own count: a slow network has it in seconds, and what
-# waits behind it waits where it has a lifetime.
+# What the kernel keeps of what is written, twice that by its own count, and how much of it may not have left yet: a
+# slow network has it in seconds, and what waits behind it waits where it has a lifetime.
 SEND_BUFFER = 8192  # octets
+UNSENT = 1024
 
 # A connection that nobody waits for any more goes on for no longer than this.
 LEAST_S = 0.5
@@ -121,6 +122,7 @@ class Connector:
                     made.setsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, self._settings.device.encode())
                 made.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                 made.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
+                made.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, UNSENT)
                 made.settimeout(max(LEAST_S, share))
                 made.connect(address)
             except OSError as error:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 
 from drivers import mqtt_trouble
-from drivers.mqtt_connector import SEND_BUFFER, Connector
+from drivers.mqtt_connector import SEND_BUFFER, UNSENT, Connector
 from drivers.mqtt_line import Line
 from drivers.mqtt_session import AWAY_S
 from drivers.mqtt_settings import STALL_S, MqttSettings
@@ -55,6 +55,7 @@ def test_what_a_given_up_connection_has_not_sent_is_never_sent(
 def test_a_kernel_keeps_no_more_than_a_slow_network_takes_in_seconds(connection: socket.socket) -> None:
     # The kernel doubles what it is asked for (socket(7)). It would keep 2.5 MB and more, each message of it SENT.
     assert connection.getsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF) == 2 * SEND_BUFFER
+    assert connection.getsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT) == UNSENT
 
 
 def test_a_vehicle_that_the_network_cuts_off_again_and_again_is_soon_back_each_time() -> None:
