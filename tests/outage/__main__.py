@@ -15,6 +15,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from board.errors import StationError
+from drivers.reason import Reason
 from firmware.user.table import Screen
 from tests.broker.certificates import Authority
 from tests.broker.client import Client
@@ -81,7 +82,18 @@ class RealRun:
         for account in traffic.accounts.values():
             goals += result.goals(account, traffic.requests)
         goals += self.samples.goals(len(PATHS))
-        states = {name: one["state"] for name, one in self._station.status()["interfaces"].items()}
+        interfaces = self._station.status()["interfaces"]
+        for name, account in traffic.accounts.items():
+            queue, count = interfaces[name]["queue"], account.sums.outcomes[Reason.QUEUE_FULL]
+            seen = f"{queue['longest']} of {queue['capacity']}, {count} dropped"
+            goals.append(
+                Goal(
+                    f"{name}: its queue was full if it says so",
+                    seen,
+                    not count or queue["longest"] == queue["capacity"],
+                )
+            )
+        states = {name: one["state"] for name, one in interfaces.items()}
         goals.append(Goal("all are connected", str(states), set(states.values()) == {"up"}))
         return goals
 
@@ -130,7 +142,7 @@ def account(name: str, qos: int, traffic_watch: Callable[[], watch.Watch]) -> Ac
 
 def run(wanted: argparse.Namespace, closing: ExitStack) -> bool:
     """Whether all goals are met."""
-    link = Link()
+    link = Link(len(PATHS))
     folder = Path(closing.enter_context(tempfile.TemporaryDirectory(prefix="outage-")))
     ports = Ports()
     closing.callback(ports.release)
@@ -180,7 +192,8 @@ def main(arguments: Sequence[str]) -> int:
         try:
             return int(not run(wanted, closing))
         except StationError as error:
-            print(f"outages: {error}", file=sys.stderr)
+            hint = "run it as root, or allow user namespaces: sysctl kernel.unprivileged_userns_clone=1"
+            print(f"outages: {error.message}; {hint}", file=sys.stderr)
             return 1
 
 

@@ -21,15 +21,19 @@ GATEWAY = "10.77.1.1"
 ADDRESSES = [f"10.77.1.{last}" for last in range(2, 251)]
 NETWORKS = ("10.77.1.0/24", "10.77.2.0/24")
 
-# What a slow cell's buffer holds. At 16 kbit/s it is a second and a half.
+# What a slow cell's buffer holds for one who uses it. At 16 kbit/s it is a second and a half.
 BUFFER = 3000  # octets
 BURST = 1600  # a whole packet
 
 
 class Link:
-    """The calling process is left in the vehicle's namespace. Raises StationError where the kernel allows none."""
+    """The calling process is left in the vehicle's namespace. Raises StationError where the kernel allows none.
 
-    def __init__(self) -> None:
+    users  that share it: a slow one gives each of them what the pattern gives to one.
+    """
+
+    def __init__(self, users: int = 1) -> None:
+        self._users = users
         netns._leave_for_new_network(as_user=os.geteuid() != 0)
         self.vehicle, self.between, self.broker = Namespace(), self._new(), self._new()
         self.vehicle._enter()
@@ -93,8 +97,8 @@ class Link:
         for namespace, device in ((self.vehicle, DEVICE), (self.between, "cell0")):
             with namespace.inside():
                 if rate_bit_s:
-                    run("tc", "qdisc", "replace", "dev", device, "root", "tbf", "rate", f"{rate_bit_s}bit",
-                        "burst", str(BURST), "limit", str(BUFFER))  # fmt: skip
+                    run("tc", "qdisc", "replace", "dev", device, "root", "tbf", "rate", f"{rate_bit_s * self._users}bit",
+                        "burst", str(BURST), "limit", str(BUFFER * self._users))  # fmt: skip
                 else:
                     run("tc", "qdisc", "delete", "dev", device, "root")
 

@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Callable
 
 from board.loop import Loop, Timer
-from drivers.mqtt_connector import SEND_BUFFER
+from drivers.mqtt_connector import UNSENT
 from tests.outage.pattern import NEW_ADDRESS, Kind, Trouble
 
 Call = Callable[[], None]
@@ -18,6 +18,7 @@ DELAY_S = 0.03  # one way, LTE on a good day
 SLOW_DELAY_S = 0.25
 FIRST_RTO_S = 0.25  # of a retransmission, doubled with each; 0.2 s is Linux' least
 LONGEST_RTO_S = 120.0  # TCP_RTO_MAX
+BUFFER = 3000  # octets that the network has, sent and not acknowledged
 HEADER = 60  # octets of IP, TCP and its options
 
 
@@ -140,7 +141,7 @@ class _Way:
             self._fly()
 
     def _write(self) -> None:
-        while self._unwritten and self._unwritten[0][0] <= SEND_BUFFER:
+        while self._unwritten and self._unwritten[0][0] <= BUFFER + UNSENT:
             self._unwritten.popleft()[1]()
 
     def _lose(self) -> None:

@@ -11,7 +11,7 @@ from drivers.contract import Shared
 from drivers.message import Confirm, Outcome
 from drivers.mqtt import Mqtt
 from drivers.mqtt_options import MqttOptions
-from drivers.mqtt_settings import STALL_S
+from drivers.mqtt_settings import IN_FLIGHT, STALL_S
 from drivers.reason import Reason
 from drivers.wire.v2n import Publication
 from firmware.drops import Drops
@@ -27,12 +27,13 @@ from tests.outage import messages
 from tests.outage.account import Account
 from tests.outage.broker import Broker, PlayedMqtt, played
 from tests.outage.network import Network
-from tests.outage.pattern import Kind, Trouble
+from tests.outage.pattern import RATES_BIT_S, Kind, Trouble
 from tests.outage.watch import Watch
 from tests.virtual import VirtualLoop
 
-# A message is under way for as long as the kernel tries: what is stale then arrived in a connection that came back.
-TRANSIT_S = STALL_S + 1.0
+# A message is under way for as long as the kernel tries, behind a window of others in the slowest network, and a second.
+MESSAGE = 190  # octets of a CAM with topic, TLS, TCP and IP
+TRANSIT_S = STALL_S + IN_FLIGHT * MESSAGE * 8 / min(RATES_BIT_S) + 1.0  # 5.9
 WORD_S = 1.0  # the queue looks every 0.2 s, and counts its own pauses
 
 URL = "mqtts://broker.example:8883"

@@ -197,7 +197,7 @@ def test_the_kernel_takes_no_more_at_once_than_its_buffer_holds() -> None:
     for number in range(20):
         line.up.send(1000, lambda: None, lambda number=number: written.append(number))
     loop.run_for(1.0)
-    assert written == list(range(8))
+    assert written == list(range(4))
 
 
 # What is sent.
