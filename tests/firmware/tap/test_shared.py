@@ -1,5 +1,7 @@
 """Shared subscriptions of a real broker: copies divide what comes, and miss nothing."""
 
+import signal
+
 import pytest
 
 from tests.broker.fixtures import Brokers
@@ -82,6 +84,20 @@ def test_a_copy_that_comes_later_takes_its_share(brokers: Brokers) -> None:
             second.wait_for(1)
             first.wait_for(150 - 50)
             assert all_numbers([first, second], 150) == list(range(150))
+
+
+def test_a_copy_that_is_killed_has_its_share_when_it_comes_back_to_its_session(brokers: Brokers) -> None:
+    broker = brokers()
+    writer = brokers.client(broker, "writer")
+    session = ("--client-id", "kept", "--session-expiry-s", "60")
+    with Copy(*options(broker)) as other:
+        with Copy(*options(broker, *session)) as killed:
+            killed.end(signal.SIGKILL)
+        broker.says("Client kept closed its connection")
+        publish(writer, 0, 40)
+        with Copy(*options(broker, *session)) as back:
+            assert all_numbers([other, back], 40) == list(range(40))
+            assert len(back.numbers) == 20
 
 
 def test_what_the_count_leaves_over_is_told(brokers: Brokers) -> None:

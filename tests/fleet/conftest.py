@@ -1,0 +1,3 @@
+from tests.broker.fixtures import brokers, certificates
+
+__all__ = ["brokers", "certificates"]
