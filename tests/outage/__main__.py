@@ -79,8 +79,8 @@ class RealRun:
         goals = [Goal("no request is refused", refused, not traffic.refused)]
         accepted = traffic.requests * len(traffic.accounts)
         goals.append(Goal("each is accepted", f"{traffic.accepted} of {accepted}", traffic.accepted == accepted))
-        for account in traffic.accounts.values():
-            goals += result.goals(account, traffic.requests)
+        for name, account in traffic.accounts.items():
+            goals += [*result.goals(account, traffic.requests), *watch.goals(name, traffic.watches[name])]
         goals += self.samples.goals(len(PATHS))
         interfaces = self._station.status()["interfaces"]
         for name, account in traffic.accounts.items():

@@ -14,6 +14,7 @@ from tests.outage.network import Line, Network
 from tests.outage.pattern import Kind, Trouble
 from tests.outage.virtual import VirtualRun
 from tests.outage.watch import Watch
+from tests.outage.watch import goals as back_goals
 from tests.virtual import VirtualLoop
 
 HOUR_S = 3600.0
@@ -148,6 +149,31 @@ def test_a_path_works_from_the_first_message_that_is_through_to_the_next_trouble
     assert watch.back_s[Kind.TUNNEL] == [1.0]
     spans = [(9.0, 10.4), (9.0, 10.6), (19.6, 26.0), (20.0, 26.4), (20.0, 26.6)]
     assert [watch.was_usable(*span, 0.5) for span in spans] == [False, True, False, False, True]
+
+
+@pytest.mark.parametrize(
+    ("kind", "back_s", "told", "is_met"),
+    [
+        (Kind.TUNNEL, 14.9, frozenset(), True),
+        (Kind.TUNNEL, 15.1, frozenset(), False),
+        (Kind.ABSENCE, 44.0, frozenset(), True),
+        (Kind.HANDOVER, 1.1, frozenset({Kind.HANDOVER}), False),
+    ],
+)
+def test_a_path_that_is_back_too_late_is_told(kind: Kind, back_s: float, told: frozenset[Kind], is_met: bool) -> None:
+    watch = Watch()
+    watch.begin(0.0)
+    watch.end(Trouble(0.0, kind, 5.0), 5.0)
+    watch.through(5.0 + back_s)
+    assert [goal.is_met for goal in back_goals("one", watch, told)] == [is_met, True]
+
+
+def test_a_path_that_is_not_back_before_the_next_trouble_again_and_again_is_told() -> None:
+    watch = Watch()
+    for _ in range(3):
+        watch.begin(0.0)
+        watch.end(Trouble(0.0, Kind.TUNNEL, 5.0), 5.0)
+    assert [goal.is_met for goal in back_goals("one", watch)] == [True, False]
 
 
 # The model of the network.

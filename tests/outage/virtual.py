@@ -16,7 +16,7 @@ from tests.chaos.run import Goal, summary
 from tests.outage import messages, pattern, result, watch
 from tests.outage.messages import CAM_HZ, Schedule
 from tests.outage.pattern import Trouble
-from tests.outage.stage import Stage
+from tests.outage.stage import TOLD, Stage
 
 # Interfaces: name -> QoS, and whether the modem tells it of its bearer.
 PATHS = (("qos1", 1, False), ("qos1-bearer", 1, True), ("qos0", 0, False))
@@ -103,6 +103,7 @@ class VirtualRun:
         goals = [Goal("no request is refused", str(stage.refused), stage.refused == 0)]
         for path in stage.paths.values():
             goals += result.goals(path.account, stage.requests)
+            goals += watch.goals(path.account.name, path.watch, TOLD if path.driver.bearer else frozenset())
         return goals
 
     def _flat(self, before: Held, after: Held) -> list[Goal]:

@@ -3,7 +3,14 @@
 from collections import deque
 
 from firmware.user.table import Table
+from tests.chaos.run import Goal
 from tests.outage.pattern import Kind, Trouble
+
+# A whole try may end in vain just then, for want of an answer that is lost; and the pause before the next.
+BACK_S = 15.0
+ABSENCE_S = 45.0  # the same with the longest pause
+TOLD_S = 1.0
+MISSED = 0.2  # of troubles that the next follows before a message is through: after a handover that takes 3 s
 
 SPANS = 64  # of a path that worked, remembered: a lifetime has few
 
@@ -50,6 +57,28 @@ class Watch:
         """Whether it worked for need_s in one piece between two moments, the later of them not in the future."""
         spans = [*self._spans, *([(self._since, end)] if self._since is not None else [])]
         return any(min(end, last) - max(begin, first) >= need_s for first, last in spans)
+
+
+def goals(name: str, watch: Watch, told: frozenset[Kind] = frozenset()) -> list[Goal]:
+    """Whether it was back in time. told: kinds of trouble that its modem tells the beginning and the end of."""
+    limits = {kind: TOLD_S if kind in told else ABSENCE_S if kind is Kind.ABSENCE else BACK_S for kind in Kind}
+    late = [
+        f"{one:.1f} s after {kind.value}" for kind, times in watch.back_s.items() for one in times if one > limits[kind]
+    ]
+    count = watch.not_back + sum(map(len, watch.back_s.values()))
+    seen = f"{len(late)} of {count} times {', '.join(late[:3])}"
+    return [
+        Goal(
+            f"{name}: it is back within {BACK_S:g} s, {ABSENCE_S:g} s after minutes, {TOLD_S:g} s if told",
+            seen,
+            not late,
+        ),
+        Goal(
+            f"{name}: it is back before the next trouble, in {1 - MISSED:.0%} of all",
+            f"{count - watch.not_back} of {count}",
+            watch.not_back <= max(1, MISSED * count),
+        ),
+    ]
 
 
 def table(watches: dict[str, Watch]) -> Table:
