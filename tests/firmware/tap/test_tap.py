@@ -3,20 +3,22 @@
 import json
 import re
 import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
-from paho.mqtt.client import DisconnectFlags
+from paho.mqtt.client import DisconnectFlags, MQTTMessage
 from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.reasoncodes import ReasonCode
 
 from board.errors import StationError
 from drivers.mqtt_settings import MqttSettings
 from firmware import cli
-from firmware.tap.connection import Connection
+from firmware.tap.connection import DROPPED, Connection
 from tests.broker.fixtures import Brokers
 from tests.broker.mosquitto import Mosquitto
-from tests.firmware.tap.copies import Copy, publish
+from tests.firmware.tap.copies import ROOT, Copy, publish
 
 CAM = "vm(2001): <AgIAAAU5AAECAw==>"
 
@@ -199,3 +201,40 @@ def test_it_records_while_it_shows(brokers: Brokers, tmp_path: Path) -> None:
     parts = [path.read_text().splitlines() for path in sorted(tmp_path.iterdir())]
     assert [len(part) for part in parts] == [4, 4, 2]
     assert [json.loads(line)["hex"][12:] for part in parts for line in part] == [f"{at:08x}" for at in range(10)]
+
+
+@pytest.mark.parametrize("version", ["5", "3.1.1"])
+def test_ten_megabytes_are_never_parsed_and_the_next_message_passes(brokers: Brokers, version: str) -> None:
+    broker = brokers()
+    with Copy("--url", broker.plain_url, "--json", "--version", version, "--count", "1") as copy:
+        writer = brokers.client(broker, "writer")
+        writer.publish("v2x/btp/2001", b"<" + b"A" * 10_000_000 + b">")
+        writer.publish("v2x/btp/2001", CAM)
+        code, said = copy.result()
+    assert code == 0
+    assert len(copy.lines) == 1
+    # With MQTT 5 the broker was told what is taken at most, and keeps it to itself.
+    assert ("unreadable: 1 payload" in said) is (version == "3.1.1")
+
+
+def test_a_reader_that_leaves_ends_it_quietly(brokers: Brokers) -> None:
+    broker = brokers()
+    command = [sys.executable, "-m", "firmware", "v2n-tap", "--url", broker.plain_url, "--json"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stderr.readline()
+        process.stdout.close()
+        brokers.client(broker, "writer").publish("v2x/btp/2001", CAM)
+        said = process.stderr.read()
+        assert process.wait(20) == 0
+    assert "Traceback" not in said
+
+
+def test_what_the_broker_says_that_it_dropped_is_told_from_the_first_count_on() -> None:
+    connection = Connection(MqttSettings(url="mqtt://localhost"), [("t", 0)], lambda delivery: None, lambda line: None)
+    for count in (b"7", b"9", b"rubbish", b"8" * 30, b"2", b"12"):
+        message = MQTTMessage(topic=DROPPED.encode())
+        message.payload = count
+        connection._on_message(None, None, message)
+    assert connection.counts["dropped"] == 5
