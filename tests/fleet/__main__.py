@@ -109,7 +109,9 @@ LOAD_HEADS = (
     ">95 %",
     ">kbit/s 95 %",
     ">busiest tile",
+    ">kbit/s",
     ">broker in",
+    ">Mbit/s",
     ">broker out",
     ">Mbit/s",
 )
@@ -117,7 +119,8 @@ LOAD_HEADS = (
 
 def load_row(load: Load) -> tuple[str, ...]:
     size = load.fleet.size
-    broker_bits = load.carried.ip_bits(load.delivered, load.total.messages)
+    bits = load.carried.ip_bits
+    busiest = load.tiles.busiest
     return (
         load.carried.name,
         str(size),
@@ -126,10 +129,12 @@ def load_row(load: Load) -> tuple[str, ...]:
         short(load.heard.median),
         short(load.heard.busy),
         short(load.downlink.busy / 1e3),
-        short(load.tiles.busiest),
+        short(busiest.messages),
+        short(bits(busiest, 0) / 1e3),
         short(load.total.messages),
+        short(bits(load.total, load.delivered.messages) / 1e6),
         short(load.delivered.messages),
-        short(broker_bits / 1e6),
+        short(bits(load.delivered, load.total.messages) / 1e6),
     )
 
 

@@ -72,9 +72,9 @@ class Grid:
         return kept
 
     @property
-    def busiest(self) -> float:
-        """Messages a second from the tile with the most."""
-        return max(flow.messages for flow in self.tiles.values())
+    def busiest(self) -> Flow:
+        """Of the tile that most is sent from."""
+        return max(self.tiles.values())
 
 
 def neighbours(key: Tile) -> Iterable[Tile]:
