@@ -66,7 +66,7 @@ def goals(name: str, watch: Watch, told: frozenset[Kind] = frozenset()) -> list[
         f"{one:.1f} s after {kind.value}" for kind, times in watch.back_s.items() for one in times if one > limits[kind]
     ]
     count = watch.not_back + sum(map(len, watch.back_s.values()))
-    seen = f"{len(late)} of {count} times {', '.join(late[:3])}"
+    seen = f"{len(late)} of {count} late {', '.join(late[:3])}".rstrip()
     return [
         Goal(
             f"{name}: it is back within {BACK_S:g} s, {ABSENCE_S:g} s after minutes, {TOLD_S:g} s if told",
