@@ -30,7 +30,7 @@ QUIET_S = 2.0  # nothing for so long after the first: it is over
 START_S = 20.0
 WARM_UP = 300  # messages
 BURST_S = 0.4
-BUNDLE_S = 0.005  # in a burst, messages leave in bundles: the sender shall not need a core of its own
+BUNDLE_S = 0.001  # in a burst, messages leave in bundles: the sender shall not need a core of its own
 # MQTT 5, clean start, no keep-alive, client id "sender".
 CONNECT = b"\x10\x13\0\x04MQTT\x05\x02\0\0\0\0\x06sender"
 HEAD = bytes((2, 2, 0, 0, 0, 42))
