@@ -63,8 +63,12 @@ class Carried(NamedTuple):
 
 def total(each: Mapping[Message, Flow], rates: Rates) -> Flow:
     """Packets and octets a second, of what each message makes of them."""
-    packets = sum(each[message].messages * hz for message, hz in rates.by_message)
-    return Flow(packets, sum(each[message].octets * hz for message, hz in rates.by_message))
+    messages = octets = 0.0
+    for message, hz in zip(MESSAGES, rates, strict=True):
+        flow = each[message]
+        messages += flow[0] * hz
+        octets += flow[1] * hz
+    return Flow(messages, octets)
 
 
 def carried(name: str) -> Carried:

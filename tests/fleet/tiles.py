@@ -53,13 +53,14 @@ class Grid:
 
     def __init__(self, depth: int, places: Sequence[Tile], flows: Sequence[Flow]) -> None:
         self.depth = depth
-        self.tiles: dict[Tile, Flow] = {}
-        found = self.tiles
+        messages: dict[Tile, float] = {}
+        octets: dict[Tile, float] = {}
         shift = DEEPEST - depth
-        for (x, y), (messages, octets) in zip(places, flows, strict=True):
+        for (x, y), flow in zip(places, flows, strict=True):
             key = x >> shift, y >> shift
-            before = found.get(key)
-            found[key] = Flow(messages, octets) if before is None else Flow(before[0] + messages, before[1] + octets)
+            messages[key] = messages.get(key, 0.0) + flow[0]
+            octets[key] = octets.get(key, 0.0) + flow[1]
+        self.tiles = {key: Flow(sent, octets[key]) for key, sent in messages.items()}
         self._around: dict[Tile, Flow] = {}
 
     def around(self, place: Tile) -> Flow:
