@@ -25,7 +25,7 @@ SETTLE_S = 10.0  # at most, for what is on its way
 
 
 class Compared(NamedTuple):
-    """A rate, by the simulation and as it was seen. share: of its messages in all that was measured."""
+    """A rate, by the simulation and as it was seen."""
 
     what: str
     computed: float
