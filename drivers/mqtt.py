@@ -124,6 +124,7 @@ class Mqtt:
         """The process says good-bye to the broker, and is not waited for."""
         if self._worker is not None:
             self._parting, self._worker = self._worker, None
+            self._parting.send(wire.LEAVE_NOW)
             self._parting.stop()
         if self._timer is not None:
             self._timer.cancel()

@@ -1,7 +1,8 @@
 """The process with the MQTT client: one loop over the station's channel and the broker's socket.
 
 Started by `mqtt.py` as a worker. It reads settings, then requests, and tells what is received and how the broker is;
-wire/v2n_talk.py has the messages. It ends, with a good-bye to the broker, when the station closes its socket.
+wire/v2n_talk.py has the messages. It ends when the station closes its socket: with a good-bye to the broker if it was
+told to leave, else without one, so that the broker publishes the last will of a station that was killed.
 """
 
 import math
@@ -52,6 +53,7 @@ class Process:
         self._network = Network(wanted, profile.lost())
         self._outbox = Outbox(channel, frozenset(wanted.urgent), self._dropped)
         self._session = Session(wanted, profile, self._network, self._outbox.say, jitter, time.time_ns)
+        self._is_told_to_leave = False
         self._network.session = self._session
 
     def run(self) -> None:
@@ -68,8 +70,11 @@ class Process:
                 outbox.flush()
             if is_over:
                 break
-        session.close(now)
-        network.finish()
+        if self._is_told_to_leave:
+            session.close(now)
+            network.finish()
+        else:
+            network.drop()
 
     def _wait(self) -> set[int]:
         """Until something can be done; the descriptors that can be read from."""
@@ -90,9 +95,12 @@ class Process:
             except BlockingIOError:
                 return True
             except ConnectionResetError:
-                return False  # with messages of ours unread
+                continue  # it has closed with messages of ours unread; told once, then come its last ones
             if not message:
                 return False
+            if message[0] == talk.LEAVE:
+                self._is_told_to_leave = True
+                continue
             self._session.take(message, time.monotonic())
         return True
 

@@ -7,7 +7,7 @@ Both ends are one machine: numbers are in its own order. Moments are of the cloc
     SEND    number, deadline, port, row, PDU  SENT      number, what became of it, why in words
     EGO     own state                         STATE     whether the broker is there, why in words
     BEARER  whether it is up, its device      DROPPED   reason, count, sample
-                                              DETAILS   JSON, as Host.tell() takes it
+    LEAVE   it stops on purpose: good-bye     DETAILS   JSON, as Host.tell() takes it
                                               FAULT     what, a blank line, remedy: it cannot work as configured
                                               ALIVE     at least once in BEAT_S, or another message
 """
@@ -21,11 +21,12 @@ from typing import NamedTuple
 from drivers.message import Ego, Position
 from drivers.reason import Reason
 
-SEND, EGO, BEARER = 1, 2, 3
+SEND, EGO, BEARER, LEAVE = 1, 2, 3, 4
 RECEIVED, SENT, STATE, DROPPED, DETAILS, FAULT, ALIVE = 1, 2, 3, 4, 5, 6, 7
 
 BEAT_S = 1.0
 ALIVE_NOW = bytes((ALIVE,))  # the whole message
+LEAVE_NOW = bytes((LEAVE,))  # too. Without it the end of the channel is that of a station that was killed.
 MAX_SAMPLE = 64  # octets of what was dropped
 
 _SEND = Struct("=BQdHB")

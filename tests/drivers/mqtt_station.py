@@ -4,6 +4,7 @@ import select
 import socket
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from threading import Thread
 from typing import Any
@@ -128,8 +129,11 @@ class Station:
             case other:
                 raise AssertionError(f"what is {other}?")
 
-    def close(self) -> None:
-        """Stop the process and wait for its end."""
+    def close(self, is_killed: bool = False) -> None:
+        """Stop the process, or be killed and so tell it nothing, and wait for its end."""
+        if not is_killed:
+            with suppress(OSError):  # it has ended
+                self._near.send(talk.LEAVE_NOW)
         self._near.close()
         self._thread.join(PATIENCE)
         assert not self._thread.is_alive(), "the process stays"

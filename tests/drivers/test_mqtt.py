@@ -254,6 +254,7 @@ def test_stopped_it_tells_the_process_nothing_and_hears_of_no_bearer(start, host
 def test_its_good_bye_is_waited_for_a_moment_at_the_end_and_not_before(start, host):
     driver, worker = start()
     driver.stop()
+    assert worker.told[-1] == talk.LEAVE_NOW
     assert worker.waited_s == 0.0
     driver.part()
     assert worker.waited_s == PART_S
