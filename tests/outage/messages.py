@@ -29,9 +29,9 @@ class Sending(NamedTuple):
 class Schedule:
     """What is due at each tick of a CAM."""
 
-    def __init__(self, seed: int, burst_s: float = BURST_S) -> None:
+    def __init__(self, seed: int, burst_s: float = BURST_S, denm_s: float = DENM_S) -> None:
         self._chance = random.Random(f"messages {seed}")
-        self._shares = {DENM: 1 / (DENM_S * CAM_HZ), POI: 1 / (burst_s * CAM_HZ)}
+        self._shares = {DENM: 1 / (denm_s * CAM_HZ), POI: 1 / (burst_s * CAM_HZ)}
 
     def due(self) -> list[Sending]:
         due = [Sending(CAM)]

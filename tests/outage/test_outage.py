@@ -27,7 +27,7 @@ def test_an_hour_of_outages_loses_nothing_that_could_have_left(monkeypatch: pyte
     monkeypatch.setattr(logging.getLogger("captain"), "level", logging.CRITICAL)
     troubles = pattern.squeezed(pattern.day(SEED, HOUR_S))
     assert {one.kind for one in troubles} == set(Kind)
-    run = VirtualRun(SEED, troubles, monkeypatch, PATHS, burst_s=120.0)
+    run = VirtualRun(SEED, troubles, monkeypatch, PATHS, burst_s=120.0, denm_s=2.0)
     try:
         goals = run.play()
     finally:

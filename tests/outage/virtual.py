@@ -46,10 +46,11 @@ class VirtualRun:
         patch: pytest.MonkeyPatch,
         paths: Sequence[tuple[str, int, bool]] = PATHS,
         burst_s: float = messages.BURST_S,
+        denm_s: float = messages.DENM_S,
     ) -> None:
         self.stage = Stage(patch, seed, paths)
         self._troubles = troubles
-        self._schedule = Schedule(seed, burst_s)
+        self._schedule = Schedule(seed, burst_s, denm_s)
         self._number = 0
         self._is_sending = True
         self._seconds = (troubles[-1].end_s if troubles else 0.0) + QUIET_S
