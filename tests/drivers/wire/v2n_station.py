@@ -1,6 +1,5 @@
 """Stations with a profile to talk about, and PDUs of other implementations."""
 
-
 from drivers.message import Ego, Position
 from drivers.mqtt_profile import codec, load
 from drivers.wire.v2n import Delivery, Identity, Profile, Publication
