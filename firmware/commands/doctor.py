@@ -21,7 +21,7 @@ Looks at everything that `captain run` with the same options would need: the
 configuration, the ports, what the board file names, each interface (its driver
 is started for a moment and stopped; where a station runs already, that one is
 asked; of one in a slot its device is looked for; of one at a broker its
-certificates, and whether the broker is reached), what the kernel lets sockets
+certificates, and whether the broker accepts it), what the kernel lets sockets
 keep, the clock, child processes, versions; and which messages can be decoded.
 
 Each line is ok, a warning (it runs, but not as well), or a problem, with what

@@ -1,24 +1,19 @@
 """What an interface at a broker needs of this machine: its files, and the way to the broker."""
 
-import select
 from collections.abc import Iterator
-from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
 from board.errors import StationError
-from drivers import mqtt_credentials, mqtt_profile
 from drivers.contract import Shared
 from drivers.mqtt import settings
-from drivers.mqtt_connector import Connector
 from drivers.mqtt_options import MqttOptions, check_file
 from drivers.mqtt_settings import MqttSettings, broker
 from firmware.config import InterfaceConfig
-from firmware.lab import x509
+from firmware.lab import mqtt_reach, x509
 from firmware.lab.checks import Finding, Level
 
 SOON_DAYS = 14  # time enough to have a certificate renewed
-REACH_S = 5.0
 
 
 def is_one(one: InterfaceConfig) -> bool:
@@ -53,11 +48,10 @@ def files(one: InterfaceConfig, mac: bytes, now: float) -> Iterator[Finding]:
 
 def _read(wanted: MqttSettings) -> None:
     """As the process with the client will read them. Raises StationError."""
-    mqtt_profile.load(wanted.profile)
-    if broker(wanted.url).has_tls:
-        mqtt_credentials.context(wanted)
-    if wanted.password_file:
-        mqtt_credentials.password(wanted)
+    from drivers import mqtt_client
+
+    mqtt_client.profile_of(wanted)
+    mqtt_client.check(wanted)
 
 
 def _in_force(subject: str, name: str, path: Path, now: datetime) -> Iterator[Finding]:
@@ -81,22 +75,11 @@ def _in_force(subject: str, name: str, path: Path, now: datetime) -> Iterator[Fi
 
 
 def reach(one: InterfaceConfig, mac: bytes) -> Iterator[Finding]:
-    """Whether its name is known, and TCP and TLS come about: one try, and nothing is said to the broker."""
-    wanted = replace(settings(one.options, Shared(mac)), connect_s=REACH_S)
+    """Whether its name is known, TCP and TLS come about, and the broker accepts this client: one try."""
+    wanted = settings(one.options, Shared(mac))
     where, subject = broker(wanted.url), f"interface {one.name}"
-    connector = Connector(wanted)
-    try:
-        # A look-up has no limit of its own.
-        select.select([connector], [], [], REACH_S + 1.0)
-        why_not = connector.why_not or ("" if connector.socket else f"{connector.waits_for} within {REACH_S:g} s")
-        if connector.socket is not None:
-            connector.socket.close()
-    finally:
-        connector.close()
-    if why_not:
-        yield Finding(
-            Level.WARNING, subject, f"mqtt: {where}: {why_not}", "the station starts, and tries again and again"
-        )
+    if why := mqtt_reach.why_not(wanted):
+        yield Finding(Level.WARNING, subject, f"mqtt: {where}: {why}", "the station starts, and tries again and again")
     else:
-        how = "TLS stands" if where.has_tls else "it answers, without TLS"
-        yield Finding(Level.OK, subject, f"mqtt: {where}: {how}")
+        how = "by TLS" if where.has_tls else "without TLS"
+        yield Finding(Level.OK, subject, f"mqtt: {where}: accepts this client, {how}")

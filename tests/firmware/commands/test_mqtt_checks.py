@@ -1,6 +1,7 @@
 """What the doctor says of an interface at a broker: its files, its certificates' time, the way to the broker."""
 
 import socket
+import sys
 import time
 from datetime import UTC, datetime, timedelta
 
@@ -12,9 +13,10 @@ from board.errors import ProtocolError
 from drivers.mqtt_options import MqttOptions
 from firmware import cli
 from firmware.config import InterfaceConfig
-from firmware.lab import mqtt_checks, x509
+from firmware.lab import mqtt_checks, mqtt_reach, x509
 from firmware.lab.checks import Level
 from firmware.tables import QueueOptions
+from tests.broker.mute import CONNACK, Mute
 
 MAC = bytes.fromhex("02000000000b")
 DAY_S = 86_400.0
@@ -82,6 +84,24 @@ def test_a_profile_that_cannot_be_read_is_a_problem(tmp_path):
     assert str(profile) in told
 
 
+def test_a_profile_that_decodes_without_the_message_library_is_a_problem(monkeypatch):
+    monkeypatch.setitem(sys.modules, "captain_messages", None)
+    ((level, told, remedy),) = said(v2n(url="mqtt://localhost", profile="nap"))
+    assert (level, remedy) == (Level.PROBLEM, "`make codec` builds it")
+    assert "the message library cannot be imported" in told
+
+
+def test_a_name_that_the_topics_of_the_profile_cannot_hold_is_a_problem(tmp_path):
+    profile = tmp_path / "mine.toml"
+    profile.write_text(
+        'name = "mine"\n[[publish]]\ntopic = "{prefix}/{type}"\npayload = "binary"\n'
+        '[[subscribe]]\ntopic = "{prefix}/+"\npayload = "binary"\n'
+    )
+    ((level, told, remedy),) = said(v2n(url="mqtt://localhost", profile=str(profile)))
+    assert (level, remedy) == (Level.PROBLEM, "set prefix")
+    assert "prefix is empty" in told
+
+
 def test_without_files_there_is_nothing_to_say():
     assert said(v2n(url="mqtt://localhost")) == []
 
@@ -89,7 +109,7 @@ def test_without_files_there_is_nothing_to_say():
 def test_a_broker_that_is_reached_is_well(own, brokers):
     broker = brokers()
     (found,) = mqtt_checks.reach(v2n(url=broker.url, **own), MAC)
-    assert (found.level, found.text) == (Level.OK, f"mqtt: {broker.url}: TLS stands")
+    assert (found.level, found.text) == (Level.OK, f"mqtt: {broker.url}: accepts this client, by TLS")
 
 
 def test_a_broker_of_another_authority_is_told_by_name(own, brokers, certificates):
@@ -97,6 +117,52 @@ def test_a_broker_of_another_authority_is_told_by_name(own, brokers, certificate
     (found,) = mqtt_checks.reach(v2n(url=broker.url, **own), MAC)
     assert found.level is Level.WARNING
     assert "signed by an authority that is not known here" in found.text
+
+
+@pytest.mark.parametrize("version", ["tlsv1.2", "tlsv1.3"])
+def test_a_broker_that_asks_for_a_certificate_which_is_not_there_is_told(own, brokers, version):
+    broker = brokers(version=version)
+    (found,) = mqtt_checks.reach(v2n(url=broker.url, ca=own["ca"]), MAC)
+    assert found.level is Level.WARNING
+    assert "asks for a certificate of this client" in found.text
+
+
+@pytest.mark.parametrize("version", ["tlsv1.2", "tlsv1.3"])
+def test_a_broker_that_refuses_the_certificate_is_told(own, brokers, certificates, version):
+    broker = brokers(version=version)
+    expired = certificates.expired_client
+    options = own | {"certificate": str(expired.certificate), "key": str(expired.key)}
+    (found,) = mqtt_checks.reach(v2n(url=broker.url, **options), MAC)
+    assert found.level is Level.WARNING
+    assert "refuses the certificate of this client: it has expired" in found.text
+
+
+@pytest.mark.parametrize("version", [5, "3.1.1"])
+def test_a_wrong_password_is_told(brokers, tmp_path, version):
+    broker = brokers(passwords={"vm": "right"})
+    (tmp_path / "password").write_text("wrong\n")
+    (tmp_path / "password").chmod(0o600)
+    options = {"username": "vm", "password_file": str(tmp_path / "password"), "version": version}
+    (found,) = mqtt_checks.reach(v2n(url=broker.plain_url, **options), MAC)
+    assert found.level is Level.WARNING
+    assert "refuses the connection: Not authorized" in found.text
+
+
+def test_a_broker_that_does_not_answer_is_told_in_the_time_there_is(brokers, monkeypatch):
+    monkeypatch.setattr(mqtt_reach, "REACH_S", 0.2)
+    broker = brokers.keep(Mute(frozenset({CONNACK})))
+    (found,) = mqtt_checks.reach(v2n(url=f"mqtt://127.0.0.1:{broker.port}"), MAC)
+    assert (found.level, found.text.partition(": no CONNACK")[2]) == (Level.WARNING, " within 0.2 s")
+
+
+def test_a_station_that_is_connected_stays_so(brokers):
+    broker = brokers()
+    station = brokers.client(broker, "vm")
+    (found,) = mqtt_checks.reach(v2n(url=broker.plain_url, client_id="vm"), MAC)
+    assert found.level is Level.OK
+    station.publish("t", b"still here", qos=1)
+    broker.says("Client captain-doctor-.* disconnected")
+    assert not [line for line in broker.log if "Client vm" in line]
 
 
 def test_a_broker_that_is_not_there_is_a_warning_with_why(monkeypatch):
@@ -124,7 +190,7 @@ def test_the_doctor_tells_all_of_it(own, brokers, capsys, monkeypatch, tmp_path,
     assert cli.main(["doctor", "--board", "none", *(word for text in options for word in ("--set", text))]) == 0
     told = capsys.readouterr().out
     assert "interface v2n: certificate" in told
-    assert "TLS stands" in " ".join(told.split())
+    assert "accepts this client, by TLS" in " ".join(told.split())
 
 
 # Certificates.
