@@ -122,11 +122,29 @@ class Tiles:
             raise ConfigurationError(what, "nobody would find these messages: publish at least as deep")
         if any(speed <= 0 for speed in self.speeds_m_s) or list(self.speeds_m_s) != sorted(set(self.speeds_m_s)):
             raise ConfigurationError(f"speeds_m_s: {list(self.speeds_m_s)} do not rise", "write [8.3, 22.0]")
-        if self.fallback:
-            try:
-                from_digits(self.fallback)
-            except ValueError as error:
-                raise ConfigurationError(f"fallback: {error}", "write its digits: 1202213023") from error
+        self._check_bounds()
+        self._check_fallback()
+
+    def _check_bounds(self) -> None:
+        """Whether this station and those without bounds of their own find each other's messages."""
+        if self.most < self.subscribe_depth:
+            what = f"most: {self.most} is above the tiles of subscribe_depth, {self.subscribe_depth}"
+            raise ConfigurationError(what, f"nobody would find these messages: give at least {self.subscribe_depth}")
+        if self.least > self.publish_depth:
+            what = f"least: {self.least} is below the tiles of publish_depth, {self.publish_depth}"
+            raise ConfigurationError(what, f"it would find nobody's messages: give at most {self.publish_depth}")
+
+    def _check_fallback(self) -> None:
+        if not self.fallback:
+            return
+        try:
+            from_digits(self.fallback)
+        except ValueError as error:
+            raise ConfigurationError(f"fallback: {error}", "write its digits: 12023000003020230") from error
+        if len(self.fallback) < self.subscribe_depth:
+            what = f"fallback: {self.fallback} is above the tiles of subscribe_depth, {self.subscribe_depth}"
+            hint = f"nobody would find these messages: write at least {self.subscribe_depth} digits"
+            raise ConfigurationError(what, hint)
 
     def depth(self, wanted: int) -> int:
         return min(max(wanted, self.least), self.most)
@@ -176,6 +194,8 @@ class ProfileDescription:
         qos           of all that is sent and taken.
         status_topic  of the last will: where boxes of old listen for that is "v2xstatus".
         depths        least and most levels of tiles; empty: the profile's.
+
+        Raises ConfigurationError for depths by which stations would not find each other.
         """
         found = self
         if qos is not None:
@@ -184,7 +204,10 @@ class ProfileDescription:
         if status_topic:
             found = replace(found, status=replace(found.status, lost_topic=status_topic))
         if depths:
-            found = replace(found, tiles=replace(self.tiles, least=depths[0], most=depths[1]))
+            try:
+                found = replace(found, tiles=replace(self.tiles, least=depths[0], most=depths[1]))
+            except ConfigurationError as error:
+                raise ConfigurationError(f"depths {list(depths)}: {error.message}", error.hint) from error
         return found
 
 

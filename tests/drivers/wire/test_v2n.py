@@ -339,9 +339,24 @@ def test_depths_of_the_interface_bound_both():
 
 
 @pytest.mark.parametrize(
+    ("depths", "words"),
+    [
+        ((10, 14), r"depths \[10, 14\]: most: 14 is above the tiles of subscribe_depth, 17"),
+        ((23, 24), r"depths \[23, 24\]: least: 23 is below the tiles of publish_depth, 22"),
+    ],
+)
+def test_depths_by_which_others_are_not_found_are_refused(depths: tuple[int, int], words: str):
+    with pytest.raises(ConfigurationError, match=words):
+        load("orange").adapted(depths=depths)
+
+
+@pytest.mark.parametrize(
     "wrong",
     [
         {"publish_depth": 16, "subscribe_depth": 17},
+        {"most": 16},
+        {"least": 23},
+        {"fallback": "120221"},
         {"publish_depth": 31},
         {"subscribe_depth": 0},
         {"speeds_m_s": (20.0, 8.0)},
