@@ -169,6 +169,7 @@ class Session:
     def unsubscribed(self, now: float) -> None:
         """The broker has answered unsubscribe()."""
         self._subscriptions.left(now)
+        self._look(now)
 
     def published(self, token: int, why: str, now: float) -> None:
         """A publication was written (QoS 0) or acknowledged. why is empty, or why the broker refused it."""
@@ -258,8 +259,8 @@ class Session:
         self._state(False, why)
 
     def _look(self, now: float) -> None:
-        """All subscriptions may be answered by now: then the link is up."""
-        if self._subscriptions.awaits() and self.phase is Phase.SUBSCRIBING:
+        """All that is wanted may be subscribed to by now: then the link is up, whatever is still to be left."""
+        if self.phase is Phase.SUBSCRIBING and (owed := self._subscriptions.awaits()) and owed[0] == "SUBACK":
             return
         if self.phase is Phase.SUBSCRIBING:
             self._enter(Phase.UP, now)
