@@ -21,7 +21,7 @@ class Subscriptions:
     """Those of one connection.
 
     wanted      tells what is wanted now.
-    subscribed  what the broker delivers.
+    subscribed  what it has confirmed of that.
     refused     filters that it does not, and its words.
     """
 
@@ -31,15 +31,20 @@ class Subscriptions:
         self._client = client
         self._wanted = wanted
         self._asked: Filters = frozenset()
-        self._leaving: Filters = frozenset()
+        self._leaving: frozenset[str] = frozenset()
+        self._held: frozenset[str] = frozenset()  # filters: what it may deliver
         self._since = 0.0  # the last packet
         self._refused_since = 0.0
 
     def begin(self, is_resumed: bool) -> None:
-        """A new connection begins with nothing, unless the broker still has what the last one had."""
-        if not is_resumed:
-            self.subscribed = frozenset()
-        self._asked = self._leaving = frozenset()
+        """A new connection asks for all that is wanted.
+
+        is_resumed  the broker still has what the last one had. How far it came with what it has not acknowledged is
+                    not known: what is not wanted of that is left.
+        """
+        self._held = self._held | _names(self._asked) if is_resumed else frozenset()
+        self.subscribed = self._asked = frozenset()
+        self._leaving = frozenset()
         self.refused = {}
 
     def awaits(self) -> tuple[str, float] | None:
@@ -53,20 +58,17 @@ class Subscriptions:
         if self._asked or self._leaving:
             return
         wanted = self._wanted()
-        names = {name for name, _ in wanted}
+        names = _names(wanted)
         self.refused = {name: why for name, why in self.refused.items() if name in names}
         self._since = now
         self._asked = frozenset(one for one in wanted - self.subscribed if one[0] not in self.refused)
         if self._asked:
             self._client.subscribe(sorted(self._asked))
             return
-        old = self.subscribed - wanted
-        gone = {name for name, _ in old} - names
-        if gone:
-            self._leaving = old
-            self._client.unsubscribe(sorted(gone))
-        else:
-            self.subscribed -= old  # the same filters, by now of another quality of service
+        self.subscribed &= wanted  # the same filter may be another, by its quality of service
+        self._leaving = self._held - names
+        if self._leaving:
+            self._client.unsubscribe(sorted(self._leaving))
 
     def answered(self, refused: dict[str, str], now: float) -> None:
         """SUBACK: what it refuses, and its words."""
@@ -74,12 +76,14 @@ class Subscriptions:
         if refused:
             self.refused |= refused
             self._refused_since = now
-        self.subscribed |= {one for one in asked if one[0] not in refused}
+        given = frozenset(one for one in asked if one[0] not in refused)
+        self.subscribed |= given
+        self._held |= _names(given)
         self.follow(now)
 
     def left(self, now: float) -> None:
         """UNSUBACK."""
-        self.subscribed -= self._leaving
+        self._held -= self._leaving
         self._leaving = frozenset()
         self.follow(now)
 
@@ -88,3 +92,7 @@ class Subscriptions:
         if self.refused and not self._asked and now - self._refused_since >= REFUSED_S:
             self.refused = {}
             self.follow(now)
+
+
+def _names(filters: Filters) -> frozenset[str]:
+    return frozenset(name for name, _ in filters)

@@ -280,15 +280,6 @@ def test_a_refused_tile_that_was_left_is_not_told_any_more():
     assert bench.states[-1] == (True, f"{URL}: connected")
 
 
-def test_a_session_that_the_broker_kept_is_not_subscribed_again():
-    bench = Bench(clean=False).accept()
-    bench.session.lost("gone", bench.now)
-    bench.run(2.0)
-    bench.session.connected(Accepted(is_resumed=True), bench.now)
-    assert len(bench.client.subscribes) == 1
-    assert bench.is_up
-
-
 def test_quality_of_service_2_is_asked_for_as_1():
     assert tiles().accept().client.subscribes == [[("0", 1), ("all", 0)]]
 

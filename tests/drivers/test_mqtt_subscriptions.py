@@ -64,3 +64,50 @@ def test_a_vehicle_that_wants_nothing_any_more_comes_up_too():
     bench = Bench(profile=cast(Profile, Nowhere()))
     connect(bench)
     assert bench.is_up
+
+
+def test_a_tile_that_was_being_left_is_asked_for_again_after_a_resumption():
+    bench = moving(clean=False).accept()
+    bench.move(7)
+    bench.run(1.0)
+    bench.session.subscribed({}, bench.now)
+    assert bench.client.unsubscribes == [["0"]]
+    bench.move(0)
+    lose(bench)  # the broker has left it, and its UNSUBACK is lost
+    held = {"7"}
+    connect(bench, is_resumed=True)
+    settle(bench, held)
+    assert (held, bench.is_up) == ({"0"}, True)
+
+
+def test_a_tile_whose_suback_was_lost_is_left_after_a_resumption():
+    bench = moving(clean=False).accept()
+    bench.move(7)
+    bench.run(1.0)
+    bench.move(9)
+    lose(bench)
+    held = {"0", "7"}
+    connect(bench, is_resumed=True)
+    settle(bench, held)
+    assert (held, bench.is_up) == ({"9"}, True)
+
+
+def test_what_two_lost_connections_have_left_in_doubt_is_left_by_the_third():
+    bench = moving(clean=False).accept()
+    for latitude in (7, 9):
+        bench.move(latitude)
+        bench.run(1.0)
+        lose(bench)
+        connect(bench, is_resumed=True)
+    held = {"0", "7"}
+    settle(bench, held)
+    assert held == {"9"}
+
+
+def test_a_session_that_the_broker_has_not_kept_leaves_nothing():
+    bench = moving().accept()
+    bench.move(7)
+    lose(bench)
+    connect(bench)
+    settle(bench, set())
+    assert bench.client.unsubscribes == []
