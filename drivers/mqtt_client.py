@@ -50,7 +50,7 @@ class Process:
         profile = profile_of(wanted)
         check(wanted)
         self._channel = channel
-        self._network = Network(wanted, profile.lost())
+        self._network = Network(wanted, profile.lost(), starts_anew=profile.moves)
         self._outbox = Outbox(channel, frozenset(wanted.urgent), self._dropped)
         self._session = Session(wanted, profile, self._network, self._outbox.say, jitter, time.time_ns)
         self._is_told_to_leave = False

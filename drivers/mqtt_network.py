@@ -39,13 +39,15 @@ LINGER_S = 0.3  # for the last words to be read: the station kills this process 
 class Network:
     """mqtt_session.Client on one socket at a time.
 
-    will  what the broker publishes when the connection is lost.
+    will         what the broker publishes when the connection is lost.
+    starts_anew  the first connection leaves what an earlier process was subscribed to, which nobody here knows.
     """
 
-    def __init__(self, settings: MqttSettings, will: Publication | None) -> None:
+    def __init__(self, settings: MqttSettings, will: Publication | None, starts_anew: bool = False) -> None:
         self.session: Session
         self._settings = settings
         self._will = will
+        self._starts_anew = starts_anew
         self._is_5 = settings.version == 5
         self._connector: Connector | None = None
         self._paho: Paho | None = None
@@ -159,7 +161,7 @@ class Network:
             self.session.failed(connector.why_not, now, connector.is_away)
             return
         try:
-            self._paho = paho = Paho(Line(connector.socket), self._settings)
+            self._paho = paho = Paho(Line(connector.socket), self._settings, self._starts_anew)
             self._listen(paho)
             paho.greet(self._will)
         except InterfaceError as error:
@@ -236,6 +238,7 @@ class Network:
 
     def _accept(self, accepted: Accepted, now: float) -> None:
         self._is_accepted = True
+        self._starts_anew = False
         self._accepted_at = now
         self.session.connected(accepted, now)
 

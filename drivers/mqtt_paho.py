@@ -23,14 +23,18 @@ MAX_WORDS = 200  # characters of a broker's own explanation
 
 
 class Paho(PahoClient):
-    """paho's client for one connection."""
+    """paho's client for one connection.
 
-    def __init__(self, line: Line, settings: MqttSettings) -> None:
+    is_clean  it starts without what an earlier one left, whatever the settings say.
+    """
+
+    def __init__(self, line: Line, settings: MqttSettings, is_clean: bool = False) -> None:
         self.is_5 = settings.version == 5
+        self._is_clean = settings.clean or is_clean
         super().__init__(
             CallbackAPIVersion.VERSION2,
             client_id=settings.client_id,
-            clean_session=None if self.is_5 else settings.clean,
+            clean_session=None if self.is_5 else self._is_clean,
             protocol=MQTTProtocolVersion.MQTTv5 if self.is_5 else MQTTProtocolVersion.MQTTv311,
             reconnect_on_failure=False,
             manual_ack=True,
@@ -53,7 +57,7 @@ class Paho(PahoClient):
             properties.MaximumPacketSize = MAX_PACKET
             if not settings.clean:
                 properties.SessionExpiryInterval = settings.session_expiry_s
-            self.connect(host, port, settings.keep_alive_s, clean_start=settings.clean, properties=properties)
+            self.connect(host, port, settings.keep_alive_s, clean_start=self._is_clean, properties=properties)
         else:
             self.connect(host, port, settings.keep_alive_s)
 

@@ -73,6 +73,11 @@ class Profile:
         self._centre: Tile | None = None
         self._larger = 0  # levels, for the speed
 
+    @property
+    def moves(self) -> bool:
+        """Whether it subscribes elsewhere when the station is elsewhere."""
+        return any(place.template.needs("quadkey") for place in self._subscribe)
+
     def publications(self, kind: str, btp_port: int, pdu: bytes, own: Ego, now_ms: int) -> list[Publication]:
         """What is published for a PDU.
 

@@ -10,8 +10,10 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from board.worker import Worker
+from drivers.message import Position
 from drivers.reason import Reason
 from drivers.wire import v2n_talk as talk
+from drivers.wire.quadkey import tile
 from tests.broker.bad import Listener, old_tls, silent
 from tests.broker.fixtures import Brokers, brokers, brokers_shared, certificates
 from tests.broker.mosquitto import Mosquitto
@@ -21,6 +23,16 @@ from tests.virtual import VirtualLoop
 __all__ = ["brokers", "brokers_shared", "certificates"]
 
 Start = Callable[..., Station]
+
+TILES = """
+name = "tiles"
+[[publish]]
+topic = "t/{quadkey}"
+payload = "binary"
+[[subscribe]]
+topic = "t/{quadkey}/#"
+payload = "binary"
+"""
 
 
 @pytest.fixture
@@ -366,6 +378,26 @@ def test_a_kept_session_delivers_what_came_meanwhile(brokers, broker, start):
     station = start(kept).up()
     station.until(lambda: station.received)
     start(settings(broker.plain_url, client_id="kept")).up()  # and a clean start ends it
+
+
+@pytest.mark.parametrize("version", [5, "3.1.1"])
+def test_tiles_of_an_earlier_process_are_not_delivered_any_more(brokers, broker, start, tmp_path, version):
+    profile = written(tmp_path / "tiles.toml", TILES)
+    kept = settings(broker.plain_url, clean=False, client_id=f"tiles{version}", profile=profile, version=version)
+    first = start(kept).up()
+    first.move(481_000_000, 117_000_000)
+    first.until(lambda: any(one["subscriptions"] == 9 for one in first.details))
+    first.close()
+    second = start(kept).up()
+    second.until(lambda: bool(second.details))
+    with brokers.client(broker, "o") as observer:
+        observer.publish("t/" + "/".join(tile(Position(481_000_000, 117_000_000), 17).digits()), CAM, qos=0)
+        second.move(-338_000_000, 1_512_000_000)
+        second.until(lambda: second.details[-1]["subscriptions"] == 9)
+        observer.publish("t/" + "/".join(tile(Position(-338_000_000, 1_512_000_000), 17).digits()), DENM, qos=0)
+        second.until(lambda: bool(second.received))
+    assert [one.pdu for one in second.received] == [DENM]
+    start(settings(broker.plain_url, client_id=f"tiles{version}")).up()  # which ends the session
 
 
 def test_two_clients_of_the_same_name_put_each_other_out_ever_more_slowly_and_say_why(broker, start):
