@@ -96,13 +96,17 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(arguments: argparse.Namespace) -> int:
     wanted = settings(arguments)
-    description = topics.tapped(mqtt_profile.load(wanted.profile), arguments.published)
+    profile = mqtt_profile.load(wanted.profile)
+    description = topics.tapped(profile, arguments.published, has_all=bool(arguments.filter))
     filters = arguments.filter or topics.filters(description, wanted.prefix, arguments.tile or "")
     qos = description.qos if wanted.qos is None else wanted.qos
     shared = [(topics.shared(arguments.group, text), qos) for text in filters]
     reader = Profile(description, topics.identity(wanted), mqtt_profile.codec(description))
     recording = _recording(arguments)
-    tap = Tap(reader, Wish(frozenset(map(str, arguments.type)), arguments.count, arguments.duration), recording)
+    wish = Wish(frozenset(map(str, arguments.type)), arguments.count, arguments.duration)
+    tap = Tap(reader, wish, recording)
+    if arguments.published:
+        tap.is_copy = topics.copies(profile, wanted.prefix)
     connection = Connection(wanted, shared, tap.take, say)
     try:
         return _run(connection, tap, arguments)

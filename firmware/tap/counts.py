@@ -64,6 +64,7 @@ class Counts:
         self.total = 0
         self.types: Counter[str] = Counter()
         self.octets = 0  # of payloads, read or not
+        self.copies = 0  # of messages that come by another topic too
         self.unwanted = 0  # of types that were not asked for
         self.beyond = 0  # taken on the way out, after the count that was asked for
         self.unread: dict[Reason, Unread] = {}
@@ -86,6 +87,8 @@ class Counts:
         yield f"{self.total} messages in {seconds:.1f} s ({rate:.1f}/s)" + (f": {types}" if types else "")
         yield f"{self.octets} octets of payload"
         yield from self.complaints()
+        if self.copies:
+            yield f"{self.copies} copies of them in another form"
         if self.unwanted:
             yield f"{self.unwanted} of other types"
         if self.beyond:

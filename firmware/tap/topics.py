@@ -1,11 +1,11 @@
 """What a back end takes of a profile: everything that its templates can hold, or one tile of it."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 from board.errors import RequestError
 from drivers.mqtt_settings import MqttSettings
-from drivers.wire.v2n_description import ProfileDescription, Row, SubscribeRow
+from drivers.wire.v2n_description import Form, ProfileDescription, Row, SubscribeRow
 from drivers.wire.v2n_message import Identity
 from drivers.wire.v2n_topic import Template, check_value
 
@@ -14,20 +14,37 @@ _SENDER = ("{host}", "{station}", "{uuid}")
 _TILE = "{quadkey}"
 # Web Mercator has no tile of a vehicle's size below this; it is what topics of quadkeys go to.
 MAX_DEPTH = 22
+MAX_TOPIC = 1024  # characters: where a level has two gaps, matching takes the square of it
+# Forms of payloads, the ones that cost least and lose nothing first.
+_READILY: tuple[Form, ...] = ("binary", "base64", "vcaptain", "orange", "orange-raw", "nap", "nap-body")
 NO_STATION = -1  # stationIDs begin at 0
 
 
-def tapped(description: ProfileDescription, is_published: bool) -> ProfileDescription:
+def tapped(description: ProfileDescription, is_published: bool, has_all: bool = False) -> ProfileDescription:
     """The profile of a back end: it receives from every sender.
 
-    is_published  what vehicles publish, in place of what they receive: a profile may have a topic for each.
+    is_published  what vehicles publish, in place of what they receive: a profile may have a topic for each. A message
+                  that goes to several is taken from one of them.
+    has_all       no: from each.
     """
-    rows: Iterable[Row] = description.publish if is_published else description.subscribe
+    rows: Iterable[Row] = description.subscribe
+    if is_published:
+        rows = description.publish if has_all else _once(description.publish)
     # The first that a topic fits is taken, and {type} fits what {type}_enc does.
     ordered = sorted(rows, key=lambda row: -len(row.topic))
     return replace(
         description, subscribe=tuple(SubscribeRow(_open(row.topic), row.payload, row.types) for row in ordered)
     )
+
+
+def copies(description: ProfileDescription, prefix: str) -> Callable[[str], bool]:
+    """Whether a topic that is not taken is one where vehicles publish what is taken from another.
+
+    Filters let them through: `+` for {type}_enc is one for {type}.
+    """
+    values = {"prefix": prefix or description.prefix}
+    patterns = [Template(_open(row.topic), is_filter=True).pattern(values) for row in description.publish]
+    return lambda topic: len(topic) <= MAX_TOPIC and any(pattern.fullmatch(topic) for pattern in patterns)
 
 
 def filters(description: ProfileDescription, prefix: str, tile: str = "") -> list[str]:
@@ -67,6 +84,21 @@ def group_name(text: str) -> str:
     if any(letter in "/+#\0" or not letter.isprintable() for letter in text):
         raise ValueError(f"{text!r} cannot name a shared subscription: leave / + # out")
     return text
+
+
+def _once(rows: Sequence[Row]) -> list[Row]:
+    """Of the rows that a message goes to one; the one with its octets as they are before others."""
+    ordered = sorted(rows, key=lambda row: _READILY.index(row.payload))
+    for row in ordered:
+        if not row.types:
+            return [row]
+    found: list[Row] = []
+    left = {kind for row in rows for kind in row.types}
+    for row in ordered:
+        if types := tuple(kind for kind in row.types if kind in left):
+            found.append(replace(row, types=types))
+            left -= set(types)
+    return found
 
 
 def _open(topic: str) -> str:

@@ -8,8 +8,10 @@ from drivers.message import Ego, Position
 from drivers.mqtt_profile import codec, load
 from drivers.mqtt_settings import MqttSettings
 from drivers.wire.v2n import Profile
+from drivers.wire.v2n_description import ProfileDescription, PublishRow
 from drivers.wire.v2n_message import Delivery, Identity
 from firmware.tap import topics
+from firmware.tap.tap import Tap, Wish
 
 CAM = bytes.fromhex("02020000053900010203")
 # The example of asn1tools.
@@ -26,7 +28,7 @@ HERE = Ego(0, Position(487668616, 114320680), True)
     ("name", "is_published", "expected"),
     [
         ("vcaptain", False, ["v2x/btp/+", "v2x/btp"]),
-        ("nap", True, ["vanetza/out/+", "vanetza/own/+"]),
+        ("nap", True, ["vanetza/out/+"]),
         ("vcaptain", True, ["v2x/btp/+"]),
         ("raw", False, ["v2x/+"]),
         ("orange", False, ["v2n/outQueue/v2x/+/+/#"]),
@@ -52,20 +54,58 @@ def test_what_a_vehicle_publishes_comes_through_the_filters_and_is_read(name: st
     assert Profile(description, TAP).receive(Delivery(sent.topic, sent.payload)).pdu == CAM
 
 
-def test_what_nap_publishes_in_two_forms_is_read_in_both() -> None:
+def test_of_what_nap_publishes_in_three_topics_each_message_is_taken_once() -> None:
     description = topics.tapped(load("nap"), is_published=True)
     library = codec(description)
-    sent = Profile(load("nap"), VEHICLE, library).publications("cam", 2001, CAM_OF_ASN1TOOLS, HERE, NOW_MS)
-    reader = Profile(description, TAP, library)
-    assert {one.topic: reader.receive(Delivery(one.topic, one.payload)).pdu for one in sent} == {
-        "vanetza/out/cam": CAM_OF_ASN1TOOLS,
-        "vanetza/out/cam_enc": CAM_OF_ASN1TOOLS,
-        "vanetza/own/cam": CAM_OF_ASN1TOOLS,
+    sent = Profile(load("nap"), VEHICLE, codec(load("nap"))).publications("cam", 2001, CAM_OF_ASN1TOOLS, HERE, NOW_MS)
+    asked = topics.filters(description, "")
+    tap = Tap(Profile(description, TAP, library), Wish())
+    tap.is_copy = topics.copies(load("nap"), "")
+    for one in sent:
+        if any(topic_matches_sub(text, one.topic) for text in asked):
+            tap.take(Delivery(one.topic, one.payload))
+    assert len(sent) == 3
+    assert (tap.counts.total, tap.counts.copies, tap.counts.unread) == (1, 1, {})
+
+
+def test_a_topic_that_no_vehicle_publishes_to_is_no_copy() -> None:
+    is_copy = topics.copies(load("nap"), "")
+    assert is_copy("vanetza/own/cam")
+    assert not is_copy("vanetza/in/cam")
+    assert not is_copy("vanetza/out/" + "x" * 65000)
+
+
+def test_with_filters_of_its_own_every_form_is_read() -> None:
+    description = topics.tapped(load("nap"), is_published=True, has_all=True)
+    assert {row.topic for row in description.subscribe} == {row.topic for row in load("nap").publish}
+
+
+def test_of_several_forms_the_octets_themselves_are_taken() -> None:
+    rows = (
+        PublishRow("{prefix}/json/{type}", "orange"),
+        PublishRow("{prefix}/text/{type}", "base64"),
+        PublishRow("{prefix}/octets/{type}", "binary"),
+        PublishRow("{prefix}/alarm/{type}", "binary", ("denm",)),
+    )
+    description = topics.tapped(ProfileDescription("mine", rows, ()), is_published=True)
+    assert topics.filters(description, "p") == ["p/octets/+"]
+
+
+def test_where_no_topic_has_all_types_each_is_taken_where_it_is() -> None:
+    rows = (
+        PublishRow("text/{type}", "base64", ("cam", "denm")),
+        PublishRow("octets/{type}", "binary", ("denm",)),
+        PublishRow("json/{type}", "orange", ("cam",)),
+    )
+    description = topics.tapped(ProfileDescription("mine", rows, ()), is_published=True)
+    assert {(row.topic, row.types) for row in description.subscribe} == {
+        ("octets/{type}", ("denm",)),
+        ("text/{type}", ("cam",)),
     }
 
 
 def test_a_station_0_is_not_taken_for_the_tap_itself() -> None:
-    description = topics.tapped(load("nap"), is_published=True)
+    description = topics.tapped(load("nap"), is_published=True, has_all=True)
     library = codec(description)
     zero = Identity("vm", 0, "u", "")
     tap = topics.identity(MqttSettings(url="mqtt://localhost", client_id="tap"))
