@@ -27,7 +27,7 @@ from tests.outage.link import BROKER, Link
 from tests.outage.messages import CAM_HZ, Schedule
 from tests.outage.pattern import Trouble
 from tests.outage.process import Samples
-from tests.outage.stage import TRANSIT_S, WORD_S
+from tests.outage.stage import TRANSIT_0_S, TRANSIT_S, WORD_S
 from tests.outage.traffic import Traffic
 from tests.system.ports import Ports
 from tests.system.station import Station
@@ -137,7 +137,13 @@ def broker_behind(link: Link, folder: Path, ports: Ports, authority: Authority) 
 
 
 def account(name: str, qos: int, traffic_watch: Callable[[], watch.Watch]) -> Account:
-    return Account(name, TRANSIT_S, WORD_S, lambda *span: traffic_watch().was_usable(*span), is_lossy=qos == 0)
+    return Account(
+        name,
+        TRANSIT_S if qos else TRANSIT_0_S,
+        WORD_S,
+        lambda *span: traffic_watch().was_usable(*span),
+        is_lossy=qos == 0,
+    )
 
 
 def run(wanted: argparse.Namespace, closing: ExitStack) -> bool:

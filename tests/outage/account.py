@@ -1,5 +1,6 @@
 """What became of every message: what the station said of it beside what arrived behind the broker."""
 
+import math
 from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -84,6 +85,11 @@ class Account:
     def length(self) -> int:
         """Messages that are not closed."""
         return len(self._open)
+
+    def accepted(self, number: int) -> float:
+        """When a request was made; one that is closed, long ago."""
+        message = self._open.get(number)
+        return -math.inf if message is None else message.accepted
 
     def request(self, number: int, accepted: float, deadline: float, need_s: float) -> None:
         self.sums.requests += 1

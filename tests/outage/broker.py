@@ -55,6 +55,10 @@ class ModelClient:
         """The connection, when the broker has accepted it."""
         return self._line if self._is_accepted else None
 
+    @property
+    def takes_more(self) -> bool:
+        return self._line is not None and self._line.up.has_room
+
     def connect(self) -> None:
         self.drop()
         network = self._broker.network
@@ -63,6 +67,7 @@ class ModelClient:
             return
         self.waits_for = "no answer to SYN"
         line = self._line = Line(network, self._stall_s, self._ended)
+        line.up.on_room = lambda: self._now(self.session.writable)
         up, down = line.up.send, line.down.send
 
         def greeted() -> None:

@@ -83,9 +83,13 @@ class Line:
 
 
 class _Way:
-    """One direction. All that waits travels together, the next when that has arrived: a window of one flight."""
+    """One direction. All that waits travels together, the next when that has arrived: a window of one flight.
+
+    on_room  called when the sender's kernel has taken all that was sent, after it had not.
+    """
 
     def __init__(self, line: Line, stall_s: float) -> None:
+        self.on_room: Call = lambda: None
         self._line = line
         self._network = line.network
         self._loop = line.network.loop
@@ -108,6 +112,11 @@ class _Way:
         if self._timer is None:
             self._fly()
 
+    @property
+    def has_room(self) -> bool:
+        """Whether the sender's kernel has taken all that was sent."""
+        return self._octets <= BUFFER + UNSENT
+
     def clear(self) -> None:
         self._waiting.clear()
         self._unwritten.clear()
@@ -127,6 +136,7 @@ class _Way:
             self._lose()
             return
         self._rto_s, self._first_lost = FIRST_RTO_S, None
+        was_full = not self.has_room
         for _ in range(self._flight):
             octets, arrive = self._waiting.popleft()
             self._octets -= octets
@@ -137,7 +147,9 @@ class _Way:
                 return
         self._write()
         self._timer = None
-        if self._waiting:
+        if was_full and self.has_room:
+            self.on_room()
+        if self._waiting and self._timer is None:
             self._fly()
 
     def _write(self) -> None:

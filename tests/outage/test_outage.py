@@ -141,11 +141,12 @@ def test_sent_in_vain_is_what_quality_of_service_0_may_be_amid_an_outage(
 
 def test_a_path_works_from_the_first_message_that_is_through_to_the_next_trouble() -> None:
     watch = Watch()
-    watch.through(10.0)
+    watch.through(10.0, 9.9)
     watch.begin(20.0)
-    watch.through(20.1)  # it was under way
+    watch.through(20.1, 19.9)  # it was under way
     watch.end(Trouble(20.0, Kind.TUNNEL, 5.0), 25.0)
-    watch.through(26.0)
+    watch.through(25.5, 24.9)
+    watch.through(26.0, 25.1)
     assert watch.back_s[Kind.TUNNEL] == [1.0]
     spans = [(9.0, 10.4), (9.0, 10.6), (19.6, 26.0), (20.0, 26.4), (20.0, 26.6)]
     assert [watch.was_usable(*span, 0.5) for span in spans] == [False, True, False, False, True]
@@ -154,8 +155,8 @@ def test_a_path_works_from_the_first_message_that_is_through_to_the_next_trouble
 @pytest.mark.parametrize(
     ("kind", "back_s", "told", "is_met"),
     [
-        (Kind.TUNNEL, 14.9, frozenset(), True),
-        (Kind.TUNNEL, 15.1, frozenset(), False),
+        (Kind.TUNNEL, 19.9, frozenset(), True),
+        (Kind.TUNNEL, 20.1, frozenset(), False),
         (Kind.ABSENCE, 44.0, frozenset(), True),
         (Kind.HANDOVER, 1.1, frozenset({Kind.HANDOVER}), False),
     ],
@@ -164,7 +165,7 @@ def test_a_path_that_is_back_too_late_is_told(kind: Kind, back_s: float, told: f
     watch = Watch()
     watch.begin(0.0)
     watch.end(Trouble(0.0, kind, 5.0), 5.0)
-    watch.through(5.0 + back_s)
+    watch.through(5.0 + back_s, 5.0)
     assert [goal.is_met for goal in back_goals("one", watch, told)] == [is_met, True]
 
 

@@ -88,9 +88,10 @@ class Traffic:
         host, _, rest = payload.partition("(")
         if rest and host in self.accounts:
             pdu = base64.b64decode(rest.partition("<")[2].partition(">")[0], validate=True)
-            self.accounts[host].arrived(messages.number_of(pdu), now)
-            if self.accounts[host].is_lossy:
-                self.watches[host].through(now)
+            account, number = self.accounts[host], messages.number_of(pdu)
+            account.arrived(number, now)
+            if account.is_lossy:
+                self.watches[host].through(now, account.accepted(number))
 
     def _confirmed(self, told: dict[str, str], now: float) -> None:
         outcome, name, reason = told["outcome"], told["interface"], told["reason"]
@@ -99,9 +100,10 @@ class Traffic:
         elif outcome == "refused":
             self.refused.append(f"{told['label']}: {reason}")
         else:
-            self.accounts[name].said(int(told["label"]), Reason(reason) if reason else None, now)
-            if not reason and not self.accounts[name].is_lossy:
-                self.watches[name].through(now)
+            account, number = self.accounts[name], int(told["label"])
+            account.said(number, Reason(reason) if reason else None, now)
+            if not reason and not account.is_lossy:
+                self.watches[name].through(now, account.accepted(number))
 
     def _socket(self, kind: int, address: str) -> "zmq.Socket[bytes]":
         made = self._context.socket(kind)

@@ -1,13 +1,14 @@
 """When a path to the broker worked, by what came through; and how soon after a trouble it did again."""
 
+import math
 from collections import deque
 
 from firmware.user.table import Table
 from tests.chaos.run import Goal
 from tests.outage.pattern import Kind, Trouble
 
-# A whole try may end in vain just then, for want of an answer that is lost; and the pause before the next.
-BACK_S = 15.0
+# A whole try may just have begun in vain, 10 s, and the pause after it is the longer the more have failed before.
+BACK_S = 20.0
 ABSENCE_S = 45.0  # the same with the longest pause
 TOLD_S = 1.0
 MISSED = 0.2  # of troubles that the next follows before a message is through: after a handover that takes 3 s
@@ -28,6 +29,7 @@ class Watch:
         self._since: float | None = None
         self._spans: deque[tuple[float, float]] = deque(maxlen=SPANS)
         self._is_troubled = False
+        self._ended = -math.inf
         self._last: tuple[Kind, float] | None = None  # the trouble that it is not back from, and when that ended
 
     def begin(self, now: float) -> None:
@@ -42,10 +44,14 @@ class Watch:
     def end(self, trouble: Trouble, now: float) -> None:
         self._is_troubled = False
         self._last = trouble.kind, now
+        self._ended = now
 
-    def through(self, now: float) -> None:
-        """A message is through, with its acknowledgement if it has one: the path works until the next trouble."""
-        if self._is_troubled or self._since is not None:
+    def through(self, now: float, accepted: float) -> None:
+        """A message is through, with its acknowledgement if it has one: the path works until the next trouble.
+
+        accepted  when it was asked for: one from before the end of a trouble says nothing of those behind it.
+        """
+        if self._is_troubled or self._since is not None or accepted < self._ended:
             return
         self._since = now
         if self._last is not None:
