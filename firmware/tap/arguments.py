@@ -33,8 +33,8 @@ def add_broker(parser: argparse.ArgumentParser) -> None:
         "--session-expiry-s",
         metavar="S",
         type=integer(1, 2_592_000),
-        help="the broker keeps for so long what comes while this copy is away; needs --client-id "
-        f"(an interface has {SESSION_EXPIRY_S})",
+        help="the broker keeps for so long, at QoS 1, the share of a copy that was killed or is cut off; one that ends "
+        "leaves nothing behind; needs --client-id",
     )
     group.add_argument("--qos", type=integer(0, 2), help="in place of the profile's")
     group.add_argument("--plaintext", action="store_true", help="without TLS even to another machine")
