@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from board.errors import RequestError
 from drivers.mqtt_settings import MqttSettings
+from drivers.wire.quadkey import from_digits
 from drivers.wire.v2n_description import Form, ProfileDescription, Row, SubscribeRow
 from drivers.wire.v2n_message import Identity
 from drivers.wire.v2n_topic import Template, check_value
@@ -12,8 +13,6 @@ from drivers.wire.v2n_topic import Template, check_value
 # Of whoever published: a back end takes all of them.
 _SENDER = ("{host}", "{station}", "{uuid}")
 _TILE = "{quadkey}"
-# Web Mercator has no tile of a vehicle's size below this; it is what topics of quadkeys go to.
-MAX_DEPTH = 22
 MAX_TOPIC = 1024  # characters: where a level has two gaps, matching takes the square of it
 # Forms of payloads, the ones that cost least and lose nothing first.
 _READILY: tuple[Form, ...] = ("binary", "base64", "vcaptain", "orange", "orange-raw", "nap", "nap-body")
@@ -74,9 +73,7 @@ def identity(settings: MqttSettings) -> Identity:
 
 def quadkey(text: str) -> str:
     """A tile by its digits. Raises ValueError."""
-    if not 1 <= len(text) <= MAX_DEPTH or set(text) - set("0123"):
-        raise ValueError(f"{text!r} is no quadkey: 1 to {MAX_DEPTH} digits of 0 to 3, the largest tile first")
-    return text
+    return from_digits(text).digits()
 
 
 def group_name(text: str) -> str:
