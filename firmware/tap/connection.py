@@ -35,7 +35,8 @@ class Connection:
 
     filters  as the broker is asked, with their quality of service.
     take     is called with each delivery, in turn().
-    say      is called with one line when the connection is lost, and when it is back.
+    say      is called with one line when the connection is lost, when another try fails for another reason, and when
+             it is back.
     counts   losses, gap_s (seconds without a connection), repeated (DUP), dropped (by the broker, as far as it says).
     """
 
@@ -54,7 +55,7 @@ class Connection:
         self._take = take
         self._say = say
         self._client: Client | None = None
-        self._refusal = ""
+        self._refusal = self._last_error = ""
         self._answer_by = self._retry_at = self._lost_at = self._up_at = self._heard_at = 0.0
         self._delay_s = FIRST_DELAY_S
         self._dropped_before: float | None = None
@@ -155,19 +156,10 @@ class Connection:
         if self._refusal:
             raise InterfaceError(f"{self.broker}: {self._refusal}")
         if code:
-            failure = self._client.failure
-            why = mqtt_trouble.why(failure) if failure is not None else "has closed the connection"
-            raise InterfaceError(f"{self.broker}: {why}{'' if self.is_up else self._doubt()}")
+            why = mqtt_trouble.why(self._client.failure or EOFError())
+            raise InterfaceError(f"{self.broker}: {why if self.is_up else mqtt_trouble.early(why, self._settings)}")
         if not self.is_up and time.monotonic() > self._answer_by:
             raise InterfaceError(f"{self.broker}: no answer to CONNECT or SUBSCRIBE in {ANSWER_S:.0f} s")
-
-    def _doubt(self) -> str:
-        """What may be wrong where a broker closes the connection before it has accepted it, without a word."""
-        if not self.broker.has_tls:
-            return " before CONNACK; if it wants TLS, write mqtts://"
-        if not self._settings.certificate:
-            return " before CONNACK; if it asks for a certificate of this client, name --certificate and --key"
-        return " before CONNACK; its log may say why"
 
     def _forget(self) -> None:
         client, self._client, self.is_up = self._client, None, False
@@ -185,6 +177,9 @@ class Connection:
             # Not every broker says that it has another client of that name (mosquitto 2.0.11 does not).
             doubt = f"; is there another client named {self._settings.client_id}?" if lasted_s < SHORT_S else ""
             self._say(f"captain: {error.message} after {lasted_s:.1f} s{doubt}; connecting again")
+        elif error.message != self._last_error:
+            self._say(f"captain: {error.message}; trying again and again")
+        self._last_error = error.message
         self._forget()
         self._retry_at = time.monotonic() + self._delay_s * random.uniform(0.5, 1.0)
         self._delay_s = min(2 * self._delay_s, LONGEST_DELAY_S)
@@ -251,12 +246,13 @@ class Connection:
 
     def _on_message(self, client: Any, userdata: Any, message: Any) -> None:
         self._heard_at = time.monotonic()
-        if message.topic == DROPPED:
+        topic = _topic(message)
+        if topic == DROPPED:
             self._note_dropped(message.payload)
             return
         self.counts["repeated"] += message.dup
         pairs = tuple(getattr(message.properties, "UserProperty", ())) if message.properties else ()
-        self._take(Delivery(message.topic, message.payload, bool(message.retain), pairs))
+        self._take(Delivery(topic, message.payload, bool(message.retain), pairs))
 
     def _note_dropped(self, payload: bytes) -> None:
         if not (payload.isdigit() and len(payload) < 20):
@@ -265,6 +261,14 @@ class Connection:
             self._dropped_before = float(payload)
         # A broker that was started again counts from 0.
         self.counts["dropped"] = max(self.counts["dropped"], float(payload) - self._dropped_before)
+
+
+def _topic(message: Any) -> str:
+    """What is no UTF-8 stays in it as surrogates, for the tap to count."""
+    try:
+        return str(message.topic)
+    except UnicodeDecodeError as error:
+        return error.object.decode(errors="surrogateescape")
 
 
 def _is_of_tls(error: Exception) -> bool:

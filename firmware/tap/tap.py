@@ -54,6 +54,7 @@ class Tap:
         received_ns = time.time_ns()
         self.counts.octets += len(delivery.payload)
         try:
+            _check_topic(delivery.topic)
             pdu, port, source = self._profile.receive(delivery)
         except RefusedError as error:
             if error.reason is Reason.TOPIC and self.is_copy(delivery.topic):
@@ -79,6 +80,15 @@ class Tap:
             self._recording.write(message)
         except RequestError as error:
             self.counts.unrecorded[f"{message.type}: {error.message}"[:120]] += 1
+
+
+def _check_topic(topic: str) -> None:
+    """Raises RefusedError where a broker has sent octets as a topic that are no UTF-8 (MQTT 5.0, 1.5.4)."""
+    try:
+        topic.encode()
+    except UnicodeEncodeError:
+        octets = topic.encode(errors="surrogateescape")[:64]
+        raise RefusedError(Reason.TOPIC, f"topic {octets!r} is no UTF-8") from None
 
 
 class Signals:

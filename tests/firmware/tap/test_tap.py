@@ -12,10 +12,15 @@ from paho.mqtt.client import DisconnectFlags, MQTTMessage
 from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.reasoncodes import ReasonCode
 
-from board.errors import StationError
+from board.errors import InterfaceError, StationError
+from drivers.mqtt_profile import load
 from drivers.mqtt_settings import MqttSettings
+from drivers.reason import Reason
+from drivers.wire.v2n import Profile
 from firmware import cli
+from firmware.tap import topics
 from firmware.tap.connection import DROPPED, Connection
+from firmware.tap.tap import Tap, Wish
 from tests.broker.fixtures import Brokers
 from tests.broker.mosquitto import Mosquitto
 from tests.firmware.tap.copies import ROOT, Copy, publish
@@ -158,6 +163,31 @@ def test_a_broker_that_names_the_other_client_ends_it_with_a_remedy() -> None:
     with pytest.raises(StationError, match="another client came with the name same") as ended:
         connection._on_disconnect(None, None, DisconnectFlags(True), taken_over, None)
     assert "--client-id" in ended.value.hint
+
+
+def test_while_it_cannot_connect_again_it_says_each_other_reason_once() -> None:
+    said: list[str] = []
+    connection = Connection(MqttSettings(url="mqtt://localhost"), [("t", 0)], lambda delivery: None, said.append)
+    connection.is_up = True
+    for why in ("has closed the connection", *["refuses it"] * 3, *["no route to it"] * 2, "refuses it"):
+        connection._lost(InterfaceError(why))
+    assert said[0].startswith("captain: has closed the connection after ")
+    assert said[1:] == [
+        f"captain: {why}; trying again and again" for why in ("refuses it", "no route to it", "refuses it")
+    ]
+
+
+def test_a_topic_that_is_no_utf_8_is_counted_and_the_next_message_passes() -> None:
+    settings = MqttSettings(url="mqtt://localhost")
+    tap = Tap(Profile(load("raw"), topics.identity(settings)), Wish())
+    connection = Connection(settings, [("#", 0)], tap.take, lambda line: None)
+    for topic in (b"v2x/\xff\xfe", b"v2x/cam"):
+        message = MQTTMessage(topic=topic)
+        message.payload = bytes.fromhex("02020000053900010203")
+        connection._on_message(None, None, message)
+    assert tap.counts.total == 1
+    (count, why, _) = tap.counts.unread[Reason.TOPIC]
+    assert (count, why) == (1, r"topic b'v2x/\xff\xfe' is no UTF-8")
 
 
 def test_Ctrl_C_leaves_the_broker_and_has_the_status_of_a_shell(brokers: Brokers) -> None:
