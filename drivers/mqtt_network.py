@@ -55,6 +55,7 @@ class Network:
         self._accepted_at = 0.0
         self._asked: list[str] = []
         self._owed = 0
+        self._is_awaited = False  # by the session, to take more
         self._look_at = 0.0
         # paho's callbacks only put something here: what paho raises is never an error of ours.
         self._events: deque[Callable[[float], None]] = deque()
@@ -64,6 +65,11 @@ class Network:
     @property
     def waits_for(self) -> str:
         return self._connector.waits_for if self._connector else "no CONNACK"
+
+    @property
+    def takes_more(self) -> bool:
+        self._is_awaited = self._paho is None or self._paho.want_write()
+        return not self._is_awaited
 
     def connect(self) -> None:
         self._connector = Connector(self._settings)
@@ -77,7 +83,7 @@ class Network:
 
     def drop(self) -> None:
         self._events.clear()
-        self._is_accepted = False
+        self._is_accepted = self._is_awaited = False
         if self._connector is not None:
             connector, self._connector = self._connector, None
             connector.close()
@@ -118,7 +124,11 @@ class Network:
     @property
     def has_more(self) -> bool:
         """Whether something is there to be done at once."""
-        return bool(self._events) or (self._paho is not None and self._paho.line.has_more)
+        return bool(self._events) or self._has_room or (self._paho is not None and self._paho.line.has_more)
+
+    @property
+    def _has_room(self) -> bool:
+        return self._is_awaited and self._is_accepted and self._paho is not None and not self._paho.want_write()
 
     def deadline(self) -> float:
         return self._look_at if self._paho is not None else float("inf")
@@ -130,6 +140,9 @@ class Network:
         elif self._paho is not None:
             self._exchange(self._paho, now, is_readable or self._paho.line.has_more)
         self._tell(now)
+        if self._has_room:
+            self._is_awaited = False
+            self.session.writable(now)
 
     def finish(self) -> None:
         """After disconnect(): wait until it is written and the broker has closed, or for LINGER_S."""

@@ -40,6 +40,10 @@ class Client(Protocol):
     def waits_for(self) -> str:
         """What a connection that is begun lacks, in words: "no answer to its SYN"."""
 
+    @property
+    def takes_more(self) -> bool:
+        """Whether it has written all that it was given. Where it has not, Session.writable() is told later."""
+
     def connect(self) -> None:
         """Begin; ends in Session.connected() or Session.failed()."""
 
@@ -102,7 +106,7 @@ class Session:
         self._accepted = Accepted()
         self._echoes = Echoes()
         self._tally = Tally()
-        self._window = Window(self._publish, self._tell, settings.in_flight)
+        self._window = Window(self._publish, lambda: client.takes_more, self._tell, settings.in_flight)
         self._subscriptions = Subscriptions(client, self._wanted)
         self._failures = 0
         self._since = 0.0  # the phase
@@ -174,6 +178,10 @@ class Session:
     def published(self, token: int, why: str, now: float) -> None:
         """A publication was written (QoS 0) or acknowledged. why is empty, or why the broker refused it."""
         self._window.published_one(token, f"{self._broker}: {why}" if why else "", now)
+
+    def writable(self, now: float) -> None:
+        """The client takes more, which it did not."""
+        self._window.flush(now)
 
     def received(self, delivery: Delivery, now: float) -> None:
         """What the broker delivered."""

@@ -59,6 +59,7 @@ class Window:
     """What waits, and what the broker has not acknowledged.
 
     publish    hands a publication to the client; returns its token.
+    takes_more  whether the client has written all that it was handed: what it has not, no deadline reaches.
     say        takes messages of v2n_talk for the station.
     size       publications without an acknowledgement, at most.
     confirmed  requests that the broker has. published: publications handed out, again included.
@@ -67,11 +68,13 @@ class Window:
     def __init__(
         self,
         publish: Callable[[Publication, float], int],
+        takes_more: Callable[[], bool],
         say: Callable[[bytes], None],
         size: int,
     ) -> None:
         self.confirmed = self.published = 0
         self._publish = publish
+        self._takes_more = takes_more
         self._say = say
         self._size = size
         self._requests: dict[int, _Request] = {}
@@ -98,7 +101,7 @@ class Window:
         """Take a request, and hand it out if there is room."""
         request = self._requests[number] = _Request(number, deadline, len(publications))
         self._waiting.extend((request, one) for one in publications)
-        self._flush(now)
+        self.flush(now)
 
     def add_own(self, publication: Publication | None, now: float) -> None:
         """Hand out what the session says of itself, now or never."""
@@ -110,7 +113,7 @@ class Window:
         """There is a connection: hand out what waits. name is the broker's."""
         self._accepted = accepted
         self._name = name
-        self._flush(now)
+        self.flush(now)
 
     def close(self) -> None:
         """The connection is gone: what is not acknowledged waits once more, in the order in which it left."""
@@ -133,25 +136,15 @@ class Window:
                 self.confirmed += 1
                 self._answer(request)
         if self._waiting:
-            self._flush(now)
+            self.flush(now)
 
-    def deadline(self) -> float:
-        return min((request.deadline for request in self._requests.values()), default=math.inf)
-
-    def expire(self, now: float, why: str) -> None:
-        """Answer what is too late. What is acknowledged later is not answered again, and counts until then."""
-        for request in [one for one in self._requests.values() if one.deadline <= now]:
-            self._answer(request, Reason.EXPIRED, why)
-        while self._waiting and self._waiting[0][0].is_answered:
-            self._waiting.popleft()
-
-    def _flush(self, now: float) -> None:
+    def flush(self, now: float) -> None:
         """Hand out what waits, as much as may be without an acknowledgement."""
         accepted = self._accepted
         if accepted is None:
             return
         room = min(self._size, accepted.receive_maximum)
-        while self._waiting and len(self._out) < room:
+        while self._waiting and len(self._out) < room and self._takes_more():
             request, publication = self._waiting.popleft()
             left = request.deadline - now
             if request.is_answered or left <= 0:
@@ -165,6 +158,16 @@ class Window:
                 expiry_s = min(math.ceil(left), fitted.expiry_s or math.inf)
                 token = self._publish(fitted._replace(expiry_s=int(expiry_s)), now)
                 self._out[token] = _Out(request, publication, now, fitted.qos)
+
+    def deadline(self) -> float:
+        return min((request.deadline for request in self._requests.values()), default=math.inf)
+
+    def expire(self, now: float, why: str) -> None:
+        """Answer what is too late. What is acknowledged later is not answered again, and counts until then."""
+        for request in [one for one in self._requests.values() if one.deadline <= now]:
+            self._answer(request, Reason.EXPIRED, why)
+        while self._waiting and self._waiting[0][0].is_answered:
+            self._waiting.popleft()
 
     def _fitted(self, publication: Publication) -> Publication:
         """As the broker takes it."""

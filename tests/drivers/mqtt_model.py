@@ -22,6 +22,7 @@ class FakeClient:
 
     def __init__(self) -> None:
         self.waits_for = "no CONNACK"
+        self.takes_more = True
         self.calls: list[str] = []
         self.published: dict[int, Publication] = {}
         self.subscribes: list[list[tuple[str, int]]] = []

@@ -1,5 +1,6 @@
 """The process with the MQTT client at brokers and networks that misbehave: bounded, explained, and no busy loop."""
 
+import contextlib
 import socket
 import threading
 import time
@@ -12,7 +13,7 @@ from hypothesis import strategies as st
 
 from drivers import mqtt_connector
 from drivers.mqtt_client import Process
-from drivers.mqtt_connector import MOST_HANGING, Connector
+from drivers.mqtt_connector import MOST_HANGING, SEND_BUFFER, Connector
 from drivers.reason import Reason
 from tests.broker import mute
 from tests.broker.bad import FullBacklog, Listener, closing_after, saying, silent
@@ -216,6 +217,34 @@ def test_one_that_stops_reading_is_given_up_and_every_request_is_answered(start)
             station.send(number, CAM + bytes(1400), lifetime=1.0)
         station.until(lambda: len(station.sent) == 20)
         station.down(f"mqtt://127.0.0.1:{broker.port}: ")
+
+
+@pytest.mark.parametrize("qos", [0, 1])
+def test_what_was_told_expired_is_not_sent_when_the_broker_reads_again(start, qos):
+    def deaf(line: socket.socket, over: threading.Event) -> None:
+        line.recv(1000)
+        line.sendall(CONNACK)
+        line.recv(1000)
+        line.sendall(SUBACK)
+        reads.wait()
+        line.settimeout(0.3)
+        with contextlib.suppress(TimeoutError):
+            while octets := line.recv(65536):
+                read.extend(octets)
+        has_read.set()
+
+    reads, has_read, read = threading.Event(), threading.Event(), bytearray()
+    with Listener(deaf) as listener:
+        listener._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)  # of what it accepts, too
+        station = start(listener.port, profile="raw", qos=qos, in_flight=50, stall_s=60.0).up()
+        for number in range(50):
+            station.send(number, CAM + bytes(1400), lifetime=0.3)
+        station.until(lambda: len(station.sent) == 50)
+        reads.set()
+        assert has_read.wait(5.0)
+        assert Reason.EXPIRED in {reason for reason, _ in station.sent.values()}
+        in_kernels = (2 * 4096 + 2 * SEND_BUFFER) // 1400 + 1
+        assert read.count(CAM) <= in_kernels
 
 
 def test_one_that_reads_no_acknowledgements_is_not_read_from_without_end(start, turns):

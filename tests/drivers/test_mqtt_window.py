@@ -1,0 +1,54 @@
+"""The window of requests in front of a broker: what is handed out when, and what never."""
+
+import pytest
+
+from drivers.mqtt_window import Accepted, Window
+from drivers.reason import Reason
+from drivers.wire import v2n_talk as talk
+from drivers.wire.v2n import Publication
+
+ROOM = Accepted()
+
+
+class Bench:
+    """A window at a client that takes what it is given, while it is free."""
+
+    def __init__(self, size: int = 20) -> None:
+        self.said: list[bytes] = []
+        self.published: list[Publication] = []
+        self.is_free = True
+        self.window = Window(self._publish, lambda: self.is_free, self.said.append, size)
+
+    def _publish(self, publication: Publication, now: float) -> int:
+        self.published.append(publication)
+        return len(self.published)
+
+    def add(self, number: int, deadline: float = 10.0, count: int = 1, **how: object) -> None:
+        many = [Publication(f"t{number}", b"x", 1, False, None)._replace(**how) for _ in range(count)]
+        self.window.add(number, deadline, many, now=0.0)
+
+    @property
+    def topics(self) -> list[str]:
+        return [one.topic for one in self.published]
+
+    @property
+    def outcomes(self) -> dict[int, Reason | None]:
+        return {number: reason for number, reason, _ in map(talk.parse_sent, self.said)}
+
+
+@pytest.fixture
+def bench() -> Bench:
+    made = Bench()
+    made.window.open(ROOM, "broker", now=0.0)
+    return made
+
+
+def test_what_a_broker_does_not_read_is_not_handed_out(bench: Bench) -> None:
+    bench.add(1)
+    bench.is_free = False
+    bench.add(2)
+    bench.add(3, deadline=0.5)
+    bench.window.expire(0.5, "")
+    bench.is_free = True
+    bench.window.flush(0.6)
+    assert (bench.topics, bench.outcomes) == (["t1", "t2"], {3: Reason.EXPIRED})
