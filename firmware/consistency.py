@@ -1,8 +1,11 @@
 """What only several tables of captain.toml together can tell: names that mean nothing, bits that do not fit."""
 
+import os
 from collections.abc import Collection, Iterator
 
 from board.describe import remedy
+from board.errors import ConfigurationError
+from drivers.mqtt_settings import Broker, broker
 from firmware.tables import EndpointOptions, PayloadMatch, PolicyRow, StationOptions, Tables, TypeConfig
 from firmware.topics import ROWS
 
@@ -57,15 +60,18 @@ def _slots(tables: Tables, known: Collection[str]) -> Iterator[str]:
 
 def _clients(tables: Tables) -> Iterator[str]:
     """Each interface at a broker is a client of its own: of two with one name the broker throws out the first."""
-    first: dict[tuple[str, str], str] = {}
+    first: dict[tuple[Broker, str], str] = {}
     for name, options in tables.interfaces.items():
         if options.get("driver") != "mqtt":
             continue
-        # What is no text is told where it is read.
-        client = str(options.get("url")), str(options.get("client_id", ""))
+        try:
+            where = broker(str(options.get("url")))
+        except ConfigurationError:
+            continue  # what is no URL is told where it is read
+        client = where, str(options.get("client_id") or os.uname().nodename)
         if client in first:
-            where = f"that of {first[client]} at the same broker"
-            yield f"interfaces.{name}.client_id: {client[1]!r} is {where}; give each its own"
+            what = f"that of {first[client]} at the same broker"
+            yield f"interfaces.{name}.client_id: {client[1]!r} is {what}; give each its own"
         first.setdefault(client, name)
 
 

@@ -1,5 +1,6 @@
 """captain.toml over a board file: what is taken, and that every mistake is named at once with its place."""
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -479,19 +480,31 @@ def test_a_mistake_is_looked_for_in_the_file_that_has_it(folder: Path) -> None:
 TWO_CLIENTS = """
 [interfaces.near]
 driver = "mqtt"
-url = "mqtts://broker.example:8883"
+url = "mqtts://broker.example"
 [interfaces.far]
 driver = "mqtt"
-url = "mqtts://{host}:8883"
+url = "{url}"
 client_id = "{client}"
 """
 
 
-def test_two_clients_of_one_name_at_one_broker_are_a_mistake(folder: Path) -> None:
-    (said,) = mistakes(folder, TWO_CLIENTS.format(host="broker.example", client=""))
-    assert said.endswith("interfaces.far.client_id: '' is that of near at the same broker; give each its own")
+@pytest.mark.parametrize(
+    ("url", "client"),
+    [
+        ("mqtts://broker.example", ""),
+        ("mqtts://broker.example:8883/", ""),
+        ("MQTTS://Broker.Example", os.uname().nodename),
+    ],
+)
+def test_two_clients_of_one_name_at_one_broker_are_a_mistake(folder: Path, url: str, client: str) -> None:
+    (said,) = mistakes(folder, TWO_CLIENTS.format(url=url, client=client))
+    name = os.uname().nodename
+    assert said.endswith(f"interfaces.far.client_id: {name!r} is that of near at the same broker; give each its own")
 
 
-@pytest.mark.parametrize(("host", "client"), [("broker.example", "vm-2"), ("other.example", "")])
-def test_two_clients_of_two_names_or_at_two_brokers_are_none(folder: Path, host: str, client: str) -> None:
-    assert len(loaded(folder, TWO_CLIENTS.format(host=host, client=client)).interfaces) == 2
+@pytest.mark.parametrize(
+    ("url", "client"),
+    [("mqtts://broker.example", "vm-2"), ("mqtts://other.example", ""), ("mqtts://broker.example:8884", "")],
+)
+def test_two_clients_of_two_names_or_at_two_brokers_are_none(folder: Path, url: str, client: str) -> None:
+    assert len(loaded(folder, TWO_CLIENTS.format(url=url, client=client)).interfaces) == 2
