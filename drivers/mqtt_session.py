@@ -272,8 +272,7 @@ class Session:
             return
         if self.phase is Phase.SUBSCRIBING:
             self._enter(Phase.UP, now)
-            self._window.open(self._accepted, str(self._broker), now)
-            self._window.add_own(self._profile.connected(), now)
+            self._window.open(self._accepted, str(self._broker), self._profile.connected(), now)
         why = "connected"
         for name, words in sorted(self._subscriptions.refused.items())[:1]:
             more = len(self._subscriptions.refused) - 1

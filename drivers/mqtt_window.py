@@ -104,15 +104,23 @@ class Window:
         self.flush(now)
 
     def add_own(self, publication: Publication | None, now: float) -> None:
-        """Hand out what the session says of itself, now or never."""
-        if publication is not None and self._accepted is not None:
-            fitted = self._fitted(publication)
-            self._out[self._publish(fitted, now)] = _Out(None, publication, now, fitted.qos)
+        """Hand out what the session says of itself, now or never.
 
-    def open(self, accepted: Accepted, name: str, now: float) -> None:
-        """There is a connection: hand out what waits. name is the broker's."""
+        Where the broker takes no more without an acknowledgement it leaves by QoS 0, which needs none
+        (MQTT 5.0, clause 3.3.4).
+        """
+        if publication is None or self._accepted is None:
+            return
+        fitted = self._fitted(publication)
+        if len(self._out) >= self._accepted.receive_maximum:
+            fitted = fitted._replace(qos=0)
+        self._out[self._publish(fitted, now)] = _Out(None, publication, now, fitted.qos)
+
+    def open(self, accepted: Accepted, name: str, own: Publication | None, now: float) -> None:
+        """There is a connection: hand out what the session says of itself, then what waits. name is the broker's."""
         self._accepted = accepted
         self._name = name
+        self.add_own(own, now)
         self.flush(now)
 
     def close(self) -> None:

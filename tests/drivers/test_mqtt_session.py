@@ -667,6 +667,15 @@ def test_it_says_on_the_status_topic_that_it_comes_and_goes():
     assert bench.client.calls[-1] == "disconnect"
 
 
+def test_what_it_says_of_itself_counts_for_a_broker_that_takes_one_at_a_time():
+    bench = vcaptain()
+    bench.send(1)
+    bench.accept(receive_maximum=1)
+    assert bench.topics == ["v2x/status"]
+    bench.acknowledge(1)
+    assert bench.topics == ["v2x/status", "v2x/btp/2001"]
+
+
 def test_what_it_says_of_itself_is_not_said_again_on_the_next_connection():
     bench = vcaptain().accept()
     bench.session.lost("gone", bench.now)

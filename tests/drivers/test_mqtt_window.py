@@ -39,7 +39,7 @@ class Bench:
 @pytest.fixture
 def bench() -> Bench:
     made = Bench()
-    made.window.open(ROOM, "broker", now=0.0)
+    made.window.open(ROOM, "broker", None, now=0.0)
     return made
 
 
@@ -52,3 +52,30 @@ def test_what_a_broker_does_not_read_is_not_handed_out(bench: Bench) -> None:
     bench.is_free = True
     bench.window.flush(0.6)
     assert (bench.topics, bench.outcomes) == (["t1", "t2"], {3: Reason.EXPIRED})
+
+
+def test_what_the_session_says_of_itself_goes_first_and_takes_a_place() -> None:
+    bench = Bench()
+    bench.add(1)
+    bench.add(2)
+    own = Publication("status", b"here", 1, False, None)
+    bench.window.open(ROOM._replace(receive_maximum=2), "broker", own, now=0.0)
+    assert bench.topics == ["status", "t1"]
+    bench.window.published_one(1, "", 0.1)
+    assert bench.topics == ["status", "t1", "t2"]
+
+
+def test_a_good_bye_for_which_the_broker_has_no_place_needs_no_acknowledgement() -> None:
+    bench = Bench()
+    bench.window.open(ROOM._replace(receive_maximum=1), "broker", None, now=0.0)
+    good_bye = Publication("status", b"bye", 1, False, None)
+    bench.add(1)
+    bench.window.add_own(good_bye, 0.1)
+    assert [(one.topic, one.qos) for one in bench.published] == [("t1", 1), ("status", 0)]
+    bench.window.published_one(1, "", 0.2)
+    bench.window.add_own(good_bye, 0.3)
+    assert bench.published[-1].qos == 0  # the first is not written yet
+    for token in (2, 3):
+        bench.window.published_one(token, "", 0.4)
+    bench.window.add_own(good_bye, 0.5)
+    assert bench.published[-1].qos == 1
