@@ -5,19 +5,19 @@ MOST = 10_000  # 2000 a second for so long
 
 
 class Echoes:
-    """Hashes of the payloads that were published lately, the oldest first."""
+    """Hashes of what was published lately, the oldest first: topic and payload."""
 
     def __init__(self) -> None:
         self._until: dict[int, float] = {}
 
-    def add(self, payload: bytes, now: float) -> None:
+    def add(self, topic: str, payload: bytes, now: float) -> None:
         self._forget(now)
-        digest = hash(payload)  # SipHash with a key of this process
+        digest = hash((topic, payload))  # SipHash with a key of this process
         self._until.pop(digest, None)  # so that the last are the latest
         self._until[digest] = now + KEPT_S
 
-    def holds(self, payload: bytes, now: float) -> bool:
-        return self._until.get(hash(payload), now) > now
+    def holds(self, topic: str, payload: bytes, now: float) -> bool:
+        return self._until.get(hash((topic, payload)), now) > now
 
     def _forget(self, now: float) -> None:
         while self._until:

@@ -104,7 +104,7 @@ class Session:
         self._unix_ns = unix_ns
         self._own = NOWHERE
         self._accepted = Accepted()
-        self._echoes = Echoes()
+        self._echoes = Echoes() if settings.version != 5 else None  # of version 5 noLocal is a part
         self._tally = Tally()
         self._window = Window(self._publish, lambda: client.takes_more, self._tell, settings.in_flight)
         self._subscriptions = Subscriptions(client, self._wanted)
@@ -191,7 +191,7 @@ class Session:
         except RefusedError as error:
             self.drop(error.reason, delivery.payload)
             return
-        if not source and self._echoes.holds(delivery.payload, now):
+        if self._echoes and not source and self._echoes.holds(delivery.topic, delivery.payload, now):
             self.drop(Reason.OWN_ECHO, pdu)
             return
         self._tally.received += 1
@@ -300,7 +300,8 @@ class Session:
             self._window.add(number, deadline, publications, now)
 
     def _publish(self, publication: Publication, now: float) -> int:
-        self._echoes.add(publication.payload, now)
+        if self._echoes:
+            self._echoes.add(publication.topic, publication.payload, now)
         return self._client.publish(publication)
 
     def _wanted(self) -> frozenset[tuple[str, int]]:

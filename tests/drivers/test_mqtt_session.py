@@ -598,8 +598,23 @@ def test_a_delivery_that_is_refused_is_counted_once_a_beat_with_a_sample():
     assert sum(bench.drops.values()) == 5
 
 
-def test_own_messages_that_come_back_are_known_for_five_seconds():
+def test_another_station_that_says_the_same_is_heard():
+    # Two roadside units send one MAPEM. A broker of version 5 sends nobody his own (noLocal).
     bench = Bench().accept()
+    bench.send(1)
+    bench.deliver("v2x/cam", CAM)
+    assert len(bench.all(talk.RECEIVED)) == 1
+
+
+def test_the_same_payload_in_another_topic_is_no_echo():
+    bench = Bench(version="3.1.1").accept()
+    bench.send(1)
+    bench.deliver("v2x/denm", CAM)
+    assert len(bench.all(talk.RECEIVED)) == 1
+
+
+def test_own_messages_that_come_back_by_an_old_broker_are_known_for_five_seconds():
+    bench = Bench(version="3.1.1").accept()
     bench.send(1)
     bench.run(KEPT_S - 0.1)
     bench.deliver("v2x/cam", CAM)
@@ -614,18 +629,22 @@ def test_own_messages_that_come_back_are_known_for_five_seconds():
 
 def test_echoes_are_known_from_when_they_left_last():
     echoes = Echoes()
-    echoes.add(b"a", 0.0)
-    echoes.add(b"b", 1.0)
-    echoes.add(b"a", 4.0)
-    assert (echoes.holds(b"a", 8.9), echoes.holds(b"b", 6.0), echoes.holds(b"a", 9.0)) == (True, False, False)
+    echoes.add("t", b"a", 0.0)
+    echoes.add("t", b"b", 1.0)
+    echoes.add("t", b"a", 4.0)
+    assert [echoes.holds("t", b"a", 8.9), echoes.holds("t", b"b", 6.0), echoes.holds("t", b"a", 9.0)] == [
+        True,
+        False,
+        False,
+    ]
 
 
 def test_echoes_are_bounded():
     echoes = Echoes()
     for number in range(2 * MOST):
-        echoes.add(b"%d" % number, 0.0)
+        echoes.add("t", b"%d" % number, 0.0)
     assert len(echoes._until) <= MOST
-    assert echoes.holds(b"%d" % (2 * MOST - 1), 1.0)
+    assert echoes.holds("t", b"%d" % (2 * MOST - 1), 1.0)
 
 
 # What the station is told.
