@@ -163,8 +163,7 @@ class Window:
             else:
                 self.published += 1
                 fitted = self._fitted(publication)
-                expiry_s = min(math.ceil(left), fitted.expiry_s or math.inf)
-                token = self._publish(fitted._replace(expiry_s=int(expiry_s)), now)
+                token = self._publish(fitted._replace(expiry_s=_expiry_s(fitted, left)), now)
                 self._out[token] = _Out(request, publication, now, fitted.qos)
 
     def deadline(self) -> float:
@@ -187,3 +186,13 @@ class Window:
         request.is_answered = True
         del self._requests[request.number]
         self._say(talk.sent(request.number, reason, why))
+
+
+def _expiry_s(publication: Publication, left_s: float) -> int | None:
+    """After which the broker forgets it: as its profile says; else, where it is not retained, what it has left to live.
+
+    Whole seconds, and 1 at least (MQTT 5.0, clause 3.3.2.3.3).
+    """
+    if publication.retain or publication.expiry_s is not None:
+        return publication.expiry_s
+    return max(1, math.floor(left_s))

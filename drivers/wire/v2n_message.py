@@ -16,7 +16,7 @@ MAX_WHY = 300  # characters: a list of all that would be known may be long
 class Publication(NamedTuple):
     """What is published.
 
-    expiry_s  after which the broker forgets it (MQTT 5); None: never.
+    expiry_s  after which the broker forgets it (MQTT 5); None: after its lifetime, or never if it is retained.
     """
 
     topic: str

@@ -69,7 +69,7 @@ def test_the_legacy_contract_is_kept_both_ways(brokers, broker, certificates, st
     station.send(1, CAM)
     station.until(lambda: 1 in station.sent)
     assert station.sent[1] == (None, "")
-    assert observer.next()[:5] == ("v2x/btp/2001", b"vm(2001): <AgIAAAU5AAECAwQ=>", 1, False, 60)
+    assert observer.next()[:5] == ("v2x/btp/2001", b"vm(2001): <AgIAAAU5AAECAwQ=>", 1, False, 59)
     before = time.time_ns()
     observer.publish("v2x/btp/2002", of("other", DENM, 2002))
     station.until(lambda: station.received)

@@ -23,11 +23,11 @@ from tests.drivers.mqtt_model import CAM, URL, Bench
 class Tiles:
     """A profile whose one subscription is the latitude; it publishes as often as it is told."""
 
-    def __init__(self, publications: int = 1, expiry_s: int | None = None, qos: int = 1) -> None:
-        self.count, self.expiry_s, self.qos = publications, expiry_s, qos
+    def __init__(self, publications: int = 1, qos: int = 1) -> None:
+        self.count, self.qos = publications, qos
 
     def publications(self, kind: str, btp_port: int, pdu: bytes, own: Ego, now_ms: int) -> list[Publication]:
-        return [Publication(f"t{n}", pdu, self.qos, True, self.expiry_s) for n in range(self.count)]
+        return [Publication(f"t{n}", pdu, self.qos, True, None) for n in range(self.count)]
 
     def subscriptions(self, own: Ego) -> frozenset[tuple[str, int]]:
         return frozenset({(str(own.position.latitude), 2), ("all", 0)})
@@ -41,8 +41,8 @@ class Tiles:
     closing = lost = connected
 
 
-def tiles(publications: int = 1, expiry_s: int | None = None, qos: int = 1, **how: Any) -> Bench:
-    return Bench(profile=cast(Profile, Tiles(publications, expiry_s, qos)), **how)
+def tiles(publications: int = 1, qos: int = 1, **how: Any) -> Bench:
+    return Bench(profile=cast(Profile, Tiles(publications, qos)), **how)
 
 
 def vcaptain() -> Bench:
@@ -509,22 +509,13 @@ def test_twenty_unacknowledged_of_a_broker_that_is_gone_each_leave_again_once():
     assert bench.outcomes == dict.fromkeys(range(20))
 
 
-@pytest.mark.parametrize(
-    ("lifetime", "expiry_s", "expected"), [(0.2, None, 1), (9.5, None, 10), (9.5, 3, 3), (1.5, 3, 2), (9.0, None, 9)]
-)
-def test_the_broker_keeps_it_as_long_as_it_lives_and_no_longer_than_the_profile_says(lifetime, expiry_s, expected):
-    bench = tiles(expiry_s=expiry_s).accept()
-    bench.send(1, lifetime)
-    assert bench.client.published[1].expiry_s == expected
-
-
 def test_what_leaves_again_has_less_time_left():
-    bench = tiles().accept()
+    bench = Bench().accept()
     bench.send(1, 20.0)
     bench.session.lost("gone", bench.now)
     bench.run(5.5)
     bench.accept()
-    assert [one.expiry_s for one in bench.client.published.values()] == [20, 15]
+    assert [one.expiry_s for one in bench.client.published.values()] == [20, 14]
 
 
 @pytest.mark.parametrize(("qos", "maximum", "expected"), [(0, 2, 0), (1, 2, 1), (2, 2, 1), (1, 0, 0)])

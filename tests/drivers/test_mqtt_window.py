@@ -79,3 +79,22 @@ def test_a_good_bye_for_which_the_broker_has_no_place_needs_no_acknowledgement()
         bench.window.published_one(token, "", 0.4)
     bench.window.add_own(good_bye, 0.5)
     assert bench.published[-1].qos == 1
+
+
+@pytest.mark.parametrize(
+    ("lifetime", "expiry_s", "retain", "expected"),
+    [
+        (0.2, None, False, 1),
+        (9.9, None, False, 9),
+        (9.0, None, False, 9),
+        (9.5, 3, False, 3),
+        (1.5, 30, False, 30),
+        (1.5, None, True, None),
+        (1.5, 600, True, 600),
+    ],
+)
+def test_a_broker_keeps_it_for_its_lifetime_unless_the_profile_says_otherwise(
+    bench: Bench, lifetime: float, expiry_s: int | None, retain: bool, expected: int | None
+) -> None:
+    bench.add(1, lifetime, retain=retain, expiry_s=expiry_s)
+    assert bench.published[0].expiry_s == expected
