@@ -171,10 +171,11 @@ class Window:
 
     def expire(self, now: float, why: str) -> None:
         """Answer what is too late. What is acknowledged later is not answered again, and counts until then."""
-        for request in [one for one in self._requests.values() if one.deadline <= now]:
+        late = [one for one in self._requests.values() if one.deadline <= now]
+        for request in late:
             self._answer(request, Reason.EXPIRED, why)
-        while self._waiting and self._waiting[0][0].is_answered:
-            self._waiting.popleft()
+        if late:
+            self._waiting = deque(one for one in self._waiting if not one[0].is_answered)
 
     def _fitted(self, publication: Publication) -> Publication:
         """As the broker takes it."""

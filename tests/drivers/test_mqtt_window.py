@@ -98,3 +98,24 @@ def test_a_broker_keeps_it_for_its_lifetime_unless_the_profile_says_otherwise(
 ) -> None:
     bench.add(1, lifetime, retain=retain, expiry_s=expiry_s)
     assert bench.published[0].expiry_s == expected
+
+
+def test_what_is_answered_does_not_pile_up_behind_what_lives(bench: Bench) -> None:
+    bench.is_free = False
+    bench.add(1, deadline=1000.0)
+    for number in range(2, 200):
+        bench.add(number, deadline=1.0)
+        bench.window.expire(1.0, "")
+        assert len(bench.window._waiting) <= 2
+    bench.is_free = True
+    bench.window.flush(2.0)
+    assert bench.topics == ["t1"]
+
+
+def test_what_failed_in_part_does_not_wait_for_the_rest() -> None:
+    bench = Bench(size=1)
+    bench.window.open(ROOM, "broker", None, now=0.0)
+    for number in range(1, 100):
+        bench.add(number, deadline=1000.0, count=3)
+        bench.window.published_one(number, "refuses it", 0.1)
+    assert (len(bench.published), len(bench.window._waiting)) == (99, 0)
