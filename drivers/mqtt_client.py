@@ -111,7 +111,11 @@ class Process:
 def profile_of(wanted: MqttSettings) -> Profile:
     """The profile that the settings name. Raises StationError."""
     identity = Identity(wanted.host, wanted.station, wanted.uuid, wanted.prefix)
-    description = mqtt_profile.load(wanted.profile).adapted(wanted.qos, wanted.status_topic, wanted.depths)
+    loaded = mqtt_profile.load(wanted.profile)
+    # Those that ship have types that this station may have given other names.
+    if wanted.types and wanted.profile not in mqtt_profile.names():
+        loaded.check_types(wanted.types)
+    description = loaded.adapted(wanted.qos, wanted.status_topic, wanted.depths)
     return Profile(description, identity, mqtt_profile.codec(description))
 
 

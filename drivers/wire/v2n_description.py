@@ -1,6 +1,8 @@
 """A profile as it is written down: topics, forms of payloads, rules. profiles/template.toml explains its keys."""
 
+from collections.abc import Collection
 from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
 from typing import Literal
 
 from board.errors import ConfigurationError
@@ -8,6 +10,7 @@ from drivers.wire.quadkey import MAX_DEPTH, from_digits
 from drivers.wire.v2n_topic import Template, check_text
 
 Form = Literal["vcaptain", "binary", "base64", "orange", "orange-raw", "nap", "nap-body"]
+_IDS = frozenset(map(str, range(256)))  # which a type has in topics where it has no name
 _DECODING = ("orange-raw", "nap", "nap-body")
 
 
@@ -158,7 +161,7 @@ class ProfileDescription:
     prefix     value of {prefix} unless the interface sets one.
     qos        of publications and subscriptions, 0..2.
     retain     of publications.
-    expiry_s   of publications; absent: they do not expire.
+    expiry_s   of publications; absent: their lifetime, or none where they are retained.
     types      rules by name of the type; its messageID where it has none.
     """
 
@@ -185,6 +188,17 @@ class ProfileDescription:
     def needs_codec(self) -> bool:
         """Whether a form of payload decodes messages."""
         return any(row.payload in _DECODING for row in (*self.publish, *self.subscribe))
+
+    def check_types(self, known: Collection[str]) -> None:
+        """Raises ConfigurationError for a type of its rows or rules that is none of known, and no messageID."""
+        named = {*self.types, *(kind for row in (*self.publish, *self.subscribe) for kind in row.types)}
+        for kind in sorted(named.difference(known)):
+            if kind in _IDS:
+                continue
+            close = get_close_matches(kind, known, n=1)
+            others = ", ".join(sorted(filter(None, known)))
+            hint = f"did you mean {close[0]}?" if close else f"known: {others}, and messageIDs"
+            raise ConfigurationError(f"types: {kind!r} is no type of this station", hint)
 
     def adapted(
         self, qos: int | None = None, status_topic: str = "", depths: tuple[int, ...] = ()

@@ -5,22 +5,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from board.errors import ConfigurationError, RequestError
-from drivers.message import Ego, Position
 from drivers.mqtt_profile import load, names
 from drivers.reason import Reason
 from drivers.wire.v2n import Delivery, Received, RefusedError
-from drivers.wire.v2n_description import ProfileDescription, PublishRow, Status, SubscribeRow, Tiles, TypeRule
+from drivers.wire.v2n_description import ProfileDescription, PublishRow, SubscribeRow, Tiles, TypeRule
 from drivers.wire.v2n_topic import Template
 from firmware.topics import ROWS
 from tests.drivers.wire.v2n_station import HERE, NOW_MS, NOWHERE, PDU, delivered, profile
 
 NAMED = sorted({row.name for row in ROWS})
-TILED = ProfileDescription(
-    name="tiled",
-    publish=(PublishRow("t/{type}/{quadkey}", "binary"),),
-    subscribe=(SubscribeRow("t/{type}/{quadkey}/#", "binary"),),
-    tiles=Tiles(publish_depth=20, subscribe_depth=17, speeds_m_s=(8.0, 20.0)),
-)
 
 
 def test_the_legacy_contract_octet_for_octet():
@@ -267,119 +260,6 @@ def test_an_interface_can_choose_its_quality_of_service():
     station = profile(load("orange").adapted(qos=2))
     assert {qos for _, qos in station.subscriptions(HERE)} == {2}
     assert {one.qos for one in station.publications("mapem", 1, PDU, HERE, NOW_MS)} == {2}
-
-
-def test_subscriptions_by_tile_move_with_the_station():
-    station = profile(TILED)
-    first = station.subscriptions(HERE)
-    assert len(first) == 9
-    assert station.subscriptions(HERE) == first
-    width = round(360e7 / 2**17)
-    east = HERE._replace(position=Position(HERE.position.latitude, HERE.position.longitude + width))
-    moved = station.subscriptions(east)
-    assert len(moved - first) == len(first - moved) == 3
-
-
-def test_a_published_tile_is_found_by_the_subscription_of_a_station_near():
-    (found,) = profile(TILED).publications("cam", 1, PDU, HERE, NOW_MS)
-    tiles = {one.removesuffix("/#").replace("+", "cam") for one, _ in profile(TILED).subscriptions(HERE)}
-    assert found.topic.rsplit("/", 3)[0] in tiles
-    assert profile(TILED).receive(delivered(found)).pdu == PDU
-
-
-def speed(metres_a_second: float) -> Ego:
-    return HERE._replace(speed=round(metres_a_second * 100))
-
-
-def depth(found: frozenset[tuple[str, int]]) -> int:
-    (levels,) = {topic.count("/") for topic, _ in found}
-    return levels - 2
-
-
-@pytest.mark.parametrize(("now", "levels"), [(0, 17), (7.99, 17), (8, 16), (-8, 16), (19.99, 16), (20, 15), (90, 15)])
-def test_tiles_grow_with_the_speed(now: float, levels: int):
-    assert depth(profile(TILED).subscriptions(speed(now))) == levels
-
-
-def test_tiles_shrink_only_well_below_the_speed_at_which_they_grew():
-    station = profile(TILED)
-    speeds = [7.0, 8.1, 7.9, 7.3, 7.1, 7.9, 25.0, 18.1, 17.9, 0.0]
-    assert [depth(station.subscriptions(speed(one))) for one in speeds] == [17, 16, 16, 16, 17, 17, 15, 15, 16, 17]
-
-
-def test_without_a_position_nothing_is_published_by_tile_and_it_says_why():
-    with pytest.raises(RequestError, match="the position is not known") as refused:
-        profile(TILED).publications("cam", 1, PDU, NOWHERE, NOW_MS)
-    assert "tiles.fallback" in refused.value.hint
-
-
-def test_a_station_that_was_never_anywhere_asks_for_no_tile():
-    assert profile(TILED).subscriptions(NOWHERE) == frozenset()
-
-
-def test_in_a_tunnel_the_subscriptions_stay():
-    station = profile(TILED)
-    before = station.subscriptions(HERE)
-    assert station.subscriptions(NOWHERE) == before
-
-
-def test_a_fallback_is_where_a_station_without_a_position_is():
-    tiles = Tiles(publish_depth=4, subscribe_depth=3, fallback="120222")
-    description = ProfileDescription("f", TILED.publish, TILED.subscribe, tiles=tiles)
-    (found,) = profile(description).publications("cam", 1, PDU, NOWHERE, NOW_MS)
-    assert found.topic == "t/cam/1/2/0/2"
-    assert ("t/+/1/2/0/#", 1) in profile(description).subscriptions(NOWHERE)
-
-
-def test_depths_of_the_interface_bound_both():
-    station = profile(load("orange").adapted(depths=(16, 18)))
-    assert {topic.count("/") for topic, _ in station.subscriptions(speed(30))} == {16 + 5}
-    (found,) = station.publications("cam", 1, PDU, HERE, NOW_MS)
-    assert found.topic.count("/") == 18 + 4
-
-
-@pytest.mark.parametrize(
-    ("depths", "words"),
-    [
-        ((10, 14), r"depths \[10, 14\]: most: 14 is above the tiles of subscribe_depth, 17"),
-        ((23, 24), r"depths \[23, 24\]: least: 23 is below the tiles of publish_depth, 22"),
-    ],
-)
-def test_depths_by_which_others_are_not_found_are_refused(depths: tuple[int, int], words: str):
-    with pytest.raises(ConfigurationError, match=words):
-        load("orange").adapted(depths=depths)
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {"publish_depth": 16, "subscribe_depth": 17},
-        {"most": 16},
-        {"least": 23},
-        {"fallback": "120221"},
-        {"publish_depth": 31},
-        {"subscribe_depth": 0},
-        {"speeds_m_s": (20.0, 8.0)},
-        {"speeds_m_s": (-1.0,)},
-        {"least": 9, "most": 8},
-        {"fallback": "12a"},
-    ],
-)
-def test_tiles_that_cannot_be_are_a_mistake(wrong: dict[str, object]):
-    with pytest.raises(ConfigurationError):
-        Tiles(**wrong)  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize("wrong", [{"qos": 3}, {"expiry_s": 0}, {"expiry_s": 1 << 32}, {"topic": "a/b"}])
-def test_rules_that_cannot_be_are_a_mistake(wrong: dict[str, object]):
-    with pytest.raises(ConfigurationError):
-        TypeRule(**wrong)  # type: ignore[arg-type]
-
-
-def test_a_status_names_the_station_only():
-    with pytest.raises(ConfigurationError, match=r"\{type\} is not of the station"):
-        Status("v2x/status", connected="{type}")
-    assert profile(ProfileDescription("s", (), (), status=Status("s", connected="{host} + {station}"))).connected()
 
 
 @given(st.text(max_size=40), st.binary(max_size=80), st.booleans())
