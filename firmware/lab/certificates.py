@@ -7,10 +7,10 @@ from typing import NamedTuple
 from board.errors import StationError
 
 CURVE = ("-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes")
-DAYS = "2"
+DAYS = 2
 
 
-class Identity(NamedTuple):
+class Pair(NamedTuple):
     """What one end shows: PEM files, the key for its owner alone."""
 
     certificate: Path
@@ -18,27 +18,29 @@ class Identity(NamedTuple):
 
 
 class Authority:
-    """Signs in a folder. Raises StationError where openssl is missing or fails."""
+    """Signs in a folder, in which its name is its own. Raises StationError where openssl is missing or fails."""
 
-    def __init__(self, folder: Path) -> None:
-        self.certificate = folder / "authority.pem"
+    def __init__(self, folder: Path, name: str = "authority") -> None:
+        self.certificate = folder / f"{name}.pem"
         self._folder = folder
-        self._key = folder / "authority.key"
+        self._key = folder / f"{name}.key"
+        self._issued = 0
         files = ("-keyout", str(self._key), "-out", str(self.certificate))
-        _openssl("req", "-x509", *CURVE, "-subj", "/CN=captain lab", "-days", DAYS, *files)
+        _openssl("req", "-x509", *CURVE, "-subj", f"/CN=captain lab {name}", "-days", str(DAYS), *files)
+        self._key.chmod(0o600)
 
-    def issue(self, name: str, extensions: str) -> Identity:
+    def issue(self, name: str, extensions: str, days: int = DAYS) -> Pair:
         """name: its common name. extensions: lines of x509v3_config(5)."""
-        stem = self._folder / name
-        identity = Identity(stem.with_suffix(".pem"), stem.with_suffix(".key"))
-        request, wanted = stem.with_suffix(".csr"), stem.with_suffix(".ext")
+        self._issued += 1
+        stem = f"{self.certificate.stem}-{self._issued}-{name}"
+        certificate, key, request, wanted = (self._folder / f"{stem}.{end}" for end in ("pem", "key", "csr", "ext"))
         wanted.write_text(extensions)
-        _openssl("req", "-new", *CURVE, "-subj", f"/CN={name}", "-keyout", str(identity.key), "-out", str(request))
-        signer = ("-CA", str(self.certificate), "-CAkey", str(self._key), "-CAcreateserial", "-days", DAYS)
-        files = ("-in", str(request), "-extfile", str(wanted), "-out", str(identity.certificate))
-        _openssl("x509", "-req", *signer, *files)
-        identity.key.chmod(0o600)
-        return identity
+        _openssl("req", "-new", *CURVE, "-subj", f"/CN={name}", "-keyout", str(key), "-out", str(request))
+        signer = ("-CA", str(self.certificate), "-CAkey", str(self._key), "-set_serial", str(self._issued))
+        files = ("-in", str(request), "-extfile", str(wanted), "-out", str(certificate))
+        _openssl("x509", "-req", *signer, "-days", str(days), *files)
+        key.chmod(0o600)
+        return Pair(certificate, key)
 
 
 def _openssl(*arguments: str) -> None:

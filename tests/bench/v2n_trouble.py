@@ -10,10 +10,11 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
+from firmware.lab.certificates import Pair
 from tests.bench import programs
 from tests.bench.subject import START_S, Station
 from tests.broker.bad import FullBacklog, Listener, silent
-from tests.broker.certificates import Authority, Identity
+from tests.broker.certificates import Authority
 from tests.broker.mosquitto import Mosquitto
 from tests.broker.names import SilentNames
 from tests.broker.proxy import Proxy
@@ -42,7 +43,7 @@ class Ground(NamedTuple):
 
     folder: Path
     authority: Authority
-    client: Identity
+    client: Pair
     broker: Mosquitto
 
     def interface(self, port: int, host: str = "localhost", more: str = "") -> str:

@@ -8,7 +8,8 @@ import warnings
 from collections.abc import Callable
 from typing import Self
 
-from tests.broker.certificates import Authority, Identity
+from firmware.lab.certificates import Pair
+from tests.broker.certificates import Authority
 
 PATIENCE = 5.0  # s; reached only by a test that fails
 OVER_FULL = 3  # connections beside the one that a backlog of 0 holds
@@ -114,7 +115,7 @@ class Listener:
             line.close()
 
 
-def tls(authority: Authority, server: Identity) -> ssl.SSLContext:
+def tls(authority: Authority, server: Pair) -> ssl.SSLContext:
     """Of a server that asks for a client certificate."""
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.load_cert_chain(server.certificate, server.key)
@@ -123,7 +124,7 @@ def tls(authority: Authority, server: Identity) -> ssl.SSLContext:
     return context
 
 
-def old_tls(authority: Authority, server: Identity) -> ssl.SSLContext:
+def old_tls(authority: Authority, server: Pair) -> ssl.SSLContext:
     """Of a server that knows TLS 1.1 at most."""
     context = tls(authority, server)
     context.set_ciphers("ALL:@SECLEVEL=0")

@@ -13,7 +13,8 @@ from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 from paho.mqtt.subscribeoptions import SubscribeOptions
 
-from tests.broker.certificates import Authority, Identity
+from firmware.lab.certificates import Pair
+from tests.broker.certificates import Authority
 
 PATIENCE = 5.0  # s; reached only by a test that fails
 VERSIONS = {5: mqtt.MQTTv5, 3: mqtt.MQTTv311}
@@ -44,7 +45,7 @@ class Client:
         *,
         host: str = "localhost",
         authority: Authority | None = None,
-        identity: Identity | None = None,
+        identity: Pair | None = None,
         version: int = 5,
         user: tuple[str, str] | None = None,
         will: tuple[str, bytes] | None = None,

@@ -7,8 +7,9 @@ from typing import Any
 
 import pytest
 
+from firmware.lab.certificates import Pair
 from tests.broker.bad import FullBacklog, Listener
-from tests.broker.certificates import EXPIRED, Authority, Identity
+from tests.broker.certificates import EXPIRED, Authority
 from tests.broker.client import Client
 from tests.broker.mosquitto import Mosquitto
 from tests.broker.names import SilentNames
@@ -55,7 +56,7 @@ class Brokers:
 
     def client(self, broker: Mosquitto, name: str = "observer", **how: Any) -> Client:
         """A connected client, over TLS with a certificate: the words of Client."""
-        identity: Identity = how.pop("identity", self.certificates.observer)
+        identity: Pair = how.pop("identity", self.certificates.observer)
         client = Client(broker.port, name, authority=broker.authority, identity=identity, **how)
         self._closing.callback(client.close)
         return client

@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import NamedTuple, Self
 
 from board.child import die_with_parent
-from tests.broker.certificates import Authority, Identity
+from firmware.lab.certificates import Pair
+from tests.broker.certificates import Authority
 from tests.system.ports import Ports
 
 PATIENCE = 10.0  # s; reached only by a test that fails
@@ -82,7 +83,7 @@ class Mosquitto:
         ports: Ports,
         authority: Authority,
         *,
-        server: Identity | None = None,
+        server: Pair | None = None,
         require_certificate: bool = True,
         version: str = "tlsv1.2",
         passwords: Mapping[str, str] | None = None,
