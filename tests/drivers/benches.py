@@ -38,7 +38,8 @@ from drivers.wire import btp, frame, morse
 from drivers.wire.geonet import GeoNetworking, Received
 from drivers.wire.serial_frame import Frame
 from drivers.zed_f9p import ZedF9p
-from tests.broker.certificates import Authority, Identity
+from firmware.lab.certificates import Pair
+from tests.broker.certificates import Authority
 from tests.broker.client import Client
 from tests.broker.mosquitto import Mosquitto
 from tests.drivers.host import SHARED, Host, request
@@ -426,7 +427,7 @@ class ModemBench(ModuleBench):
 
 
 @cache
-def _identities() -> tuple[Authority, Identity, Identity, Identity]:
+def _identities() -> tuple[Authority, Pair, Pair, Pair]:
     """An authority; what the broker, the station and the other end show."""
     folder = tempfile.mkdtemp(prefix="captain-bench-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)

@@ -14,7 +14,8 @@ from drivers.mqtt_client import serve
 from drivers.mqtt_settings import MqttSettings
 from drivers.reason import Reason
 from drivers.wire import v2n_talk as talk
-from tests.broker.certificates import Authority, Identity
+from firmware.lab.certificates import Pair
+from tests.broker.certificates import Authority
 
 PATIENCE = 10.0  # s; reached only by a test that fails
 TYPES = ("cam", "denm", "")
@@ -40,7 +41,7 @@ def settings(url: str, **how: Any) -> MqttSettings:
     )
 
 
-def secured(url: str, authority: Authority, identity: Identity | None = None, **how: Any) -> MqttSettings:
+def secured(url: str, authority: Authority, identity: Pair | None = None, **how: Any) -> MqttSettings:
     """The same with TLS."""
     shown = {"certificate": str(identity.certificate), "key": str(identity.key)} if identity else {}
     return settings(url, ca=str(authority.certificate), **shown, **how)
