@@ -8,7 +8,7 @@ from threading import Lock, Thread
 
 from board.errors import InterfaceError
 from drivers import mqtt_credentials, mqtt_trouble
-from drivers.mqtt_settings import MqttSettings, broker
+from drivers.mqtt_settings import MqttSettings, broker, is_loopback
 
 # Look-ups that hang cannot be ended: the C library gives up after half a minute. So many are waited for.
 MOST_HANGING = 4
@@ -25,6 +25,7 @@ LEAST_S = 0.5
 class Connector:
     """One try.
 
+    device     of the bearer: the connection is bound to it where the settings name none and the broker is elsewhere.
     waits_for  what it lacks, in words.
     socket     the connection, not blocking, when it has ended well. why_not: it has not; empty before.
     is_away    why_not is that this machine has no network.
@@ -33,12 +34,13 @@ class Connector:
     _hanging = 0  # look-ups of earlier tries, in all
     _lock = Lock()
 
-    def __init__(self, settings: MqttSettings) -> None:
+    def __init__(self, settings: MqttSettings, device: str = "") -> None:
         self.waits_for = "no answer from the name server"
         self.socket: socket.socket | None = None
         self.why_not = ""
         self.is_away = False
         self._settings = settings
+        self._device = device
         self._broker = broker(settings.url)
         self._is_abandoned = False
         self._wake = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
@@ -118,8 +120,8 @@ class Connector:
             share = (end - time.monotonic()) / (len(addresses) - place)
             made = socket.socket(family, socket.SOCK_STREAM)
             try:
-                if self._settings.device:
-                    made.setsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, self._settings.device.encode())
+                if device := self._settings.device or (self._device if not is_loopback(address[0]) else ""):
+                    _bind(made, device)
                 made.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                 made.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
                 made.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, UNSENT)
@@ -128,6 +130,9 @@ class Connector:
             except OSError as error:
                 made.close()
                 failure = error
+            except InterfaceError:
+                made.close()
+                raise
             else:
                 # What was written and stays unacknowledged ends it, after a quarter of an hour otherwise (tcp(7)).
                 made.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, int(1000 * self._settings.stall_s))
@@ -143,6 +148,17 @@ class Connector:
                 return
             self.socket, self.why_not = found, why_not
             os.eventfd_write(self._wake, 1)
+
+
+def _bind(made: socket.socket, device: str) -> None:
+    """What goes by another device is not of this bearer. Raises InterfaceError, with what to do."""
+    try:
+        made.setsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, device.encode())
+    except PermissionError as error:
+        hint = "give the station CAP_NET_RAW: AmbientCapabilities= of its service"
+        raise InterfaceError(f"this user may not bind a connection to {device}", hint) from error
+    except OSError as error:
+        raise InterfaceError(f"device {device}: {error.strerror}", "`ip -brief link` lists them") from error
 
 
 class _Stage:

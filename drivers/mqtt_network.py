@@ -71,8 +71,8 @@ class Network:
         self._is_awaited = self._paho is None or self._paho.want_write()
         return not self._is_awaited
 
-    def connect(self) -> None:
-        self._connector = Connector(self._settings)
+    def connect(self, device: str = "") -> None:
+        self._connector = Connector(self._settings, device)
 
     def disconnect(self) -> None:
         paho = self._paho

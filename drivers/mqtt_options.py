@@ -37,7 +37,7 @@ class MqttOptions:
     clean        false: the broker keeps for session_expiry_s what arrives while the station is away.
     qos          0 or 1 for all that is sent, in place of the profile's.
     plaintext    true: without TLS even to another machine.
-    device       network device that the connection is bound to; empty: any.
+    device       network device that the connection is bound to; empty: the bearer's, or any without one.
     bearer       interface with the modem that the connection goes by; empty: none is followed.
     status_topic  in place of the profile's: older boxes have "v2xstatus".
     depths       least and most quadkey levels, in place of the profile's: [14, 18].

@@ -44,8 +44,8 @@ class Client(Protocol):
     def takes_more(self) -> bool:
         """Whether it has written all that it was given. Where it has not, Session.writable() is told later."""
 
-    def connect(self) -> None:
-        """Begin; ends in Session.connected() or Session.failed()."""
+    def connect(self, device: str) -> None:
+        """Begin, by a network device where one is named; ends in Session.connected() or Session.failed()."""
 
     def disconnect(self) -> None:
         """Write what waits, say DISCONNECT, and close. Nothing is told of it."""
@@ -103,6 +103,7 @@ class Session:
         self._jitter = jitter
         self._unix_ns = unix_ns
         self._own = NOWHERE
+        self._device = ""  # of the bearer
         self._accepted = Accepted()
         self._echoes = Echoes() if settings.version != 5 else None  # of version 5 noLocal is a part
         self._tally = Tally()
@@ -133,7 +134,8 @@ class Session:
                 # Another address, or none: a connection from the old one hears nothing any more.
                 self._client.drop()
                 self._window.close()
-                self._begin(talk.parse_bearer(message)[0], now)
+                is_up, self._device = talk.parse_bearer(message)
+                self._begin(is_up, now)
 
     def close(self, now: float) -> None:
         """Say good-bye. What the client has not written a moment later is lost."""
@@ -256,7 +258,7 @@ class Session:
 
     def _connect(self, now: float) -> None:
         self._enter(Phase.CONNECTING, now)
-        self._client.connect()
+        self._client.connect(self._device)
 
     def _pause(self, why: str, now: float, longest_s: float) -> None:
         self._window.close()

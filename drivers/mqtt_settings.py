@@ -34,10 +34,15 @@ class Broker(NamedTuple):
     @property
     def is_loopback(self) -> bool:
         """Whether it can only be this machine, whatever a name server says."""
-        try:
-            return ip_address(self.host).is_loopback
-        except ValueError:
-            return self.host == "localhost"
+        return is_loopback(self.host) or self.host == "localhost"
+
+
+def is_loopback(host: str) -> bool:
+    """Whether it is an address of this machine alone; a name is none."""
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return False
 
 
 def broker(url: str) -> Broker:
@@ -76,7 +81,7 @@ class MqttSettings:
     version     of MQTT.
     clean       start without what an earlier session left; else the broker keeps it for session_expiry_s.
     qos         instead of the profile's; None: the profile's.
-    device      that the connection is bound to (SO_BINDTODEVICE); "": any.
+    device      that the connection is bound to (SO_BINDTODEVICE); "": the bearer's, or any without one.
     has_bearer  whether BEARER messages will come: until the first says up, nothing is connected.
     status_topic  instead of the profile's; "": the profile's.
     depths      least and most quadkey levels instead of the profile's; () for the profile's.

@@ -47,7 +47,6 @@ _NETWORK = {
     errno.ECONNREFUSED: "refuses the connection; no broker listens there",
     errno.EHOSTUNREACH: "no route to it; is the network there?",
     errno.ENETUNREACH: "no route to it; is the network there?",
-    errno.ENODEV: "there is no network device of the name in device",
     errno.EADDRNOTAVAIL: "this machine has no address to reach it from",
     errno.ECONNRESET: _CLOSED,
     errno.EPIPE: _CLOSED,

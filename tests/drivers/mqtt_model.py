@@ -24,13 +24,15 @@ class FakeClient:
         self.waits_for = "no CONNACK"
         self.takes_more = True
         self.calls: list[str] = []
+        self.devices: list[str] = []  # of each connect
         self.published: dict[int, Publication] = {}
         self.subscribes: list[list[tuple[str, int]]] = []
         self.unsubscribes: list[list[str]] = []
         self.tokens = 0
 
-    def connect(self) -> None:
+    def connect(self, device: str) -> None:
         self.calls.append("connect")
+        self.devices.append(device)
 
     def disconnect(self) -> None:
         self.calls.append("disconnect")

@@ -125,7 +125,7 @@ def test_a_name_server_that_hangs_stops_nothing_and_few_threads_wait_for_it(monk
 
 def test_a_device_that_is_not_there_is_named(start):
     with Mute() as broker:
-        start(broker.port, device="wwan9").down("there is no network device of the name in device")
+        start(broker.port, device="wwan9").down("device wwan9: No such device; `ip -brief link` lists them")
 
 
 def test_a_device_that_is_there_is_used(start):

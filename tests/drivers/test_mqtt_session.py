@@ -207,6 +207,15 @@ def test_another_address_makes_another_connection_and_what_was_unacknowledged_le
     assert bench.topics == ["v2x/cam", "v2x/cam"]
 
 
+def test_a_connection_goes_by_the_device_of_its_bearer():
+    bench = Bench(has_bearer=True)
+    bench.bearer(True, "wwan0")
+    bench.bearer(True, "wwan1")
+    bench.session.failed("refused", bench.now)
+    bench.run(1.0)
+    assert bench.client.devices == ["wwan0", "wwan1", "wwan1"]
+
+
 def test_without_its_bearer_a_connection_is_gone_and_says_so():
     bench = Bench(has_bearer=True)
     bench.bearer(True)

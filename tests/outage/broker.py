@@ -59,7 +59,7 @@ class ModelClient:
     def takes_more(self) -> bool:
         return self._line is not None and self._line.up.has_room
 
-    def connect(self) -> None:
+    def connect(self, device: str = "") -> None:
         self.drop()
         network = self._broker.network
         if not network.is_attached:
