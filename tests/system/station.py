@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[2]
 PROGRAM = [str((ROOT / os.environ.get("CAPTAIN", ".venv/bin/captain")).absolute())]
 
 # Seconds. Reached only by a test that fails.
-PATIENCE = 5.0
+PATIENCE = 15.0
 BETWEEN = 0.005  # s, between two questions
 START = 10.0
 ENDPOINTS = ("from_users", "to_users", "pull", "report")

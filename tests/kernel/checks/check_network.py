@@ -1,5 +1,6 @@
 """Network devices that are USB modules: the radio's NCM, and the modem's RNDIS with an address by DHCP."""
 
+import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -55,12 +56,20 @@ def test_the_network_of_the_radio_is_found_by_its_place_and_answers(module: str,
         name = usb.network_device(REAL, gadget.place)
         run("ip", "addr", "add", "192.168.225.2/24", "dev", name)
         run("ip", "link", "set", name, "up")
-        run("ping", "-c", "3", "-W", "5", MODULE_ADDRESS)
+        until(loop, lambda: _answers("1"))  # both ends have a carrier by then
+        assert _answers("3")
         seen(f"{name} at {gadget.place}, driver cdc_ncm; 3 of 3 pings answered")
         gadget.unplug()
         until(loop, lambda: usb.find(REAL, gadget.place) is None)
         assert not Path("/sys/class/net", name).exists()
         seen("gone when it is unplugged")
+
+
+def _answers(times: str) -> bool:
+    return (
+        subprocess.run(["ping", "-c", times, "-W", "5", MODULE_ADDRESS], capture_output=True, check=False).returncode
+        == 0
+    )
 
 
 def test_the_bearer_comes_up_by_rndis_and_dhcp(module: str, loop: Loop, seen: Seen, tmp_path: Path) -> None:
