@@ -14,7 +14,7 @@ from board.loop import Timer
 from board.worker import Worker
 from drivers.contract import BUSY, LATER, Can, Capabilities, Host, Sent, Shared
 from drivers.message import MAX_PDU, Ego, Request, RxInfo
-from drivers.mqtt_options import Identity, MqttOptions, check_files, files_identity
+from drivers.mqtt_options import FileStamps, MqttOptions, check_files, file_stamps
 from drivers.mqtt_settings import MqttSettings
 from drivers.wire import v2n_talk as wire
 
@@ -72,7 +72,8 @@ class Mqtt:
         self._timer: Timer | None = None
         self._restarts = 0
         self._last_error = ""
-        self._unusable: tuple[Identity, str, str] | None = None  # message and hint
+        self._stamps: FileStamps = ()  # of the files that the process reads, from before it was started
+        self._unusable: tuple[FileStamps, str, str] | None = None  # message and hint
         self._take: dict[int, Callable[[bytes], None]] = {
             wire.RECEIVED: self._received,
             wire.SENT: self._sent,
@@ -85,9 +86,10 @@ class Mqtt:
 
     def start(self, host: Host) -> None:
         check_files(self._options)
+        self._stamps = file_stamps(self._options)
         if self._unusable is not None:
-            identity, message, hint = self._unusable
-            if identity == files_identity(self._options):
+            stamps, message, hint = self._unusable
+            if stamps == self._stamps:
                 raise BlockedError(message, hint)
         self._host = host
         self._kept: dict[int, Request] = {}
@@ -221,7 +223,7 @@ class Mqtt:
     def _fault(self, message: bytes) -> None:
         text, hint = wire.parse_fault(message)
         # No try will help before a file is another: the next start says the same at once.
-        self._unusable = files_identity(self._options), text, hint
+        self._unusable = self._stamps, text, hint
         self._fail(BlockedError(text, hint))
 
     def _tell(self) -> None:

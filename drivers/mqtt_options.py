@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from board.describe import Range, remedy
 from board.errors import BlockedError, ConfigurationError
-from drivers.mqtt_profile import names
+from drivers.mqtt_profile import library_file, names
 from drivers.mqtt_settings import IN_FLIGHT, KEEP_ALIVE_S, SESSION_EXPIRY_S, broker
 
 MAX_DEVICE = 15  # characters of a network device's name: IFNAMSIZ of linux/if.h, less the 0 behind it
@@ -156,15 +156,15 @@ def _own_name() -> str:
         return str(os.geteuid())
 
 
-Identity = tuple[tuple[int, int, int], ...]
+FileStamps = tuple[tuple[int, int, int], ...]
 
 
-def files_identity(options: MqttOptions) -> Identity:
-    """Another one when any of the files is another, or has another content."""
-    return tuple(_identity(path) for _, path, _ in options.files())
+def file_stamps(options: MqttOptions) -> FileStamps:
+    """Others when any of the files, or the message library, is another or has another content."""
+    return tuple(_stamp(path) for path in (*(path for _, path, _ in options.files()), library_file()))
 
 
-def _identity(path: str) -> tuple[int, int, int]:
+def _stamp(path: str) -> tuple[int, int, int]:
     try:
         found = os.stat(path)
     except OSError:

@@ -1,6 +1,7 @@
 """The profiles that ship, and those of users: TOML files; and the message library, for those that decode."""
 
 from collections.abc import Iterator, Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +41,12 @@ def codec(description: ProfileDescription) -> Codec | None:
         what = f"profile {description.name} decodes, and the message library cannot be imported: {error}"
         raise BlockedError(what, "`make codec` builds it") from error
     return MessageLibrary(captain_messages.all())
+
+
+def library_file() -> str:
+    """Where the message library is; empty: there is none. Does not import it."""
+    found = find_spec("captain_messages")
+    return found.origin or "" if found else ""
 
 
 class MessageLibrary:

@@ -242,6 +242,32 @@ def test_what_cannot_work_as_configured_fails_without_another_process_until_a_fi
     assert len(FakeWorker.made) == 2
 
 
+def test_a_file_that_is_renewed_while_the_process_reads_the_old_one_is_tried(host, tmp_path):
+    ca = tmp_path / "ca.pem"
+    ca.write_text("rubbish")
+    driver = Mqtt(MqttOptions(url=URL, ca=str(ca)), SHARED)
+    driver.start(host)
+    FakeWorker.made[0].run()
+    ca.write_text("a good one, just in time")
+    FakeWorker.made[0].message(talk.fault("ca.pem holds no certificate", "take the broker's CA"))
+    driver.start(host)
+    assert len(FakeWorker.made) == 2
+
+
+def test_a_message_library_that_is_built_later_is_tried(host, tmp_path, monkeypatch):
+    library = tmp_path / "captain_messages.so"
+    monkeypatch.setattr(drivers.mqtt_options, "library_file", lambda: str(library))
+    driver = Mqtt(MqttOptions(url=URL, profile="nap"), SHARED)
+    driver.start(host)
+    FakeWorker.made[0].run()
+    FakeWorker.made[0].message(talk.fault("the message library cannot be imported", "`make codec` builds it"))
+    with pytest.raises(BlockedError, match="message library"):
+        driver.start(host)
+    library.write_text("built")
+    driver.start(host)
+    assert len(FakeWorker.made) == 2
+
+
 def test_stopped_it_tells_the_process_nothing_and_hears_of_no_bearer(start, host, loop):
     driver, worker = start(bearer="modem")
     driver.stop()
