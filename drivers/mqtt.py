@@ -62,7 +62,7 @@ class Mqtt:
     Options: ClassVar[type] = MqttOptions
 
     def __init__(self, options: MqttOptions, shared: Shared, command: Sequence[str] = ()) -> None:
-        self.capabilities = Capabilities(Can.RECEIVE | Can.TRANSMIT, "mqtt", MAX_PDU, METADATA)
+        self.capabilities = Capabilities(Can.RECEIVE | Can.TRANSMIT | Can.ANYWHERE, "mqtt", MAX_PDU, METADATA)
         self.bearer = options.bearer
         self._options = options
         self._shared = shared
@@ -95,6 +95,7 @@ class Mqtt:
         self._kept: dict[int, Request] = {}
         self._is_busy = False
         self._bearer = Bearer()
+        self._is_bearer_told = True
         self._said: Link | None = None  # by the process
         self._link: Link | None = None  # by the driver
         self._ego: Ego | None = None
@@ -169,15 +170,14 @@ class Mqtt:
 
     def _tell_bearer(self) -> None:
         if self.bearer and self._worker is not None and self._worker.is_up:
-            self._worker.send(wire.bearer(self._bearer.is_up, self._bearer.device))
+            self._is_bearer_told = self._worker.send(wire.bearer(self._bearer.is_up, self._bearer.device))
 
     def _tell_ego(self) -> None:
         if self._worker is None:
             return
         own = self._host.ego()
-        if self._ego is None or is_another(self._ego, own):
+        if (self._ego is None or is_another(self._ego, own)) and self._worker.send(wire.ego(own)):
             self._ego = own
-            self._worker.send(wire.ego(own))
         self._timer = self._host.loop.after(EGO_S, self._tell_ego)
 
     # What the process says.
@@ -195,6 +195,8 @@ class Mqtt:
         self._writable()
 
     def _writable(self) -> None:
+        if not self._is_bearer_told:
+            self._tell_bearer()
         if self._is_busy:
             self._is_busy = False
             self._host.writable()

@@ -87,6 +87,18 @@ def test_the_process_is_told_own_state_when_it_runs_and_again_when_it_is_another
     assert [talk.parse_ego(message) for message in worker.take(talk.EGO)] == [moved]
 
 
+def test_own_state_that_was_not_taken_is_told_again(start, host, loop):
+    _, worker = start()
+    worker.told.clear()
+    moved = EGO._replace(speed=500)
+    host.ego = lambda: moved
+    worker.is_full = True
+    loop.run_for(3)
+    worker.is_full = False
+    loop.run_for(1)
+    assert [talk.parse_ego(message) for message in worker.take(talk.EGO)] == [moved]
+
+
 def test_own_state_is_told_once_a_second_at_most(start, host, loop):
     _, worker = start()
     worker.told.clear()
@@ -338,6 +350,18 @@ def test_a_bearer_that_comes_up_or_has_another_address_is_told_at_once(start, ho
     driver.bearer_changed(False, "", "lost the network")
     assert said(host) == (False, "bearer modem is down: lost the network")
     assert [talk.parse_bearer(message) for message in worker.take(talk.BEARER)] == [(False, "")]
+
+
+def test_a_process_that_takes_nothing_is_told_of_its_bearer_when_it_takes_more(start):
+    driver, worker = start(bearer="modem")
+    worker.told.clear()
+    worker.is_full = True
+    driver.bearer_changed(True, "wwan0", "wwan0 has 10.0.0.7")
+    driver.bearer_changed(True, "wwan1", "wwan1 has 10.0.0.8")
+    worker.is_full = False
+    worker.writable()
+    worker.writable()
+    assert [talk.parse_bearer(message) for message in worker.take(talk.BEARER)] == [(True, "wwan1")]
 
 
 def test_what_its_bearer_was_before_the_process_ran_is_told_when_it_runs(start):
