@@ -11,9 +11,9 @@ from pathlib import Path
 from board.child import die_with_parent
 from board.errors import StationError
 from firmware.lab.certificates import Authority
+from firmware.lab.program import end
 
 READY_S = 10.0
-STOP_S = 3.0
 LOOK_S = 0.02
 
 CONFIGURATION = """\
@@ -77,12 +77,7 @@ class Broker:
 
     def stop(self) -> None:
         """End it, with force if it does not listen."""
-        self._process.terminate()
-        try:
-            self._process.wait(STOP_S)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
+        end(self._process)
         self._said.close()
 
     def _wait_until_ready(self) -> None:

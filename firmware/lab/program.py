@@ -90,18 +90,24 @@ class Program:
 
     def stop(self) -> None:
         """End it, with force if it does not listen; idempotent."""
-        if self._process.poll() is None:
-            self._process.terminate()
-            try:
-                self._process.wait(STOP_S)
-            except subprocess.TimeoutExpired:
-                self._process.kill()
-                self._process.wait()
+        end(self._process)
         self._said.close()
         self._notices.close()
 
     def _last(self) -> str:
         return "\n  ".join(self._lines) or "it said nothing"
+
+
+def end(process: "subprocess.Popen[bytes]") -> None:
+    """End a child, with force if it does not listen; idempotent."""
+    if process.poll() is not None:
+        return
+    process.terminate()
+    try:
+        process.wait(STOP_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
 
 
 def _die_with(parent: int) -> Callable[[], None]:
