@@ -1,4 +1,4 @@
-"""A type of the message library, as payloads see it: what asn1/README.md calls type_tree()."""
+"""A type of the message library: what asn1/README.md calls type_tree()."""
 
 from collections.abc import Sequence
 from typing import Protocol

@@ -5,7 +5,8 @@ from itertools import pairwise
 
 from board.describe import remedy
 from board.errors import RequestError
-from firmware.codec.library import Message, Type
+from drivers.wire.v2n_type import Type
+from firmware.codec.library import Message
 
 
 class FieldNames:

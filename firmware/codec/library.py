@@ -8,6 +8,7 @@ from typing import Protocol, cast
 
 from board.describe import remedy
 from board.errors import RequestError, StationError
+from drivers.wire.v2n_type import Type
 
 
 class NoLibraryError(StationError):
@@ -42,26 +43,6 @@ class Step(Protocol):
     def unit(self) -> str: ...
     @property
     def clause(self) -> str: ...
-
-
-class Field(Protocol):
-    """A component of a SEQUENCE, or an alternative of a CHOICE."""
-
-    @property
-    def name(self) -> str: ...
-    @property
-    def type(self) -> "Type": ...
-
-
-class Type(Protocol):
-    """A type of the ASN.1. fields, element and rows are empty, or None, where it has none."""
-
-    @property
-    def fields(self) -> Sequence[Field]: ...
-    @property
-    def element(self) -> "Type | None": ...
-    @property
-    def rows(self) -> "Sequence[tuple[int, Type]]": ...
 
 
 class Message(Protocol):
