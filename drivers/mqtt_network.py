@@ -68,7 +68,8 @@ class Network:
 
     @property
     def takes_more(self) -> bool:
-        self._is_awaited = self._paho is None or self._paho.want_write()
+        paho = self._paho
+        self._is_awaited = paho is None or paho.want_write() or not paho.line.has_room
         return not self._is_awaited
 
     def connect(self, device: str = "") -> None:
@@ -119,16 +120,12 @@ class Network:
         if paho is None:
             return [], []
         reads = [] if self._owed > MOST_OWED else [paho.line.fileno()]
-        return reads, [paho.line.fileno()] if paho.want_write() else []
+        return reads, [paho.line.fileno()] if paho.want_write() or self._is_awaited else []
 
     @property
     def has_more(self) -> bool:
         """Whether something is there to be done at once."""
-        return bool(self._events) or self._has_room or (self._paho is not None and self._paho.line.has_more)
-
-    @property
-    def _has_room(self) -> bool:
-        return self._is_awaited and self._is_accepted and self._paho is not None and not self._paho.want_write()
+        return bool(self._events) or (self._paho is not None and self._paho.line.has_more)
 
     def deadline(self) -> float:
         return self._look_at if self._paho is not None else float("inf")
@@ -140,8 +137,7 @@ class Network:
         elif self._paho is not None:
             self._exchange(self._paho, now, is_readable or self._paho.line.has_more)
         self._tell(now)
-        if self._has_room:
-            self._is_awaited = False
+        if self._is_awaited and self.takes_more:
             self.session.writable(now)
 
     def finish(self) -> None:

@@ -247,6 +247,32 @@ def test_what_was_told_expired_is_not_sent_when_the_broker_reads_again(start, qo
         assert read.count(CAM) <= in_kernels
 
 
+def test_what_the_socket_has_not_taken_in_its_lifetime_never_leaves(start):
+    def deaf(line: socket.socket, over: threading.Event) -> None:
+        line.recv(1000)
+        line.sendall(CONNACK)
+        line.recv(1000)
+        line.sendall(SUBACK)
+        reads.wait()
+        line.settimeout(0.3)
+        with contextlib.suppress(TimeoutError):
+            while octets := line.recv(65536):
+                read.extend(octets)
+        has_read.set()
+
+    reads, has_read, read = threading.Event(), threading.Event(), bytearray()
+    with Listener(deaf) as listener:
+        listener._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        station = start(listener.port, profile="raw", qos=0, in_flight=500, stall_s=60.0).up()
+        for number in range(500):
+            station.send(number, CAM + bytes(50), lifetime=0.3)
+        station.until(lambda: len(station.sent) == 500)
+        reads.set()
+        assert has_read.wait(5.0)
+        written = sum(reason is None for reason, _ in station.sent.values())
+        assert read.count(CAM) == written
+
+
 def test_one_that_reads_no_acknowledgements_is_not_read_from_without_end(start, turns):
     """It sends what has to be acknowledged and reads nothing: what waits for it stays bounded."""
 
