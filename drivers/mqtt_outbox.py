@@ -11,8 +11,7 @@ from drivers.wire import v2n_talk as talk
 
 DEPTH = 512  # received messages: a tenth of a second of a burst of 5000 a second
 
-# Details and signs of life that say what the next will say as well.
-_RENEWED = frozenset((talk.DETAILS, talk.ALIVE))
+# States, drops, details and signs of life. Answers are no more than the station has asked for.
 MOST_SAID = 64
 
 _MESSAGE_ID = 1  # its place in the ITS PDU header (TS 102 894-2, ItsPduHeader)
@@ -29,7 +28,7 @@ class Outbox:
         self._channel = channel
         self._urgent = urgent
         self._dropped = dropped
-        self._said: deque[bytes] = deque()  # bounded by the station's window, and by how often a connection can fail
+        self._said: deque[bytes] = deque()
         self._urgent_received: deque[bytes] = deque()
         self._received: deque[bytes] = deque()
 
@@ -38,14 +37,17 @@ class Outbox:
         """Whether flush() has something to do."""
         return bool(self._said or self._urgent_received or self._received)
 
-    def say(self, message: bytes) -> None:
-        """Send it, or keep it until the station has read what is in front of it."""
+    def say(self, message: bytes) -> bool:
+        """Send it, or keep it until the station has read what is in front of it. False: neither, too much waits."""
         if not self.is_waiting and self._send(message):
-            return
+            return True
         if message[0] == talk.RECEIVED:
             self._keep(message)
-        elif message[0] not in _RENEWED or len(self._said) < MOST_SAID:
+        elif message[0] == talk.SENT or len(self._said) < MOST_SAID:
             self._said.append(message)
+        else:
+            return False
+        return True
 
     def flush(self) -> None:
         """Send what waits, as much as the station takes."""

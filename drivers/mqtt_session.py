@@ -80,7 +80,7 @@ _CONNECTED = frozenset({Phase.SUBSCRIBING, Phase.UP})
 class Session:
     """One broker, as long as the process runs.
 
-    say      takes messages of v2n_talk for the station.
+    say      takes messages of v2n_talk for the station; False where it does not, but for SENT and RECEIVED.
     jitter   0 to 1.
     unix_ns  Unix time.
     """
@@ -90,7 +90,7 @@ class Session:
         settings: MqttSettings,
         profile: Profile,
         client: Client,
-        say: Callable[[bytes], None],
+        say: Callable[[bytes], bool],
         jitter: Callable[[], float],
         unix_ns: Callable[[], int],
     ) -> None:
@@ -112,6 +112,7 @@ class Session:
         self._failures = 0
         self._since = 0.0  # the phase
         self._retry_at = self._look_at = self._beat_at = math.inf
+        self._link: tuple[bool, str] | None = None
         self._told: tuple[bool, str] | None = None
         self._has_spoken = False
 
@@ -211,7 +212,7 @@ class Session:
 
     def expire(self, now: float) -> None:
         """Do what is due."""
-        self._window.expire(now, self._told[1] if self._told and not self._told[0] else "")
+        self._window.expire(now, self._link[1] if self._link and not self._link[0] else "")
         overdue_at, why = self._owed()
         if now >= overdue_at:
             self._client.drop()
@@ -312,20 +313,23 @@ class Session:
     # Telling.
 
     def _state(self, is_up: bool, why: str) -> None:
-        """Tell it where it is another: a broker that never answers fills no journal."""
-        told = (is_up, f"{self._broker}: {why}")
-        if told != self._told:
-            self._told = told
-            self._tell(talk.state(*told))
+        self._link = (is_up, f"{self._broker}: {why}")
+        self._tell_link()
 
-    def _tell(self, message: bytes) -> None:
+    def _tell_link(self) -> None:
+        """Tell it where it is another: a broker that never answers fills no journal."""
+        if self._link is not None and self._link != self._told and self._tell(talk.state(*self._link)):
+            self._told = self._link
+
+    def _tell(self, message: bytes) -> bool:
         self._has_spoken = True
-        self._say(message)
+        return self._say(message)
 
     def _beat(self, now: float) -> None:
         self._beat_at = now + talk.BEAT_S
         if self.phase is Phase.UP:
             self._subscriptions.try_refused(now)
+        self._tell_link()
         self._tell_counts()
         if not self._has_spoken:
             self._say(talk.ALIVE_NOW)
@@ -341,5 +345,4 @@ class Session:
             "subscriptions": len(names),
             "first_subscriptions": names[:SHOWN],
         }
-        for message in self._tally.messages(of_session):
-            self._tell(message)
+        self._tally.tell(self._tell, of_session)

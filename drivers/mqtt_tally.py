@@ -1,7 +1,7 @@
 """What an MQTT session has counted, told the station once a beat."""
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Mapping
 
 from drivers.reason import Reason
 from drivers.wire import v2n_talk as talk
@@ -26,17 +26,19 @@ class Tally:
         self._drops[reason] += count
         self._samples[reason] = sample[: talk.MAX_SAMPLE]
 
-    def messages(self, of_session: Mapping[str, object]) -> Iterator[bytes]:
-        """DROPPED for each reason that was met since the last time, and DETAILS where they have changed."""
-        for reason, count in self._drops.items():
-            yield talk.dropped(reason, count, self._samples[reason])
-        self._drops.clear()
+    def tell(self, say: Callable[[bytes], bool], of_session: Mapping[str, object]) -> None:
+        """DROPPED for each reason that was met since the last time, and DETAILS where they have changed.
+
+        say  whether it was taken: what was not is told with the next.
+        """
+        for reason, count in tuple(self._drops.items()):
+            if say(talk.dropped(reason, count, self._samples[reason])):
+                del self._drops[reason]
         found = {
             "connections": self.connections,
             "received": self.received,
             **of_session,
             "last_error": self.last_error,
         }
-        if found != self._told:
+        if found != self._told and say(talk.details(found)):
             self._told = found
-            yield talk.details(found)

@@ -69,7 +69,7 @@ class Window:
         self,
         publish: Callable[[Publication, float], int],
         takes_more: Callable[[], bool],
-        say: Callable[[bytes], None],
+        say: Callable[[bytes], object],
         size: int,
     ) -> None:
         self.confirmed = self.published = 0

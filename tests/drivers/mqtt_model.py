@@ -68,18 +68,24 @@ class Bench:
         self.now = 1000.0
         self.client = FakeClient()
         self.said: list[bytes] = []
+        self.takes = True  # the station reads what the session says
         self.jitter = 1.0
         identity = Identity("vm", 1337, "u", "")
         self.session = Session(
             self.settings,
             profile or Profile(load(self.settings.profile), identity),
             self.client,
-            self.said.append,
+            self._hear,
             lambda: self.jitter,
             lambda: UNIX_NS + int((self.now - 1000.0) * 1e9),
         )
         if is_started:
             self.session.start(self.now)
+
+    def _hear(self, message: bytes) -> bool:
+        if self.takes:
+            self.said.append(message)
+        return self.takes
 
     # The broker.
 

@@ -5,6 +5,7 @@ import socket
 import pytest
 
 from drivers.mqtt_outbox import DEPTH, MOST_SAID, Outbox
+from drivers.reason import Reason
 from drivers.wire import v2n_talk as talk
 
 CAM = bytes.fromhex("0202000005390001020304")
@@ -91,6 +92,15 @@ def test_answers_are_never_dropped_and_signs_of_life_do_not_pile_up(bench):
     heard = bench.heard()
     assert [talk.parse_sent(one)[0] for one in heard if one[0] == talk.SENT] == list(range(1000))
     assert len(heard) <= 1000 + MOST_SAID
+
+
+def test_states_and_drops_do_not_pile_up_and_are_said_to_be_taken_or_not(bench):
+    bench.fill()
+    taken = [bench.outbox.say(talk.state(bool(number % 2), str(number))) for number in range(1000)]
+    taken += [bench.outbox.say(talk.dropped(Reason.TOPIC, 1)) for _ in range(1000)]
+    assert sum(taken) <= MOST_SAID
+    assert len(bench.heard()) == sum(taken)
+    assert bench.outbox.say(talk.state(True, "now"))
 
 
 def test_a_station_that_has_left_is_no_error(bench):

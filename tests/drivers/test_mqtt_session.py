@@ -656,6 +656,21 @@ def test_it_says_that_it_lives_once_a_second_when_it_has_nothing_else_to_say():
     assert 8 <= len(bench.all(talk.ALIVE)) <= 10
 
 
+def test_what_a_station_does_not_take_is_told_it_later():
+    bench = Bench()
+    bench.takes = False
+    bench.accept()
+    for _ in range(3):
+        bench.deliver("elsewhere", CAM)
+    bench.run(3.0)
+    assert (bench.states, bench.drops, bench.all(talk.DETAILS)) == ([(False, f"{URL}: connects")], {}, [])
+    bench.takes = True
+    bench.run(1.0)
+    assert bench.states[-1] == (True, f"{URL}: connected")
+    assert bench.drops == {Reason.TOPIC: 3}
+    assert len(bench.all(talk.DETAILS)) == 1
+
+
 def test_details_are_told_when_they_have_changed():
     bench = Bench().accept()
     bench.send()

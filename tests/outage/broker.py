@@ -198,12 +198,16 @@ class PlayedMqtt:
             wanted,
             profile_of(wanted),
             self.client,
-            lambda message: self._say(SAID_S, message),
+            self._tell,
             self._jitter,
             lambda: UNIX_NS + int(self._loop.clock() * 1e9),
         )
         self.client.after = self._wait
         self.session.start(self._loop.clock())
+
+    def _tell(self, message: bytes) -> bool:
+        self._say(SAID_S, message)
+        return True
 
     def _wait(self) -> None:
         """A timer for what the session has to do next; an earlier one is kept where it does no harm."""
