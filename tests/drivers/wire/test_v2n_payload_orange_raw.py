@@ -1,6 +1,5 @@
 """CAMs as JSON in the envelope of Orange, against the members of its schema."""
 
-import copy
 import json
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ from board.errors import RequestError
 from drivers.reason import Reason
 from drivers.wire.v2n import Delivery, Profile, Received, RefusedError
 from drivers.wire.v2n_description import ProfileDescription, PublishRow, SubscribeRow
-from tests.drivers.wire.v2n_station import HERE, NOW_MS, PDU, profile
+from tests.drivers.wire.v2n_station import HERE, NOW_MS, PDU, changed, profile
 
 CAMS = [
     bytes.fromhex(vector["hex"])
@@ -136,19 +135,6 @@ def test_the_pdu_in_base64_is_taken_beside_it():
     assert taken(coded, message_format="asn1/uper").pdu == PDU
 
 
-def changed(path: str, value: Any) -> dict[str, Any]:
-    message = copy.deepcopy(FIRST)
-    *way, last = path.split(".")
-    holder = message
-    for step in way:
-        holder = holder[step]
-    if value is ...:
-        del holder[last]
-    else:
-        holder[last] = value
-    return message
-
-
 HIGH = "high_frequency_container"
 CAR = f"{HIGH}.basic_vehicle_container_high_frequency"
 
@@ -181,7 +167,7 @@ CAR = f"{HIGH}.basic_vehicle_container_high_frequency"
 )
 def test_what_does_not_follow_the_schema_is_refused_with_its_path(path: str, value: Any, says: str):
     with pytest.raises(RefusedError, match=says) as refused:
-        taken(changed(path, value))
+        taken(changed(FIRST, path, value))
     assert refused.value.reason is Reason.PAYLOAD
 
 

@@ -1,5 +1,8 @@
 """Stations with a profile to talk about, and PDUs of other implementations."""
 
+import copy
+from typing import Any
+
 from drivers.message import Ego, Position
 from drivers.mqtt_profile import codec, load
 from drivers.wire.v2n import Delivery, Identity, Profile, Publication
@@ -21,3 +24,17 @@ def profile(
 def delivered(publication: Publication, topic: str = "", is_retained: bool = False) -> Delivery:
     """What a broker makes of it, and a back end that moves it to another topic."""
     return Delivery(topic or publication.topic, publication.payload, is_retained, publication.user_properties)
+
+
+def changed(message: dict[str, Any], path: str, value: Any) -> dict[str, Any]:
+    """A copy with another value at a path of members; ...: without it."""
+    body = copy.deepcopy(message)
+    *way, last = path.split(".")
+    holder: Any = body
+    for step in way:
+        holder = holder[step]
+    if value is ...:
+        del holder[last]
+    else:
+        holder[last] = value
+    return body
