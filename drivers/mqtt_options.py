@@ -34,7 +34,9 @@ class MqttOptions:
     username     and password_file, where the broker asks for them.
     version      of MQTT: 5 or "3.1.1".
     keep_alive_s  a broker that is silent for twice that is gone.
-    clean        false: the broker keeps for session_expiry_s what arrives while the station is away.
+    clean        false: the broker keeps for session_expiry_s, by 3.1.1 as long as it likes, what arrives while the
+                 station is away, and delivers it as received then. The first connection of a station whose profile has
+                 tiles starts clean all the same.
     qos          0 or 1 for all that is sent, in place of the profile's.
     plaintext    true: without TLS even to another machine.
     device       network device that the connection is bound to; empty: the bearer's, or any without one.

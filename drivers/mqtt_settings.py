@@ -12,7 +12,7 @@ from board.errors import ConfigurationError
 PORTS = {"mqtt": 1883, "mqtts": 8883}  # IANA's, for a URL without one
 
 KEEP_ALIVE_S = 20  # mobile networks forget an idle TCP connection after 30 s and more
-SESSION_EXPIRY_S = 3600  # of a session that is kept
+SESSION_EXPIRY_S = 30  # of a session that is kept: what arrives late is passed on as if it were new
 IN_FLIGHT = 20  # publications without an acknowledgement
 
 # A connection that a tunnel or another address has cut says nothing. Given up so soon, another one is there before TCP
@@ -79,7 +79,8 @@ class MqttSettings:
     certificate, key    of this client, both or none.
     username, password_file    both or none; the file is read at each connect.
     version     of MQTT.
-    clean       start without what an earlier session left; else the broker keeps it for session_expiry_s.
+    clean       start without what an earlier session left; else the broker keeps it for session_expiry_s, by 3.1.1
+                as long as it likes.
     qos         instead of the profile's; None: the profile's.
     device      that the connection is bound to (SO_BINDTODEVICE); "": the bearer's, or any without one.
     has_bearer  whether BEARER messages will come: until the first says up, nothing is connected.

@@ -69,6 +69,11 @@ def test_what_options_leave_out_is_made_of_the_host_and_its_address(start):
     assert settings(start(client_id="another")[1].told[0]).uuid != found.uuid
 
 
+def test_a_session_that_is_kept_brings_nothing_that_is_old(start):
+    # What is delivered late has no moment of its own: it is received when it comes.
+    assert settings(start(clean=False)[1].told[0]).session_expiry_s <= 30
+
+
 def test_a_host_of_its_own_is_not_the_client_id(start):
     found = settings(start(client_id="vm-7", host="vm")[1].told[0])
     assert (found.client_id, found.host) == ("vm-7", "vm")
