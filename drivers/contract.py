@@ -21,6 +21,7 @@ class Can(Flag):
     TIMEMARK = auto()
     BEARER = auto()
     GEOBROADCAST = auto()  # a request's area is carried to the receivers
+    ANYWHERE = auto()  # receivers are reached wherever they are: a request leaves without its area, which the PDU has
 
 
 class Capabilities(NamedTuple):

@@ -65,7 +65,7 @@ MEANING: dict[Reason, str] = {
     Reason.NO_INTERFACE: "no interface that the policy or the user names for it exists and transmits",
     Reason.POLICY: "a row of the policy says that this message leaves by no interface",
     Reason.RATE_LIMIT: "more of these per second than the policy's row allows",
-    Reason.NO_AREA: "the interface cannot carry a destination area; choose one with GeoNetworking or leave it out",
+    Reason.NO_AREA: "the interface cannot carry a destination area; choose mqtt or one with GeoNetworking, or leave it",
     Reason.EMPTY_PDU: "the PDU has no octets",
     Reason.SHORT_PDU: "the PDU is shorter than the 6 octets of an ITS PDU header",
     Reason.LONG_PDU: "the PDU is longer than 1500 octets, or than what the interface carries",

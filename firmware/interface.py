@@ -64,7 +64,7 @@ class Interface:
         self.slot = options.slot
         self._technology = options.technology or driver.capabilities.technology
         self._max_payload = driver.capabilities.max_payload
-        self._carries_areas = Can.GEOBROADCAST in driver.capabilities.can
+        self._carries_areas = bool(driver.capabilities.can & (Can.GEOBROADCAST | Can.ANYWHERE))
         self.is_up = False
         self.why = "not started"
         self.since = loop.clock()

@@ -255,7 +255,8 @@ def test_every_driver_has_a_bench_and_describes_its_options(bench, kind):
     driver = DRIVERS[kind.partition("-")[0]]
     assert isinstance(bench.driver, driver)
     carries_areas = Can.GEOBROADCAST if kind in WITH_GEONETWORKING else Can(0)
-    can = bench.can if kind in MODULES else Can.RECEIVE | Can.TRANSMIT | carries_areas
+    anywhere = Can.ANYWHERE if kind == "mqtt" else Can(0)
+    can = bench.can if kind in MODULES else Can.RECEIVE | Can.TRANSMIT | carries_areas | anywhere
     assert bench.driver.capabilities.can == can
     assert driver.Options.__doc__
 

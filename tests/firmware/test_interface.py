@@ -255,8 +255,11 @@ def test_nameless_types_of_the_legacy_profile_are_counted_with_the_unknown() -> 
         assert interface.status()["received"] == {"unknown": 3}
 
 
-@pytest.mark.parametrize(("can", "is_sent"), [(Can.TRANSMIT, False), (Can.TRANSMIT | Can.GEOBROADCAST, True)])
-def test_an_area_leaves_only_by_an_interface_that_carries_it(can: Can, is_sent: bool) -> None:
+@pytest.mark.parametrize(
+    ("can", "is_sent"),
+    [(Can.TRANSMIT, False), (Can.TRANSMIT | Can.GEOBROADCAST, True), (Can.TRANSMIT | Can.ANYWHERE, True)],
+)
+def test_an_area_leaves_only_by_an_interface_that_carries_it_or_needs_not_to(can: Can, is_sent: bool) -> None:
     with closing(VirtualLoop()) as loop:
         drops, driver = Drops(), ScriptedDriver(can)
         interface = interface_of(loop, NotingStation(), driver, drops=drops)
