@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from drivers.reason import MEANING, Reason
 
 SAMPLE = 64  # octets shown of the last one
+DETAIL = 200  # characters kept of what was said about it
 # What a healthy station discards all day: worth counting, not worth a warning.
 USUAL = frozenset({Reason.DUPLICATE, Reason.OWN_ECHO, Reason.GN_DUPLICATE, Reason.GN_NOT_FOR_US})
 
@@ -16,12 +17,13 @@ log = logging.getLogger("captain.drops")
 class Drop:
     """The count of one reason at one place."""
 
-    __slots__ = ("count", "octets", "sample", "time")
+    __slots__ = ("count", "detail", "octets", "sample", "time")
 
     def __init__(self) -> None:
         self.count = 0
         self.sample = b""
         self.octets = 0
+        self.detail = ""
         self.time = 0.0
 
 
@@ -31,11 +33,12 @@ class Drops:
     def __init__(self) -> None:
         self._drops: dict[tuple[str, Reason], Drop] = {}
 
-    def count(self, where: str, reason: Reason, sample: bytes = b"", count: int = 1) -> None:
+    def count(self, where: str, reason: Reason, sample: bytes = b"", count: int = 1, detail: str = "") -> None:
         """Count a discard and keep its octets as the last sample.
 
         where   an interface's name, or from_users, pull, to_users, report.
         sample  what was discarded, empty where nobody has it.
+        detail  why just this one, where more is known than the reason.
         """
         drop = self._drops.get((where, reason))
         if drop is None:
@@ -46,10 +49,13 @@ class Drops:
         if sample:
             drop.sample = sample[:SAMPLE]
             drop.octets = len(sample)
+        if sample or detail:
+            drop.detail = detail[:DETAIL]  # of the sample: that of an earlier one would explain another
         # The journal hears of the first, the tenth, the hundredth ...: never a flood, never silence.
         if before == 0 or len(str(before)) != len(str(drop.count)):
             level = logging.INFO if reason in USUAL else logging.WARNING
-            log.log(level, "%s: %s: %d dropped: %s", where, reason, drop.count, MEANING[reason])
+            why = f"{MEANING[reason]}: {drop.detail}" if drop.detail else MEANING[reason]
+            log.log(level, "%s: %s: %d dropped: %s", where, reason, drop.count, why)
 
     def total(self, where: str, reason: Reason) -> int:
         drop = self._drops.get((where, reason))
@@ -66,4 +72,5 @@ class Drops:
                 "time": drop.time,
                 "octets": drop.octets,
                 "sample": drop.sample.hex(),
+                "detail": drop.detail,
             }

@@ -173,7 +173,7 @@ class Router:
         return Request(self.requests, kind, pdu, 0, now, now, kind.priority, 0, label=label)
 
     def _refuse(self, request: Request, reason: Reason, where: str, detail: str = "") -> None:
-        self._drops.count(where, reason, request.pdu)
+        self._drops.count(where, reason, request.pdu, detail=detail)
         if self.is_confirm_wanted:
             self.report(Confirm(request, Outcome.REFUSED, "", reason, detail=detail), ())
 

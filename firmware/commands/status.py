@@ -184,6 +184,11 @@ def _drops(status: Mapping[str, object], now: float) -> Table:
     ]
     meanings = {text(drop, "reason"): text(drop, "meaning") for drop in found}
     notes = [f"{reason}: {meaning}" for reason, meaning in meanings.items()]
+    notes += [
+        f"{text(drop, 'where')}, the last {text(drop, 'reason')}: {text(drop, 'detail')}"
+        for drop in found
+        if text(drop, "detail")
+    ]
     heads = ("where", "reason", ">count", ">ago", ">octets", "last sample")
     return Table("drops" if rows else "no drops", heads, rows, notes)
 

@@ -5,7 +5,7 @@ import logging
 import pytest
 
 from drivers.reason import MEANING, Reason
-from firmware.drops import SAMPLE, USUAL, Drops
+from firmware.drops import DETAIL, SAMPLE, USUAL, Drops
 
 
 def test_each_place_and_reason_has_a_count_of_its_own() -> None:
@@ -93,3 +93,21 @@ def test_what_a_healthy_station_discards_is_no_warning(caplog: pytest.LogCapture
     Drops().count("g5", reason)
     assert journal(caplog, logging.WARNING) == []
     assert len(journal(caplog, logging.INFO)) == 1
+
+
+def test_a_detail_is_that_of_the_last_sample_and_bounded() -> None:
+    drops = Drops()
+    drops.count("v2n", Reason.SEND_FAILED, b"first", detail="no position: nothing is published by tile")
+    drops.count("v2n", Reason.SEND_FAILED, b"last", detail="x" * 10_000)
+    (said,) = drops.status()
+    assert said["detail"] == "x" * DETAIL
+    drops.count("v2n", Reason.SEND_FAILED, b"another")
+    (said,) = drops.status()
+    assert said["detail"] == ""
+
+
+def test_the_journal_tells_the_detail(caplog: pytest.LogCaptureFixture) -> None:
+    drops = Drops()
+    with caplog.at_level(logging.INFO, "captain.drops"):
+        drops.count("v2n", Reason.SEND_FAILED, b"first", detail="no position")
+    assert caplog.messages == [f"v2n: send-failed: 1 dropped: {MEANING[Reason.SEND_FAILED]}: no position"]

@@ -287,3 +287,10 @@ def test_no_report_of_a_peer_is_fatal(frames):
 )
 def test_a_span_is_short(seconds, text):
     assert table.span(seconds) == text
+
+
+def test_what_is_known_of_the_last_drop_is_told_below_the_reasons():
+    (drop,) = STATUS["drops"]
+    lines = shown(STATUS | {"drops": [drop | {"detail": "the broker has no room"}]})
+    assert "  g5, the last short-pdu: the broker has no room" in lines
+    assert not any("the last short-pdu" in line for line in shown(STATUS))
