@@ -185,7 +185,7 @@ class Interface:
             self._above.confirm(Confirm(request, Outcome.SENT, self.name, None, queue_s, send_s))
 
     def dropped(self, request: Request, reason: Reason, handed_over: float | None = None, detail: str = "") -> None:
-        self._drops.count(self.name, reason, request.pdu)
+        self._drops.count(self.name, reason, request.pdu, detail=detail)
         if self._above.is_confirm_wanted:
             now = self.loop.clock()
             left = now if handed_over is None else handed_over

@@ -296,3 +296,11 @@ def test_what_the_driver_says_of_a_failure_reaches_the_confirm(bench: Bench) -> 
         (Outcome.DROPPED, "mqtts://broker.example:8883: Not authorized"),
         (Outcome.SENT, ""),
     ]
+
+
+def test_what_a_driver_said_of_a_request_stands_beside_the_last_sample(bench: Bench) -> None:
+    bench.driver.answer = Sent.LATER
+    bench.interface.outlet.submit(request_of(7))
+    bench.interface.confirm(bench.driver.sent[0], Reason.SEND_FAILED, "the broker has no room")
+    (said,) = bench.drops.status()
+    assert said["detail"] == "the broker has no room"
