@@ -69,7 +69,7 @@ class Supervised:
         """Stop the driver, and start it no more until start() is called; idempotent."""
         self._cancel()
         if self._state in ("starting", "running"):
-            self.interface.driver.stop()
+            self._stop_driver()
             self.interface.outlet.drop_kept(Reason.SEND_FAILED)
         self._state = "waiting"
         self._delay = FIRST_S
@@ -81,7 +81,7 @@ class Supervised:
         if self._state == "stopped":
             return
         self._state = "stopped"
-        self.interface.driver.stop()
+        self._stop_driver()
         self.interface.link(False, "stopped")
 
     def refresh(self) -> None:
@@ -95,9 +95,14 @@ class Supervised:
     def _failed(self, error: StationError) -> None:
         if self._state not in ("starting", "running"):
             return
-        self.interface.driver.stop()
+        self._stop_driver()
         self.interface.outlet.drop_kept(Reason.SEND_FAILED)
         self._retry(error)
+
+    def _stop_driver(self) -> None:
+        """What it has told of its module is of a moment that is over: a fix would stay, and its age with it."""
+        self.interface.driver.stop()
+        self.interface.tell({})
 
     def _retry(self, error: StationError) -> None:
         self._cancel()

@@ -40,6 +40,7 @@ class ScriptedDriver:
     def __init__(self, can: Can = BOTH_WAYS) -> None:
         self.capabilities = Capabilities(can, "test")
         self.on_start: Callable[[Host], None] = lambda host: host.link(True, "plugged in")
+        self.on_stop: Callable[[], None] = lambda: None
         self.answer: Sent | StationError = Sent.NOW
         self.sent: list[Request] = []
         self.starts = self.stops = self.refreshes = 0
@@ -60,6 +61,7 @@ class ScriptedDriver:
 
     def stop(self) -> None:
         self.stops += 1
+        self.on_stop()
 
 
 class NotingStation:

@@ -258,3 +258,17 @@ def test_what_is_no_expected_failure_passes_through(bench: Bench) -> None:
     bench.driver.on_start = start
     with pytest.raises(ZeroDivisionError):
         bench.life.start()
+
+
+@pytest.mark.parametrize("end", ["hold", "stop", "fail"])
+def test_what_a_driver_told_of_its_module_goes_with_it(bench: Bench, end: str) -> None:
+    bench.life.start()
+    bench.interface.tell({"fix": "3d", "age_s": 0.1})
+    # What it says last is no more of now than what it said before.
+    bench.driver.on_stop = lambda: bench.interface.tell({"fix": "3d", "age_s": 0.2})
+    {
+        "hold": lambda: bench.life.hold("switched off"),
+        "stop": bench.life.stop,
+        "fail": lambda: bench.interface.fail(GONE),
+    }[end]()
+    assert "details" not in bench.life.status()
