@@ -12,7 +12,7 @@ from tests.broker.bad import FullBacklog, Listener, closing_after, old_tls, sayi
 from tests.broker.client import Client
 from tests.broker.fixtures import Certificates
 from tests.broker.mute import Mute
-from tests.broker.proxy import Proxy
+from tests.broker.proxy import CHUNK, Proxy
 
 SHORT = 0.2  # s, in which what must not happen does not
 CONNECT = bytes.fromhex("100d00044d51545405020014000000")  # MQTT 5, clean start, keep-alive 20 s, no client id
@@ -49,12 +49,10 @@ def hears_nothing(line: socket.socket) -> bool:
 def test_a_delay_is_that_of_each_way_and_not_of_each_message() -> None:
     with Echo() as echo, Proxy(echo.port, delay_s=0.1) as proxy, connected(proxy.port) as line:
         before = time.monotonic()
-        for _ in range(10):
-            line.sendall(b"x")
-            time.sleep(0.001)  # ten pieces, not one
-        got = b""
-        while len(got) < 10:
-            got += line.recv(100)
+        line.sendall(bytes(20 * CHUNK))  # which it reads in twenty pieces at least: one after another, 2 s and more
+        got = 0
+        while got < 20 * CHUNK:
+            got += len(line.recv(CHUNK))
         assert 0.2 <= time.monotonic() - before < 2
 
 
