@@ -100,10 +100,7 @@ class Network:
     def subscribe(self, filters: Collection[tuple[str, int]]) -> None:
         self._asked = [name for name, _ in filters]
         if self._is_5:
-            # A shared subscription must not exclude own messages (MQTT 5.0, clause 3.8.3.1).
-            self._connected().subscribe(
-                [(name, SubscribeOptions(qos, noLocal=not name.startswith("$share/"))) for name, qos in filters]
-            )
+            self._connected().subscribe([(name, SubscribeOptions(qos, noLocal=True)) for name, qos in filters])
         else:
             self._connected().subscribe(list(filters))
 

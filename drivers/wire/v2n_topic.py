@@ -106,6 +106,9 @@ def _check(text: str, is_filter: bool) -> None:
     if "\0" in text or (not is_filter and _FORBIDDEN.search(text)):
         raise ConfigurationError(f"{text!r}: no message can be published there", "leave + # and NUL out")
     levels = text.split("/")
+    if is_filter and levels[0] == "$share":
+        remedy = "leave $share and the group out: a vehicle wants all that is delivered, not its share"
+        raise ConfigurationError(f"{text!r}: a profile shares no subscription", remedy)
     for place, level in enumerate(levels):
         is_wild = level == "+" or (level == "#" and place == len(levels) - 1)
         if not is_wild and ("+" in level or "#" in level):

@@ -140,6 +140,11 @@ def test_an_unknown_type_is_called_by_its_message_id(pdu: bytes):
     assert profile("raw").receive(delivered(found)).pdu == pdu
 
 
+def test_a_profile_shares_no_subscription():
+    with pytest.raises(ConfigurationError, match="shares no subscription"):
+        SubscribeRow("$share/g/{type}", "binary")
+
+
 def test_two_stations_with_vcaptain_hear_each_other():
     one, other = profile("vcaptain"), profile("vcaptain", "vm2")
     (found,) = one.publications("denm", 2002, PDU, NOWHERE, NOW_MS)
