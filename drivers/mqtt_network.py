@@ -33,6 +33,9 @@ LOOK_S = 1.0
 # Acknowledgements that wait because the broker reads nothing: then it is not read from either.
 MOST_OWED = 1000
 
+# What a broker has not that the last will asks for (MQTT 5.0, clause 2.4): it says so only when it refuses.
+_OF_WILL: dict[int, dict[str, Any]] = {0x9A: {"retain": False}, 0x9B: {"qos": 0}}
+
 LINGER_S = 0.3  # for the last words to be read: the station kills this process a little later
 
 
@@ -237,6 +240,8 @@ class Network:
         self, _: Any, __: Any, flags: ConnectFlags, code: ReasonCode, properties: Properties | None
     ) -> None:
         if code.is_failure:
+            if self._will is not None and code.value in _OF_WILL:
+                self._will = self._will._replace(**_OF_WILL[code.value])  # the next try has another
             self._ended(f"refuses the connection: {mqtt_trouble.refusal(str(code), words_of(properties), True)}")
             return
         accepted = accepted_of(flags, properties)

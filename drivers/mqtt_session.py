@@ -15,7 +15,7 @@ from drivers.mqtt_echo import Echoes
 from drivers.mqtt_settings import MqttSettings, broker
 from drivers.mqtt_subscriptions import Subscriptions
 from drivers.mqtt_tally import Tally
-from drivers.mqtt_window import MAX_QOS, Accepted, Window
+from drivers.mqtt_window import Accepted, Window
 from drivers.reason import Reason
 from drivers.wire import v2n_talk as talk
 from drivers.wire.v2n import Delivery, Profile, Publication, RefusedError
@@ -308,7 +308,7 @@ class Session:
         return self._client.publish(publication)
 
     def _wanted(self) -> frozenset[tuple[str, int]]:
-        return frozenset((name, min(qos, MAX_QOS)) for name, qos in self._profile.subscriptions(self._own))
+        return self._profile.subscriptions(self._own)
 
     # Telling.
 

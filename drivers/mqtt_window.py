@@ -12,8 +12,6 @@ from drivers.wire.v2n import Publication
 # Of the fixed header, the topic's length, the packet's number and expiry: what a PUBLISH is longer than its parts.
 OVERHEAD = 32
 
-MAX_QOS = 1  # QoS 2 costs two more ways, and what comes twice by QoS 1 the station recognises
-
 
 class Accepted(NamedTuple):
     """What a broker says when it accepts a connection.
@@ -181,7 +179,7 @@ class Window:
         """As the broker takes it."""
         accepted = self._accepted or Accepted()
         retain = publication.retain and accepted.retains
-        return publication._replace(qos=min(publication.qos, accepted.maximum_qos, MAX_QOS), retain=retain)
+        return publication._replace(qos=min(publication.qos, accepted.maximum_qos), retain=retain)
 
     def _answer(self, request: _Request, reason: Reason | None = None, why: str = "") -> None:
         request.is_answered = True

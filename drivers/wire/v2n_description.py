@@ -159,7 +159,7 @@ class ProfileDescription:
 
     name       by which status and mistakes call it.
     prefix     value of {prefix} unless the interface sets one.
-    qos        of publications and subscriptions, 0..2.
+    qos        of publications and subscriptions: 0 or 1. 2 costs two more ways, and old messages are worth less.
     retain     of publications.
     expiry_s   of publications; absent: their lifetime, or none where they are retained.
     types      rules by name of the type; its messageID where it has none.
@@ -226,8 +226,8 @@ class ProfileDescription:
 
 
 def _check_qos(qos: int | None) -> None:
-    if qos not in (None, 0, 1, 2):
-        raise ConfigurationError(f"qos: {qos} is no quality of service", "give 0, 1 or 2")
+    if qos not in (None, 0, 1):
+        raise ConfigurationError(f"qos: {qos} is no quality of service", "give 0 or 1")
 
 
 def _check_expiry(expiry_s: int | None) -> None:

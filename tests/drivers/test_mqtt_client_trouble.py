@@ -18,13 +18,18 @@ from drivers.reason import Reason
 from tests.broker import mute
 from tests.broker.bad import FullBacklog, Listener, closing_after, saying, silent
 from tests.broker.mute import Mute, publication
-from tests.drivers.mqtt_station import CAM, DENM, Station, settings
+from tests.drivers.mqtt_station import CAM, DENM, Station, settings, written
 
 Start = Callable[..., Station]
 
 CONNACK = bytes.fromhex("2003000000")
 SUBACK = bytes.fromhex("900400010001")
-BASE64_CAM = b"o(2001): <AgIAAAU5AAECAwQ=>"
+WILL = """
+name = "will"
+publish = []
+subscribe = []
+status = { topic = "s", lost = "gone", retain = true }
+"""
 
 
 @pytest.fixture
@@ -341,6 +346,21 @@ def test_a_refused_connection_is_named_with_what_to_do(start, code, words):
 def test_a_refused_connection_of_3_1_1_is_named(start, code, words):
     with Mute(connack=code) as broker:
         start(broker.port, version="3.1.1").down(f"refuses the connection: {words}")
+
+
+@pytest.mark.parametrize(
+    ("code", "flags"),
+    [(0x9A, [0b101100, 0b001100]), (0x9B, [0b101100, 0b100100])],  # will, its QoS and retain: MQTT 5.0, 3.1.2.3
+)
+def test_a_last_will_that_the_broker_cannot_keep_is_made_smaller(start, tmp_path, code, flags):
+    profile = written(tmp_path / "will.toml", WILL)
+    with Mute(connack=code) as broker:
+        station = start(broker.port, profile=profile)
+        seen = []
+        for _ in flags:
+            station.read(0.2)
+            seen.append(broker.next(mute.CONNECT).body[7] & 0b111100)
+        assert seen == flags
 
 
 def test_a_broker_of_3_1_1_that_is_spoken_to_in_5_is_named(start):

@@ -53,7 +53,7 @@ def test_the_template_is_a_profile_that_works():
         "fleet/denm/a/1/2/0/2/3/0/0/0/0/0/3/0/2/0/2/3/0/0/1/0",
         "fleet/alarm/a",
     ]
-    assert [publication.qos for publication in found] == [2, 2]
+    assert [publication.qos for publication in found] == [1, 1]
     assert other.receive(Delivery(found[0].topic, found[0].payload)).pdu == PDU
     lost = one.lost()
     assert lost
@@ -93,7 +93,7 @@ def test_the_template_names_every_form_and_every_variable():
         ("{type}/{host}", "+", r"mine\.toml: publish\[0\]: 'fleet/\+': no message can be published there"),
         ('"binary"', '"binry"', r"mine\.toml: publish\[0\]\.payload: .*did you mean \"binary\""),
         ("topic =", "topc =", r"mine\.toml: publish\[0\]\.topc: is not a known key; did you mean topic\?"),
-        ('name = "mine"', 'name = "mine"\nqos = 3', r"mine\.toml: qos: 3 is no quality of service"),
+        ('name = "mine"', 'name = "mine"\nqos = 2', r"mine\.toml: qos: 2 is no quality of service"),
         (
             'name = "mine"',
             'name = "mine"\nretian = true',

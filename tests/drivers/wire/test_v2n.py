@@ -236,10 +236,10 @@ def test_a_row_with_types_asks_for_each_and_takes_no_other():
         "few",
         (),
         (SubscribeRow("v2x/{type}/{port}", "binary", ("cam", "mapem")),),
-        types={"mapem": TypeRule(topic="map", qos=2)},
+        types={"mapem": TypeRule(topic="map", qos=0)},
     )
     station = profile(description)
-    assert station.subscriptions(HERE) == {("v2x/cam/+", 1), ("v2x/map/+", 2)}
+    assert station.subscriptions(HERE) == {("v2x/cam/+", 1), ("v2x/map/+", 0)}
     assert station.receive(Delivery("v2x/map/5", PDU)).btp_port == 5
     with pytest.raises(RefusedError):
         station.receive(Delivery("v2x/denm/5", PDU))
@@ -252,19 +252,19 @@ def test_rules_of_a_type_go_before_those_of_the_profile():
         (),
         qos=1,
         expiry_s=30,
-        types={"denm": TypeRule(topic="d", qos=2, retain=True, expiry_s=600)},
+        types={"denm": TypeRule(topic="d", qos=0, retain=True, expiry_s=600)},
     )
     station = profile(description)
     (denm,) = station.publications("denm", 1, PDU, HERE, NOW_MS)
     (cam,) = station.publications("cam", 1, PDU, HERE, NOW_MS)
-    assert denm[:1] + denm[2:5] == ("v2x/d", 2, True, 600)
+    assert denm[:1] + denm[2:5] == ("v2x/d", 0, True, 600)
     assert cam[:1] + cam[2:5] == ("v2x/cam", 1, False, 30)
 
 
 def test_an_interface_can_choose_its_quality_of_service():
-    station = profile(load("orange").adapted(qos=2))
-    assert {qos for _, qos in station.subscriptions(HERE)} == {2}
-    assert {one.qos for one in station.publications("mapem", 1, PDU, HERE, NOW_MS)} == {2}
+    station = profile(load("orange").adapted(qos=1))
+    assert {qos for _, qos in station.subscriptions(HERE)} == {1}
+    assert {one.qos for one in station.publications("mapem", 1, PDU, HERE, NOW_MS)} == {1}
 
 
 @given(st.text(max_size=40), st.binary(max_size=80), st.booleans())

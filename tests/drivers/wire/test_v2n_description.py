@@ -13,7 +13,7 @@ from drivers.wire.v2n_description import ProfileDescription, PublishRow, Status,
 from tests.drivers.wire.v2n_station import profile
 
 
-@pytest.mark.parametrize("wrong", [{"qos": 3}, {"expiry_s": 0}, {"expiry_s": 1 << 32}, {"topic": "a/b"}])
+@pytest.mark.parametrize("wrong", [{"qos": 2}, {"expiry_s": 0}, {"expiry_s": 1 << 32}, {"topic": "a/b"}])
 def test_rules_that_cannot_be_are_a_mistake(wrong: dict[str, object]):
     with pytest.raises(ConfigurationError):
         TypeRule(**wrong)  # type: ignore[arg-type]
