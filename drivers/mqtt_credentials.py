@@ -11,6 +11,11 @@ from board.errors import InterfaceError
 from drivers.mqtt_settings import MqttSettings
 
 MAX_PASSWORD = 65535  # octets: the length of a field of CONNECT
+MAX_KEY = 1 << 20  # octets that are looked at of a file that holds none
+
+# What a file holds, the command of openssl for it, and where it begins in PEM form (RFC 7468).
+_CERTIFICATE = ("certificate", "x509", "BEGIN CERTIFICATE")
+_FORMS = {"ca": _CERTIFICATE, "certificate": _CERTIFICATE, "key": ("key", "pkey", "BEGIN PRIVATE KEY")}
 
 
 def context(settings: MqttSettings) -> ssl.SSLContext:
@@ -45,8 +50,7 @@ def _load_ca(made: ssl.SSLContext, path: str) -> None:
     try:
         made.load_verify_locations(path)
     except ssl.SSLError as error:
-        hint = "name a file in PEM form, with BEGIN CERTIFICATE in it"
-        raise InterfaceError(f"ca {path}: holds no certificate: {error.reason}", hint) from error
+        raise _not_pem("ca", path) from error
     except OSError as error:
         raise _unreadable("ca", path, error) from error
 
@@ -56,15 +60,48 @@ def _load_own(made: ssl.SSLContext, certificate: str, key: str) -> None:
         # Without a password given here OpenSSL would ask a terminal for that of an encrypted key.
         made.load_cert_chain(certificate, key, password="")
     except ssl.SSLError as error:
-        if error.reason == "KEY_VALUES_MISMATCH":
-            hint = "name the key that the certificate was made for"
-            raise InterfaceError(f"key {key}: is not the key of certificate {certificate}", hint) from error
-        hint = "name files in PEM form; a key must not be encrypted: `openssl pkey` decrypts one"
-        raise InterfaceError(f"certificate {certificate} or key {key}: cannot be read: {error.reason}", hint) from error
+        raise _refused(certificate, key, error.reason or "") from error
     except OSError as error:
         # It does not say which of the two.
         path, name = (key, "key") if os.access(certificate, os.R_OK) else (certificate, "certificate")
         raise _unreadable(name, path, error) from error
+
+
+def _refused(certificate: str, key: str, reason: str) -> InterfaceError:
+    """Which of the two OpenSSL does not take, as it often does not say itself. reason: its own, if it gives one."""
+    if reason == "KEY_VALUES_MISMATCH":
+        hint = "name the key that the certificate was made for"
+        return InterfaceError(f"key {key}: is not the key of certificate {certificate}", hint)
+    if reason:
+        words = reason.replace("_", " ").lower()
+        hint = "have another one made, of a longer key and a newer hash"
+        return InterfaceError(f"certificate {certificate}: is not taken by TLS here: {words}", hint)
+    try:
+        ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT).load_verify_locations(certificate)
+    except ssl.SSLError:
+        return _not_pem("certificate", certificate)
+    if b"ENCRYPTED" in _octets(key):
+        hint = f"nobody could be asked for its password; decrypt it: openssl pkey -in {key} -out {key}.plain"
+        return InterfaceError(f"key {key}: is encrypted", hint)
+    return _not_pem("key", key)
+
+
+def _not_pem(name: str, path: str) -> InterfaceError:
+    what, command, begin = _FORMS[name]
+    octets = _octets(path)
+    if octets[:1] == b"\x30" and not octets.isascii():  # a SEQUENCE (X.690)
+        pem = f"{os.path.splitext(path)[0]}.pem"
+        hint = f"PEM form is wanted: openssl {command} -inform DER -in {path} -out {pem}"
+        return InterfaceError(f"{name} {path}: is in DER form", hint)
+    return InterfaceError(f"{name} {path}: holds no {what} in PEM form", f"name a file with {begin} in it")
+
+
+def _octets(path: str) -> bytes:
+    try:
+        with open(path, "rb") as file:
+            return file.read(MAX_KEY)
+    except OSError:
+        return b""
 
 
 def _check_owner_only(name: str, path: str) -> None:

@@ -56,9 +56,36 @@ def test_a_ca_without_a_certificate_is_named(settings, tmp_path):
     assert trouble(context, replace(settings, ca=path)).startswith(f"ca {path}: holds no certificate")
 
 
-def test_a_certificate_that_is_none_is_named(settings, tmp_path):
-    path = written(tmp_path / "certificate", "no certificate")
-    assert f"certificate {path} or key" in trouble(context, replace(settings, certificate=path))
+@pytest.mark.parametrize("name", ["certificate", "key"])
+def test_a_certificate_or_key_that_is_none_is_named_and_the_other_is_not(settings, tmp_path, name):
+    path = written(tmp_path / name, "nothing of the kind")
+    words = trouble(context, replace(settings, **{name: path}))
+    assert words.startswith(f"{name} {path}: holds no {name} in PEM form\n")
+    assert "BEGIN" in words
+
+
+@pytest.mark.parametrize(("name", "command"), [("ca", "x509"), ("certificate", "x509"), ("key", "pkey")])
+def test_one_in_der_form_is_named_with_the_command_that_makes_the_other_form(settings, tmp_path, name, command):
+    path, pem = tmp_path / "a.der", tmp_path / "a.pem"
+    plain = ["openssl", command, "-in", getattr(settings, name), "-outform", "DER", "-out", str(path)]
+    subprocess.run(plain, check=True, capture_output=True)
+    path.chmod(0o600)
+    words = trouble(context, replace(settings, **{name: str(path)}))
+    remedy = f"openssl {command} -inform DER -in {path} -out {pem}"
+    assert words.startswith(f"{name} {path}: is in DER form\n")
+    assert remedy in words
+    subprocess.run(remedy.split(), check=True, capture_output=True)
+    pem.chmod(0o600)
+    assert context(replace(settings, **{name: str(pem)}))
+
+
+def test_a_certificate_that_tls_does_not_take_is_named_with_the_reason(settings, tmp_path):
+    key, certificate = tmp_path / "short.key", tmp_path / "short.pem"
+    made = f"openssl req -x509 -newkey rsa:512 -nodes -subj /CN=short -keyout {key} -out {certificate}"
+    subprocess.run(made.split(), check=True, capture_output=True)
+    key.chmod(0o600)
+    words = trouble(context, replace(settings, certificate=str(certificate), key=str(key)))
+    assert words.startswith(f"certificate {certificate}: is not taken by TLS here: ee key too small\n")
 
 
 def test_the_key_of_another_certificate_is_named(settings, certificates):
@@ -72,7 +99,8 @@ def test_an_encrypted_key_is_refused_and_nobody_is_asked_for_its_password(settin
     subprocess.run(command, check=True, capture_output=True)
     path.chmod(0o600)
     words = trouble(context, replace(settings, key=str(path)))
-    assert "a key must not be encrypted" in words
+    assert words.startswith(f"key {path}: is encrypted\n")
+    assert f"openssl pkey -in {path} -out" in words
 
 
 @pytest.mark.parametrize("mode", [0o640, 0o604, 0o666])
