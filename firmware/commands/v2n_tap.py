@@ -10,7 +10,7 @@ from board.errors import UsageError
 from drivers import mqtt_profile
 from drivers.wire.v2n import Profile
 from firmware.tap import topics
-from firmware.tap.arguments import add_broker, settings
+from firmware.tap.arguments import add_broker, settings_of
 from firmware.tap.connection import Connection
 from firmware.tap.counts import Taken
 from firmware.tap.display import Display, line
@@ -95,7 +95,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(arguments: argparse.Namespace) -> int:
-    wanted = settings(arguments)
+    wanted = settings_of(arguments)
     profile = mqtt_profile.load(wanted.profile)
     description = topics.tapped(profile, arguments.published, has_all=bool(arguments.filter))
     filters = arguments.filter or topics.filters(description, wanted.prefix, arguments.tile or "")

@@ -12,7 +12,7 @@ from firmware.user.arguments import integer
 
 
 def add_broker(parser: argparse.ArgumentParser) -> None:
-    """The options that settings() reads."""
+    """The options that settings_of() reads."""
     group = parser.add_argument_group("the broker, as in [interfaces.NAME] with driver = mqtt")
     group.add_argument("--url", required=True, help="mqtts://HOST[:PORT], or mqtt://HOST[:PORT] without TLS")
     group.add_argument(
@@ -40,7 +40,7 @@ def add_broker(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--plaintext", action="store_true", help="without TLS even to another machine")
 
 
-def settings(arguments: argparse.Namespace) -> MqttSettings:
+def settings_of(arguments: argparse.Namespace) -> MqttSettings:
     """What add_broker() was given. Raises StationError for what does not go together or is not there."""
     expiry_s = arguments.session_expiry_s
     if expiry_s is not None and not arguments.client_id:
