@@ -116,6 +116,12 @@ class Line:
         """Nothing more will be written: the broker reads to the end, then closes."""
         self._connection.shutdown(socket.SHUT_WR)
 
+    def skip(self) -> None:
+        """Read what comes after shut() and forget it: TLS is over by then. Raises OSError, EOFError at the end."""
+        with suppress(BlockingIOError):
+            if not socket.socket.recv(self._connection, READ):
+                raise EOFError
+
     def end(self) -> None:
         self._connection.close()
 

@@ -153,8 +153,7 @@ class Network:
             paho.line.shut()
             while (left := end - time.monotonic()) > 0:
                 if select.select([paho.line.fileno()], [], [], left)[0]:
-                    for _ in paho.line.read():
-                        pass  # a socket that is closed with octets unread takes back what it has sent last
+                    paho.line.skip()  # a socket that is closed with octets unread takes back what it has sent last
         except (OSError, EOFError, ProtocolError):
             pass
         paho.line.end()
