@@ -35,7 +35,11 @@ def test_after_the_last_word_what_the_broker_sends_by_tls_is_discarded(certifica
     line.send(b"bye")
     line.shut()
     with pytest.raises(EOFError):
-        while select.select([line.fileno()], [], [], PATIENCE_S)[0]:
-            line.skip()
+        skip_all(line)
     line.end()
     broker.join()
+
+
+def skip_all(line: Line) -> None:
+    while select.select([line.fileno()], [], [], PATIENCE_S)[0]:
+        line.skip()
