@@ -32,6 +32,16 @@ PARTS: dict[str, type] = {
     "slots": SlotDescription,
 }
 
+# Tables whose keys hold names, and the tables that have these.
+NAMED = (
+    ("lines", "expander", "expanders"),
+    ("expanders", "bus", "buses"),
+    ("rails", "bus", "buses"),
+    ("temperatures", "bus", "buses"),
+    ("slots", "power", "lines"),
+    ("slots", "reset", "lines"),
+)
+
 Tables = Mapping[str, object]
 T = TypeVar("T")
 
@@ -107,25 +117,29 @@ def mistakes(board: Hardware, tables: Tables) -> Iterator[str]:
     """
     for name, table in _of(tables, "lines").items():
         yield from _line(f"lines.{name}", table)
-    for name, line in board.lines.items():
-        yield from _unknown(f"lines.{name}.expander", line.expander, "expanders", tables)
-    yield from _buses(board, tables)
+    yield from _names(tables)
+    for name, table in _of(tables, "rails").items():
+        yield from _limits(f"rails.{name}", table)
     for name, rail in board.rails.items():
         yield from _one_source(f"rails.{name}", rail, "bus and hwmon", rail.bus, rail.hwmon)
-        yield from _limits(f"rails.{name}", rail)
     for name, temperature in board.temperatures.items():
         yield from _temperature(f"temperatures.{name}", temperature)
-    yield from _slots(board, tables)
-    yield from _taken_twice(board)
+    yield from _slots(board)
+    yield from _taken_twice(board, tables)
 
 
-def _buses(board: Hardware, tables: Tables) -> Iterator[str]:
-    """Every chip on a bus that is declared."""
-    for table in ("expanders", "rails", "temperatures"):
-        for name, chip in getattr(board, table).items():
-            yield from _unknown(f"{table}.{name}.bus", chip.bus, "buses", tables)
-    if board.identity is not None:
-        yield from _unknown("identity.bus", board.identity.bus, "buses", tables)
+def _names(tables: Tables) -> Iterator[str]:
+    """Each name that a table has of another one, as it was written: other mistakes of the table hide none."""
+    yield from _unknown("identity.bus", _value(tables.get("identity"), "bus"), "buses", tables)
+    for part, key, named in NAMED:
+        for name, table in _of(tables, part).items():
+            yield from _unknown(f"{part}.{name}.{key}", _value(table, key), named, tables)
+
+
+def _value(table: object, key: str) -> str:
+    """A name or place as it was written; empty for none and for what is none."""
+    found = table.get(key) if isinstance(table, dict) else None
+    return found if isinstance(found, str) else ""
 
 
 def _line(where: str, table: object) -> Iterator[str]:
@@ -148,32 +162,28 @@ def _one_source(where: str, one: RailDescription, words: str, *given: str) -> It
         yield f"{where}: a rail is read by one of {words}; give exactly one of them"
 
 
-def _limits(where: str, one: RailDescription) -> Iterator[str]:
-    if one.min_v is not None and one.max_v is not None and one.min_v > one.max_v:
-        yield f"{where}: min_v {one.min_v:g} is more than max_v {one.max_v:g}; no voltage is within both"
+def _limits(where: str, table: object) -> Iterator[str]:
+    """As they were written; what is no number is told already."""
+    least, most = (table.get("min_v"), table.get("max_v")) if isinstance(table, dict) else (None, None)
+    if isinstance(least, int | float) and isinstance(most, int | float) and least > most:
+        yield f"{where}: min_v {least:g} is more than max_v {most:g}; no voltage is within both"
 
 
-def _slots(board: Hardware, tables: Tables) -> Iterator[str]:
+def _slots(board: Hardware) -> Iterator[str]:
     for name, slot in board.slots.items():
         where = f"slots.{name}"
-        yield from _unknown(f"{where}.power", slot.power, "lines", tables)
-        yield from _unknown(f"{where}.reset", slot.reset, "lines", tables)
         if slot.hub_port and not slot.usb:
             yield f"{where}.usb: is missing; a hub can switch a port only where its topology path is known"
         if slot.power and slot.power == slot.reset:
             yield f"{where}.reset: {slot.reset!r} is its power as well; give it a line of its own"
 
 
-def _taken_twice(board: Hardware) -> Iterator[str]:
+def _taken_twice(board: Hardware, tables: Tables) -> Iterator[str]:
     """One place, one slot; one pin, one line; one slot to a line; one chip to an address."""
-    slots, lines = board.slots, board.lines
-    yield from _twice("slots", "usb", {name: slot.usb for name, slot in slots.items() if slot.usb})
-    yield from _twice("lines", "pin", {name: _pin(line) for name, line in lines.items()})
+    yield from _twice("lines", "pin", {name: _pin(line) for name, line in board.lines.items()})
     yield from _addresses_twice(board)
-    for key in ("power", "reset"):
-        yield from _twice(
-            "slots", key, {name: getattr(slot, key) for name, slot in slots.items() if getattr(slot, key)}
-        )
+    for key in ("usb", "power", "reset"):
+        yield from _twice("slots", key, {name: _value(slot, key) for name, slot in _of(tables, "slots").items()})
 
 
 def _addresses_twice(board: Hardware) -> Iterator[str]:

@@ -189,3 +189,38 @@ def test_the_channels_of_one_chip_may_be_rails_of_their_own(tmp_path: Path) -> N
 def test_a_name_where_none_is_declared_says_which_table_to_add(tmp_path: Path) -> None:
     (mistake,) = mistakes(tmp_path, 'name = "a"\n[expanders.x]\nbus = "mian"\naddress = 0x20\n')
     assert mistake == "expanders.x.bus: 'mian' is not declared; add a table [buses.mian]"
+
+
+def test_what_tables_have_to_do_with_each_other_is_told_with_mistakes_in_the_same_tables(tmp_path: Path) -> None:
+    text = """
+name = "x"
+[buses.main]
+path = "/dev/i2c-1"
+[expanders.switches]
+bus = "mein"
+address = 0x99
+[lines.a]
+expander = "swich"
+pin = "2"
+[rails.main]
+kind = "ina226"
+bus = "main"
+address = "x"
+min_v = 13.0
+max_v = 11.0
+[identity]
+bus = "maim"
+address = "y"
+[slots.a]
+usb = "1-1.3"
+power = "zz"
+wait_s = "a"
+[slots.b]
+usb = "1-1.3"
+settle_s = "b"
+"""
+    told = [line.partition(": ")[0] for line in mistakes(tmp_path, text)]
+    types = ["lines.a.pin", "expanders.switches.address", "rails.main.address", "identity.address"]
+    types += ["slots.a.wait_s", "slots.b.settle_s"]
+    names = ["expanders.switches.bus", "lines.a.expander", "identity.bus", "slots.a.power", "slots.b.usb", "rails.main"]
+    assert sorted(told) == sorted(types + names)
