@@ -14,18 +14,31 @@ if TYPE_CHECKING:
 RUNS = ("up", "down")  # states in which a driver is started
 
 
-def mistakes(interfaces: "Sequence[InterfaceConfig]", mac: bytes) -> Iterator[str]:
-    """Each bearer that is none, as `key.path: what is wrong; what to do`."""
-    if not any(hasattr(DRIVERS[one.queue.driver], "bearer_changed") for one in interfaces):
+def mistakes(
+    tables: Mapping[str, Mapping[str, object]], interfaces: "Sequence[InterfaceConfig]", mac: bytes
+) -> Iterator[str]:
+    """Each bearer that is none, as `key.path: what is wrong; what to do`.
+
+    tables      the interfaces as they are written.
+    interfaces  those of them that could be read.
+    """
+    wanted = {name: bearer for name, table in tables.items() if (bearer := _bearer_of(table))}
+    if not wanted:
         return
     # What a driver is able to do it says once it is made, and making it touches nothing.
     drivers = {one.name: DRIVERS[one.queue.driver](one.options, Shared(mac)) for one in interfaces}
     bearers = [name for name, driver in drivers.items() if Can.BEARER in driver.capabilities.can]
-    for name, driver in drivers.items():
-        wanted = driver.bearer if isinstance(driver, Borne) else ""
-        if wanted and wanted not in bearers:
-            what = "carries no mobile network" if wanted in drivers else "is no interface"
-            yield f"interfaces.{name}.bearer: {wanted!r} {what}; {remedy(wanted, bearers)}"
+    for name, bearer in wanted.items():
+        if bearer in drivers.keys() - set(bearers) or bearer not in tables:  # what has mistakes may become one
+            what = "carries no mobile network" if bearer in tables else "is no interface"
+            yield f"interfaces.{name}.bearer: {bearer!r} {what}; {remedy(bearer, bearers)}"
+
+
+def _bearer_of(table: Mapping[str, object]) -> str:
+    """What an interface that can follow one names as its bearer; empty: nothing."""
+    word, bearer = table.get("driver"), table.get("bearer")
+    driver = DRIVERS.get(word) if isinstance(word, str) else None
+    return bearer if driver is not None and hasattr(driver, "bearer_changed") and isinstance(bearer, str) else ""
 
 
 def join(interfaces: Mapping[str, Supervised]) -> None:

@@ -12,6 +12,7 @@ from board import describe
 from board.address import mac_address
 from board.errors import ConfigurationError
 from drivers import DRIVERS
+from drivers.message import NO_MAC
 from firmware import bearers, board_file, consistency
 from firmware.board_file import Board
 from firmware.tables import QueueOptions, Tables
@@ -56,7 +57,7 @@ def load(path: str | None, overrides: Sequence[str] = (), board: str | None = No
         merged["interfaces"] = _laid_over(present, wanted["interfaces"])
     for text in overrides:
         describe.override(merged, text)
-    where = path or "captain.toml"
+    where = path or ("--set" if overrides else str(board_file.path_of(chosen)))
     mistakes: list[str] = []
     # Each table by itself: a mistake in one must not hide those of another, nor what several make together.
     tables = Tables()
@@ -71,8 +72,8 @@ def load(path: str | None, overrides: Sequence[str] = (), board: str | None = No
         interfaces.append(read)
     mistakes += [f"{where}: {text}" for text in consistency.mistakes(tables, there.slots)]
     mac = _collect(mistakes, lambda: _mac(tables, where))
-    if not mistakes:
-        mistakes = [f"{where}: {text}" for text in bearers.mistakes(interfaces, mac)]
+    sound = [one for one in interfaces if one is not None]
+    mistakes += [f"{where}: {text}" for text in bearers.mistakes(tables.interfaces, sound, mac or NO_MAC)]
     if mistakes:
         raise ConfigurationError("\n".join(mistakes))
     return Config(tables, tuple(interfaces), there, mac)
@@ -82,7 +83,7 @@ def _source(name: str, wanted: Mapping[str, Any], overrides: Sequence[str], boar
     """The file that a mistake in an interface is to be looked for in."""
     above = wanted.get("interfaces")
     is_above = isinstance(above, dict) and name in above
-    is_above = is_above or any(text.startswith(f"interfaces.{name}.") for text in overrides)
+    is_above = is_above or any(f"{text.partition('=')[0]}.".startswith(f"interfaces.{name}.") for text in overrides)
     return where if is_above else board
 
 

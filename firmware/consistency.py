@@ -83,8 +83,8 @@ def _policy(tables: Tables) -> Iterator[str]:
         interfaces.add(IPC)
     for index, row in enumerate(tables.policy):
         where = f"policy[{index}]"
-        for name in _unknown_interfaces(row, interfaces):
-            yield f"{where}: {name!r} is no interface; one of {', '.join(sorted(interfaces)) or 'none'}"
+        for key, name in _unknown_interfaces(row, interfaces):
+            yield f"{where}.{key}: {name!r} is no interface; one of {', '.join(sorted(interfaces)) or 'none'}"
         for name in row.match.type:
             if name not in names:
                 yield f"{where}.match.type: {name!r} is no type; one of {', '.join(sorted(names))}"
@@ -95,13 +95,15 @@ def _policy(tables: Tables) -> Iterator[str]:
             yield from _payload(payload, f"{where}.match.payload[{place}]")
 
 
-def _unknown_interfaces(row: PolicyRow, known: set[str]) -> Iterator[str]:
-    """Names in a row that are no interface's; "*" is each, where a message leaves, and none, where one is asked."""
+def _unknown_interfaces(row: PolicyRow, known: set[str]) -> Iterator[tuple[str, str]]:
+    """Keys and names in a row that are no interface's; "*" is each where a message leaves, none where one is asked."""
     match = row.match
-    asked = [*match.link_up, *match.link_down]
-    asked += [near.interface for near in (match.neighbours, match.no_neighbours) if near]
-    yield from (name for name in (*row.interfaces, *row.fallback) if name not in known and name != "*")
-    yield from (name for name in asked if name not in known)
+    leaves = {"interfaces": row.interfaces, "fallback": row.fallback}
+    asked = {"match.link_up": match.link_up, "match.link_down": match.link_down}
+    for key, near in (("neighbours", match.neighbours), ("no_neighbours", match.no_neighbours)):
+        asked |= {f"match.{key}.interface": (near.interface,)} if near else {}
+    for names, more in ((leaves, {"*"}), (asked, set[str]())):
+        yield from ((key, name) for key, given in names.items() for name in given if name not in known | more)
 
 
 def _payload(payload: PayloadMatch, where: str) -> Iterator[str]:

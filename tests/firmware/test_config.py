@@ -270,7 +270,8 @@ match = { type = ["camm"] }
 )
 def test_a_row_that_names_no_interface_is_a_mistake(folder: Path, row: str, name: str) -> None:
     said = mistake(folder, f"{TWO_UDP}[[policy]]\n[[policy]]\n{row}\n")
-    assert said.startswith(f"policy[1]: '{name}' is no interface")
+    assert said.startswith("policy[1].")
+    assert f": '{name}' is no interface" in said
     assert "g5, mqtt" in said
 
 
@@ -508,3 +509,71 @@ def test_two_clients_of_one_name_at_one_broker_are_a_mistake(folder: Path, url: 
 )
 def test_two_clients_of_two_names_or_at_two_brokers_are_none(folder: Path, url: str, client: str) -> None:
     assert len(loaded(folder, TWO_CLIENTS.format(url=url, client=client)).interfaces) == 2
+
+
+def test_a_bearer_that_is_none_is_told_with_the_other_mistakes(folder: Path) -> None:
+    text = (
+        TWO_UDP
+        + """
+[interfaces.v2n]
+driver = "mqtt"
+url = "mqtt://localhost"
+bearer = "celular"
+qos = 7
+[interfaces.v3n]
+driver = "mqtt"
+url = "mqtt://localhost"
+client_id = "third"
+bearer = "g5"
+[station]
+name = ""
+"""
+    )
+    told = [line.removeprefix(f"{folder}/captain.toml: ") for line in mistakes(folder, text)]
+    assert [line.partition(" is ")[0].partition(" carries ")[0] for line in told if "bearer" in line] == [
+        "interfaces.v2n.bearer: 'celular'",
+        "interfaces.v3n.bearer: 'g5'",
+    ]
+    assert any("qos" in line for line in told)
+    assert any("station.name" in line for line in told)
+
+
+def test_the_key_of_a_policy_that_names_no_interface_is_told(folder: Path) -> None:
+    text = (
+        TWO_UDP
+        + """
+[[policy]]
+interfaces = ["radio"]
+fallback = ["g6"]
+match.link_up = ["g7"]
+match.link_down = ["*"]
+match.neighbours = { interface = "g8" }
+match.no_neighbours = { interface = "g9" }
+"""
+    )
+    told = [line.removeprefix(f"{folder}/captain.toml: ").partition(" is ")[0] for line in mistakes(folder, text)]
+    assert told == [
+        "policy[0].interfaces: 'radio'",
+        "policy[0].fallback: 'g6'",
+        "policy[0].match.link_up: 'g7'",
+        "policy[0].match.link_down: '*'",
+        "policy[0].match.neighbours.interface: 'g8'",
+        "policy[0].match.no_neighbours.interface: 'g9'",
+    ]
+
+
+def test_without_a_file_a_mistake_is_told_of_what_was_set() -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        config.load(None, ["interfaces.v2n={driver='mqtt', url='mqtt://localhost', depths=14}", "station.nam=1"])
+    assert [line.partition("; ")[0] for line in str(caught.value).splitlines()] == [
+        "--set: station.nam: is not a known key",
+        "--set: interfaces.v2n: depths: 14 is an integer",
+    ]
+
+
+def test_without_a_file_and_anything_set_a_mistake_is_the_boards(tmp_path: Path) -> None:
+    board = tmp_path / "mine.toml"
+    board.write_text('name = "mine"\n[interfaces.air]\ndriver = "udp"\nlisten = "127.0.0.1:0"\nslot = "a"\n')
+    with pytest.raises(ConfigurationError) as caught:
+        config.load(None, [], str(board))
+    assert str(caught.value).startswith(f"{board}: interfaces.air.slot: the board has no slot 'a'")
