@@ -59,7 +59,7 @@ class Station:
         self._notice = ServiceNotice()
         tables = config.tables
         is_legacy = tables.station.profile == "legacy"
-        self.topics = _topics(tables)
+        self.topics = topics_of(tables)
         self.drops = Drops()
         self.place = Place(loop.clock, tables.station.position, tables.station.is_mobile)
         self.timeline = Timeline(loop.clock)
@@ -222,7 +222,8 @@ class Station:
         self.loop.after(DRAIN_STEP_S, lambda: self._drain(until))
 
 
-def _topics(tables: Tables) -> Topics:
+def topics_of(tables: Tables) -> Topics:
+    """The types that a station with these tables has."""
     return Topics(
         tables.station.profile,
         [

@@ -8,10 +8,12 @@ import time
 from collections.abc import Iterator
 
 from board import echo
+from drivers.contract import Shared
 from firmware import config
 from firmware.codec import library
 from firmware.lab import board_checks, checks, mqtt_checks, ports
 from firmware.lab.checks import Finding, Level
+from firmware.station import topics_of
 from firmware.user.arguments import add_configuration
 from firmware.user.table import clean, width_of
 from firmware.user.untrusted import within
@@ -76,15 +78,16 @@ def examine(arguments: argparse.Namespace) -> Iterator[Finding]:
     yield from checks.endpoint(endpoint, running)
     yield from board_checks.board(read.board)
     yield from checks.neighbours(read.board, running)
+    shared = Shared(read.mac, types=tuple(kind.name for kind in topics_of(read.tables).kinds))
     for interface in read.interfaces:
         yield from checks.pin_file(interface)
         is_running = interface.name in within(running or {}, "interfaces")
         if mqtt_checks.is_one(interface):
-            yield from mqtt_checks.files(interface, read.mac, time.time())
+            yield from mqtt_checks.files(interface, shared, time.time())
         if interface.queue.slot and not is_running:
             yield from board_checks.slot_of(interface, read.board)
         elif mqtt_checks.is_one(interface) and not is_running:
-            yield from mqtt_checks.reach(interface, read.mac)
+            yield from mqtt_checks.reach(interface, shared)
         else:
             yield from checks.interface(interface, read.mac, running)
     yield from checks.receive_buffer(read.interfaces)

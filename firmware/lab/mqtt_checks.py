@@ -20,10 +20,11 @@ def is_one(one: InterfaceConfig) -> bool:
     return isinstance(one.options, MqttOptions)
 
 
-def files(one: InterfaceConfig, mac: bytes, now: float) -> Iterator[Finding]:
+def files(one: InterfaceConfig, shared: Shared, now: float) -> Iterator[Finding]:
     """Certificates, key, password, profile: there, readable, by nobody else where that matters, and in force.
 
-    now  Unix time.
+    shared  as the station will give it to the driver.
+    now     Unix time.
     """
     options: MqttOptions = one.options
     subject = f"interface {one.name}"
@@ -37,7 +38,7 @@ def files(one: InterfaceConfig, mac: bytes, now: float) -> Iterator[Finding]:
     if not is_whole:
         return
     try:
-        _read(settings(options, Shared(mac)))
+        _read(settings(options, shared))
     except StationError as error:
         yield Finding(Level.PROBLEM, subject, error.message, error.hint)
         return
@@ -74,9 +75,9 @@ def _in_force(subject: str, name: str, path: Path, now: datetime) -> Iterator[Fi
         yield Finding(Level.OK, subject, f"{name} {path} is good until {day}")
 
 
-def reach(one: InterfaceConfig, mac: bytes) -> Iterator[Finding]:
+def reach(one: InterfaceConfig, shared: Shared) -> Iterator[Finding]:
     """Whether its name is known, TCP and TLS come about, and the broker accepts this client: one try."""
-    wanted = settings(one.options, Shared(mac))
+    wanted = settings(one.options, shared)
     where, subject = broker(wanted.url), f"interface {one.name}"
     if why := mqtt_reach.why_not(wanted):
         yield Finding(Level.WARNING, subject, f"mqtt: {where}: {why}", "the station starts, and tries again and again")

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from board.errors import ProtocolError
+from drivers.contract import Shared
 from drivers.mqtt_options import MqttOptions
 from firmware import cli
 from firmware.config import InterfaceConfig
@@ -18,7 +19,7 @@ from firmware.lab.checks import Level
 from firmware.tables import QueueOptions
 from tests.broker.mute import CONNACK, Mute
 
-MAC = bytes.fromhex("02000000000b")
+STATION = Shared(bytes.fromhex("02000000000b"), types=("cam", "denm", ""))
 DAY_S = 86_400.0
 
 
@@ -39,7 +40,7 @@ def own(certificates):
 
 
 def said(one, now=None):
-    found = mqtt_checks.files(one, MAC, time.time() if now is None else now)
+    found = mqtt_checks.files(one, STATION, time.time() if now is None else now)
     return [(finding.level, finding.text, finding.remedy) for finding in found]
 
 
@@ -102,19 +103,27 @@ def test_a_name_that_the_topics_of_the_profile_cannot_hold_is_a_problem(tmp_path
     assert "prefix is empty" in told
 
 
+def test_a_profile_with_a_type_that_the_station_does_not_have_is_a_problem(tmp_path):
+    profile = tmp_path / "mine.toml"
+    profile.write_text('name = "mine"\npublish = []\nsubscribe = []\n[types.dnem]\nqos = 0\n')
+    ((level, told, remedy),) = said(v2n(url="mqtt://localhost", profile=str(profile)))
+    assert (level, told) == (Level.PROBLEM, "types: 'dnem' is no type of this station")
+    assert remedy == "did you mean denm?"
+
+
 def test_without_files_there_is_nothing_to_say():
     assert said(v2n(url="mqtt://localhost")) == []
 
 
 def test_a_broker_that_is_reached_is_well(own, brokers):
     broker = brokers()
-    (found,) = mqtt_checks.reach(v2n(url=broker.url, **own), MAC)
+    (found,) = mqtt_checks.reach(v2n(url=broker.url, **own), STATION)
     assert (found.level, found.text) == (Level.OK, f"mqtt: {broker.url}: accepts this client, by TLS")
 
 
 def test_a_broker_of_another_authority_is_told_by_name(own, brokers, certificates):
     broker = brokers(server=certificates.strange_server)
-    (found,) = mqtt_checks.reach(v2n(url=broker.url, **own), MAC)
+    (found,) = mqtt_checks.reach(v2n(url=broker.url, **own), STATION)
     assert found.level is Level.WARNING
     assert "signed by an authority that is not known here" in found.text
 
@@ -122,7 +131,7 @@ def test_a_broker_of_another_authority_is_told_by_name(own, brokers, certificate
 @pytest.mark.parametrize("version", ["tlsv1.2", "tlsv1.3"])
 def test_a_broker_that_asks_for_a_certificate_which_is_not_there_is_told(own, brokers, version):
     broker = brokers(version=version)
-    (found,) = mqtt_checks.reach(v2n(url=broker.url, ca=own["ca"]), MAC)
+    (found,) = mqtt_checks.reach(v2n(url=broker.url, ca=own["ca"]), STATION)
     assert found.level is Level.WARNING
     assert "asks for a certificate of this client" in found.text
 
@@ -132,7 +141,7 @@ def test_a_broker_that_refuses_the_certificate_is_told(own, brokers, certificate
     broker = brokers(version=version)
     expired = certificates.expired_client
     options = own | {"certificate": str(expired.certificate), "key": str(expired.key)}
-    (found,) = mqtt_checks.reach(v2n(url=broker.url, **options), MAC)
+    (found,) = mqtt_checks.reach(v2n(url=broker.url, **options), STATION)
     assert found.level is Level.WARNING
     assert "refuses the certificate of this client: it has expired" in found.text
 
@@ -143,7 +152,7 @@ def test_a_wrong_password_is_told(brokers, tmp_path, version):
     (tmp_path / "password").write_text("wrong\n")
     (tmp_path / "password").chmod(0o600)
     options = {"username": "vm", "password_file": str(tmp_path / "password"), "version": version}
-    (found,) = mqtt_checks.reach(v2n(url=broker.plain_url, **options), MAC)
+    (found,) = mqtt_checks.reach(v2n(url=broker.plain_url, **options), STATION)
     assert found.level is Level.WARNING
     assert "refuses the connection: Not authorized" in found.text
 
@@ -151,14 +160,14 @@ def test_a_wrong_password_is_told(brokers, tmp_path, version):
 def test_a_broker_that_does_not_answer_is_told_in_the_time_there_is(brokers, monkeypatch):
     monkeypatch.setattr(mqtt_reach, "REACH_S", 0.2)
     broker = brokers.keep(Mute(frozenset({CONNACK})))
-    (found,) = mqtt_checks.reach(v2n(url=f"mqtt://127.0.0.1:{broker.port}"), MAC)
+    (found,) = mqtt_checks.reach(v2n(url=f"mqtt://127.0.0.1:{broker.port}"), STATION)
     assert (found.level, found.text.partition(": no CONNACK")[2]) == (Level.WARNING, " within 0.2 s")
 
 
 def test_a_station_that_is_connected_stays_so(brokers):
     broker = brokers()
     station = brokers.client(broker, "vm")
-    (found,) = mqtt_checks.reach(v2n(url=broker.plain_url, client_id="vm"), MAC)
+    (found,) = mqtt_checks.reach(v2n(url=broker.plain_url, client_id="vm"), STATION)
     assert found.level is Level.OK
     station.publish("t", b"still here", qos=1)
     broker.says("Client captain-doctor-.* disconnected")
@@ -168,7 +177,7 @@ def test_a_station_that_is_connected_stays_so(brokers):
 def test_a_broker_that_is_not_there_is_a_warning_with_why(monkeypatch):
     with socket.socket() as holder:
         holder.bind(("127.0.0.1", 0))
-        (found,) = mqtt_checks.reach(v2n(url=f"mqtt://127.0.0.1:{holder.getsockname()[1]}"), MAC)
+        (found,) = mqtt_checks.reach(v2n(url=f"mqtt://127.0.0.1:{holder.getsockname()[1]}"), STATION)
     assert (found.level, found.remedy) == (Level.WARNING, "the station starts, and tries again and again")
     assert "refuses the connection" in found.text
 
@@ -176,7 +185,7 @@ def test_a_broker_that_is_not_there_is_a_warning_with_why(monkeypatch):
         raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
 
     monkeypatch.setattr(socket, "getaddrinfo", unknown)
-    (found,) = mqtt_checks.reach(v2n(), MAC)
+    (found,) = mqtt_checks.reach(v2n(), STATION)
     assert found.text == (
         "mqtt: mqtts://broker.example:8883: there is no host of this name; correct the host in url"
     )  # fmt: skip
