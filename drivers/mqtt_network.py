@@ -292,8 +292,7 @@ class Network:
         except UnicodeDecodeError:
             self.session.drop(Reason.TOPIC, bytes(message.payload))
             return
-        properties = tuple(getattr(message.properties, "UserProperty", ()))
-        self.session.received(Delivery(topic, bytes(message.payload), message.retain, properties), now)
+        self.session.received(Delivery(topic, bytes(message.payload), message.retain), now)
 
     def _oversized(self, packet: Oversized) -> None:
         if packet.number:

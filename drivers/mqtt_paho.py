@@ -63,8 +63,8 @@ class Paho(PahoClient):
 
     def send(self, publication: Publication) -> int:
         """publish(); returns the number by which it is acknowledged."""
-        topic, payload, qos, retain, expiry_s, user_properties = publication
-        properties = _of_publish(expiry_s, user_properties) if self.is_5 else None
+        topic, payload, qos, retain, expiry_s = publication
+        properties = _of_publish(expiry_s) if self.is_5 else None
         return self.publish(topic, payload, qos, retain, properties).mid
 
     def _create_socket(self) -> Any:
@@ -83,13 +83,11 @@ class Packed(Properties):
         return self.octets
 
 
-@lru_cache(maxsize=256)  # expiries are few, as long as nothing else is said
-def _of_publish(expiry_s: int | None, user_properties: tuple[tuple[str, str], ...]) -> Packed:
+@lru_cache(maxsize=256)  # expiries are few
+def _of_publish(expiry_s: int | None) -> Packed:
     properties = _properties(PacketTypes.PUBLISH)
     if expiry_s is not None:
         properties.MessageExpiryInterval = expiry_s
-    if user_properties:
-        properties.UserProperty = list(user_properties)
     return Packed(properties.pack())  # type: ignore[no-untyped-call]
 
 

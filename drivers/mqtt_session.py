@@ -292,10 +292,7 @@ class Session:
         except RequestError as error:
             self._tell(talk.sent(number, Reason.SEND_FAILED, f"{self._broker}: {error.message}"))
             return
-        if not publications:
-            why = f"profile {self._settings.profile} publishes no message of this type"
-            self._tell(talk.sent(number, Reason.SEND_FAILED, f"{self._broker}: {why}"))
-        elif deadline <= now:
+        if deadline <= now:
             self._tell(talk.sent(number, Reason.EXPIRED))
         elif self._window.is_full():
             self._tell(talk.sent(number, Reason.QUEUE_FULL))

@@ -119,7 +119,7 @@ class Profile:
 
     def receive(self, delivery: Delivery) -> Received:
         """The PDU of a delivery. Raises RefusedError."""
-        topic, payload, is_retained, _ = delivery
+        topic, payload, is_retained = delivery
         if len(payload) > MAX_PAYLOAD:
             raise RefusedError(Reason.PAYLOAD, f"{topic[:64]}: {len(payload)} octets are above {MAX_PAYLOAD}")
         place, kind, port = self._find(topic)

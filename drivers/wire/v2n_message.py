@@ -24,7 +24,6 @@ class Publication(NamedTuple):
     qos: int
     retain: bool
     expiry_s: int | None
-    user_properties: tuple[tuple[str, str], ...] = ()
 
 
 class Delivery(NamedTuple):
@@ -33,7 +32,6 @@ class Delivery(NamedTuple):
     topic: str
     payload: bytes
     is_retained: bool = False
-    user_properties: tuple[tuple[str, str], ...] = ()
 
 
 class Received(NamedTuple):

@@ -251,8 +251,7 @@ class Connection:
             self._note_dropped(message.payload)
             return
         self.counts["repeated"] += message.dup
-        pairs = tuple(getattr(message.properties, "UserProperty", ())) if message.properties else ()
-        self._take(Delivery(topic, message.payload, bool(message.retain), pairs))
+        self._take(Delivery(topic, message.payload, bool(message.retain)))
 
     def _note_dropped(self, payload: bytes) -> None:
         if not (payload.isdigit() and len(payload) < 20):

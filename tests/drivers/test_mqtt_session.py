@@ -564,12 +564,6 @@ def test_a_message_that_the_profile_cannot_carry_fails_in_its_words():
     assert bench.sent == [(1, Reason.SEND_FAILED, f"{URL}: no ASN.1 of this edition")]
 
 
-def test_a_message_that_the_profile_publishes_nowhere_fails_and_says_so():
-    bench = tiles(publications=0).accept()
-    bench.send(1)
-    assert bench.sent == [(1, Reason.SEND_FAILED, f"{URL}: profile raw publishes no message of this type")]
-
-
 # What is received.
 
 

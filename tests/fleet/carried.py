@@ -99,7 +99,6 @@ def _flow(packets: Sequence[Publication]) -> Flow:
 def packet_octets(publication: Publication) -> int:
     """Octets of PUBLISH (MQTT 5.0, 3.3): topic, identifier, properties, payload, and the header in front."""
     properties = 0 if publication.expiry_s is None else 5
-    properties += sum(5 + len(key.encode()) + len(value.encode()) for key, value in publication.user_properties)
     rest = 2 + len(publication.topic.encode()) + (2 if publication.qos else 0)
     rest += _length_octets(properties) + properties + len(publication.payload)
     return 1 + _length_octets(rest) + rest

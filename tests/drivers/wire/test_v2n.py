@@ -21,7 +21,7 @@ def test_the_legacy_contract_octet_for_octet():
     (found,) = profile("vcaptain").publications("cam", 2001, PDU, NOWHERE, NOW_MS)
     assert found.topic == "v2x/btp/2001"
     assert found.payload == b"vm(2001): <AgIAAAU5AAECAw==>"
-    assert (found.qos, found.retain, found.expiry_s, found.user_properties) == (1, False, None, ())
+    assert (found.qos, found.retain, found.expiry_s) == (1, False, None)
 
 
 def test_the_legacy_profile_subscribes_with_and_without_a_port():

@@ -141,12 +141,6 @@ def test_what_one_station_sends_by_orange_another_takes(kind: str):
     assert profile("orange").receive(moved(kind)) == Received(PDU, None, "com_car_2")
 
 
-def test_what_comes_with_a_trace_is_taken():
-    # W3C Trace Context, as its-client sends it in a user property.
-    trace = (("traceparent", "00-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-01"), ("tracestate", "a=b"))
-    assert profile("orange").receive(moved()._replace(user_properties=trace)).pdu == PDU
-
-
 def test_a_map_that_the_broker_had_kept_is_taken_and_nothing_else():
     station = profile("orange")
     assert station.receive(moved("mapem")._replace(is_retained=True)).pdu == PDU

@@ -23,7 +23,7 @@ def profile(
 
 def delivered(publication: Publication, topic: str = "", is_retained: bool = False) -> Delivery:
     """What a broker makes of it, and a back end that moves it to another topic."""
-    return Delivery(topic or publication.topic, publication.payload, is_retained, publication.user_properties)
+    return Delivery(topic or publication.topic, publication.payload, is_retained)
 
 
 def changed(message: dict[str, Any], path: str, value: Any) -> dict[str, Any]:
