@@ -10,10 +10,16 @@ from board.describe import Range, remedy
 from board.errors import BlockedError, ConfigurationError
 from drivers.mqtt_profile import library_file, names
 from drivers.mqtt_settings import IN_FLIGHT, KEEP_ALIVE_S, SESSION_EXPIRY_S, broker
+from drivers.wire.v2n_message import MAX_SOURCE
 
 MAX_DEVICE = 15  # characters of a network device's name: IFNAMSIZ of linux/if.h, less the 0 behind it
 DEEPEST = 22  # quadkey levels: a tile of 10 m
 OTHERS = 0o077  # permissions of group and others
+
+# Why a letter must not be in a name.
+_WILDCARD = "nothing can be published to a wildcard"
+_BEFORE_PORT = "payloads have (port) behind it"
+_WHY_NOT = {"+": _WILDCARD, "#": _WILDCARD, "/": "it is one level of a topic", "(": _BEFORE_PORT, ")": _BEFORE_PORT}
 
 Depth = Annotated[int, Range(1, DEEPEST)]
 
@@ -27,7 +33,8 @@ class MqttOptions:
     client_id    unique per broker; empty: the host's name.
     host         that messages and status name as their sender; empty: the client_id.
     station      stationID, where topics of the profile have one; 0: made of the station's address.
-    uuid         of this client, where messages of the profile have one; empty: made of address and client_id.
+    uuid         of this client, where messages of the profile have one, in whatever form its others have them; empty:
+                 made of address and client_id.
     prefix       that topics begin with, where the profile lets them.
     ca           file of certificates that sign brokers; empty: those of the system.
     certificate, key  of this client, for a broker that asks for one; both or none.
@@ -98,7 +105,9 @@ class MqttOptions:
         for name in ("client_id", "host", "uuid"):
             _check_word(name, getattr(self, name), "/+#() ")
         for name in ("prefix", "status_topic"):
-            _check_word(name, getattr(self, name), "+# ")
+            _check_word(name, topic := getattr(self, name), "+# ")
+            if topic.startswith("$"):
+                raise ConfigurationError(f"{name}: {topic!r} begins with $", "such topics are the broker's own")
 
     def _check_credentials(self) -> None:
         if bool(self.certificate) != bool(self.key):
@@ -122,8 +131,10 @@ class MqttOptions:
 
 
 def _check_word(name: str, word: str, forbidden: str) -> None:
+    if (size := len(word.encode("utf-8", "replace"))) > MAX_SOURCE:
+        raise ConfigurationError(f"{name}: has {size} octets", f"give {MAX_SOURCE} at most")
     if strange := [letter for letter in word if letter in forbidden or not letter.isprintable()]:
-        hint = "a topic and the sender in a payload must be told apart from it"
+        hint = _WHY_NOT.get(strange[0], "leave it out")
         raise ConfigurationError(f"{name}: {word!r} has {strange[0]!r}", hint)
 
 

@@ -4,7 +4,7 @@ import json
 from dataclasses import asdict, dataclass
 from ipaddress import ip_address
 from typing import Literal, NamedTuple
-from urllib.parse import urlsplit
+from urllib.parse import SplitResult, urlsplit
 
 from board.describe import read
 from board.errors import ConfigurationError
@@ -49,19 +49,29 @@ def broker(url: str) -> Broker:
     """The broker of `mqtts://host:port` or `mqtt://host:port`. Raises ConfigurationError."""
     wanted = "write for example mqtts://broker.example:8883, or mqtt://localhost:1883 without TLS"
     if "@" in url:  # and it is not shown: what is before that may be a password
-        raise ConfigurationError("a user in the URL", "name it in username and password_file")
+        raise ConfigurationError("url: names a user", "name it in username and password_file")
     try:
         parts = urlsplit(url)
-        host, port = parts.hostname, parts.port
     except ValueError as error:
-        raise ConfigurationError(f'"{url}": {error}', wanted) from error
+        raise ConfigurationError(f'url: "{url}" has a host in brackets that is no IPv6 address', wanted) from error
     if parts.scheme not in PORTS:
-        raise ConfigurationError(f'"{url}" begins with neither mqtts:// nor mqtt://', wanted)
-    if not host or port == 0 or any(not "!" <= letter <= "~" for letter in url):
-        raise ConfigurationError(f'"{url}" names no host and port', wanted)
+        raise ConfigurationError(f'url: "{url}" begins with neither mqtts:// nor mqtt://', wanted)
+    if not parts.hostname or any(not "!" <= letter <= "~" for letter in url):
+        raise ConfigurationError(f'url: "{url}" names no host', wanted)
     if parts.path.strip("/") or parts.query or parts.fragment:
-        raise ConfigurationError(f'"{url}" goes on after the port', wanted)
-    return Broker(host, port or PORTS[parts.scheme], parts.scheme == "mqtts")
+        raise ConfigurationError(f'url: "{url}" goes on after the port', wanted)
+    return Broker(parts.hostname, _port(parts) or PORTS[parts.scheme], parts.scheme == "mqtts")
+
+
+def _port(parts: SplitResult) -> int | None:
+    """None where there is none: the default is meant."""
+    try:
+        port = parts.port
+    except ValueError:
+        port = 0
+    if port == 0:
+        raise ConfigurationError(f'url: "{parts.geturl()}" has a port that is none', "a port is 1 to 65535")
+    return port
 
 
 @dataclass(frozen=True)

@@ -383,7 +383,15 @@ def test_what_its_bearer_was_before_the_process_ran_is_told_when_it_runs(start):
 @pytest.mark.parametrize(
     ("options", "what", "remedy"),
     [
-        ({"url": "http://broker.example"}, "begins with neither", "mqtts://broker.example:8883"),
+        ({"url": "http://broker.example"}, 'url: "http://broker.example" begins with neither', "mqtts://"),
+        ({"url": ""}, 'url: "" begins with neither', "mqtts://broker.example:8883"),
+        ({"url": "mqtts://:99999"}, 'url: "mqtts://:99999" names no host', "mqtts://broker.example:8883"),
+        ({"url": "mqtts://me:word@broker.example"}, "url: names a user", "username and password_file"),
+        ({"url": "mqtts://a/b"}, 'url: "mqtts://a/b" goes on after the port', "mqtts://broker.example:8883"),
+        ({"url": "mqtts://[::1"}, 'url: "mqtts://[::1" has a host in brackets that is no IPv6 address', "mqtts://"),
+        ({"url": "mqtts://a:abc"}, 'url: "mqtts://a:abc" has a port that is none', "1 to 65535"),
+        ({"url": "mqtts://a:65536"}, 'url: "mqtts://a:65536" has a port that is none', "1 to 65535"),
+        ({"url": "mqtts://a:0"}, 'url: "mqtts://a:0" has a port that is none', "1 to 65535"),
         ({"url": "mqtt://broker.example"}, "without TLS to another machine", "plaintext = true"),
         ({"url": "mqtt://localhost", "ca": "x"}, "no TLS", "mqtts://"),
         ({"profile": "vcaptian"}, 'there is no "vcaptian"', "did you mean vcaptain?"),
@@ -391,10 +399,16 @@ def test_what_its_bearer_was_before_the_process_ran_is_told_when_it_runs(start):
         ({"key": "c.key"}, "key is given without certificate", "both or none"),
         ({"username": "me"}, "username is given without password_file", "both or none"),
         ({"password_file": "f"}, "password_file is given without username", "both or none"),
-        ({"client_id": "a/b"}, "client_id: 'a/b' has '/'", "topic"),
-        ({"host": "vm(1)"}, "host: 'vm(1)' has '('", "topic"),
-        ({"prefix": "v2x/#"}, "prefix: 'v2x/#' has '#'", "topic"),
-        ({"status_topic": "a\n"}, "has '\\n'", "topic"),
+        ({"client_id": "a/b"}, "client_id: 'a/b' has '/'", "it is one level of a topic"),
+        ({"client_id": "a\0"}, "client_id: 'a\\x00' has '\\x00'", "leave it out"),
+        ({"client_id": "x" * 256}, "client_id: has 256 octets", "255 at most"),
+        ({"host": "vm(1)"}, "host: 'vm(1)' has '('", "payloads have (port) behind it"),
+        ({"uuid": "a b"}, "uuid: 'a b' has ' '", "leave it out"),
+        ({"prefix": "v2x/#"}, "prefix: 'v2x/#' has '#'", "nothing can be published to a wildcard"),
+        ({"prefix": "$share/g"}, "prefix: '$share/g' begins with $", "the broker's own"),
+        ({"status_topic": "a/+/#"}, "status_topic: 'a/+/#' has '+'", "nothing can be published to a wildcard"),
+        ({"status_topic": "$SYS/x"}, "status_topic: '$SYS/x' begins with $", "the broker's own"),
+        ({"status_topic": "a\n"}, "has '\\n'", "leave it out"),
         ({"device": "a-name-much-too-long"}, "is no network device", "ip -brief link"),
         ({"depths": [18, 14]}, "[18, 14] is not the least and the most", "[14, 18]"),
         ({"depths": [14]}, "is not the least and the most", "[14, 18]"),
@@ -411,6 +425,7 @@ def test_a_wrong_option_is_named_with_what_to_do(options, what, remedy):
         read(MqttOptions, {"url": URL, **options}, "captain.toml: interfaces.v2n")
     assert what in caught.value.message
     assert remedy in caught.value.message
+    assert "could not be cast" not in caught.value.message
 
 
 @pytest.mark.parametrize(
