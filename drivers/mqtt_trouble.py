@@ -116,7 +116,9 @@ def is_cut(error: Exception) -> bool:
 
 def soon(words: str) -> str:
     """The same for a connection that did not last: a broker closes the older one of two that have one name."""
-    return f"{words} soon after CONNACK; does another client have the same client_id?" if words == _CLOSED else words
+    if words != _CLOSED:
+        return words
+    return f"{words} soon after CONNACK: it was stopped, or another client has the same client_id; its log says which"
 
 
 def early(words: str, settings: MqttSettings) -> str:

@@ -404,5 +404,5 @@ def test_two_clients_of_the_same_name_put_each_other_out_ever_more_slowly_and_sa
     both = [start(settings(broker.plain_url, client_id="same")) for _ in range(2)]
     for station in both:
         station.until(
-            lambda station=station: any("another client have the same client_id" in why for _, why in station.states)
+            lambda station=station: any("another client has the same client_id" in why for _, why in station.states)
         )
