@@ -6,11 +6,13 @@ Ends with 1 when a message was lost, or a measured rate is farther from the comp
 """
 
 import argparse
+import os
 import sys
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from drivers.mqtt_profile import names
 from firmware.user.table import Table, plain, width_of
 from tests.fleet import measured
 from tests.fleet.brokers import Bridges, Cluster, balanced, equal
@@ -42,7 +44,7 @@ def main() -> int:
     fleet = Fleet(traffic(options.seed))
     loads = [carried(name) for name in options.profiles]
     if options.only != "measured":
-        for table in computed(fleet, loads, sorted(options.vehicles), limits):
+        for table in computed(fleet, loads, sorted(options.vehicles), limits, list(foreign(options.profiles, loads))):
             show(table)
         print(f"computed in {time.monotonic() - began:.1f} s\n")
     if options.only == "computed":
@@ -73,24 +75,33 @@ def show(table: Table) -> None:
 # -- computed
 
 
-def computed(fleet: Fleet, loads: Sequence[Carried], sizes: Sequence[int], limits: Limits) -> Iterator[Table]:
+def foreign(given: Sequence[str], loads: Sequence[Carried]) -> Iterator[str]:
+    """Which profiles are not captain's own."""
+    for path, one in zip(given, loads, strict=True):
+        if path not in names():
+            yield f"{one.name}: of {os.path.relpath(path)}; captain brings no profile of this name"
+
+
+def computed(
+    fleet: Fleet, loads: Sequence[Carried], sizes: Sequence[int], limits: Limits, remarks: Sequence[str] = ()
+) -> Iterator[Table]:
+    """remarks: below the first table."""
     rows, broken = [], []
     for one in loads:
         by_size = [Load(fleet.part(range(size)), one) for size in sizes]
         rows += [load_row(load) for load in by_size]
         broken.append(break_row(one.name, by_size[-1], limits))
     title = f"each profile, one broker, everything on loss-free lines; tiles of depth {REPORTED_DEPTH}"
-    yield Table(
-        title, LOAD_HEADS, rows, ["kbit/s and Mbit/s at the IP layer, over TLS; 95 %: of the vehicles, below that"]
-    )
+    yield Table(title, LOAD_HEADS, rows, [*LOAD_NOTES, *remarks])
     tiled = next((one for one in reversed(loads) if one.tiles is not None), None)
     largest = fleet.part(range(sizes[-1]))
     if tiled is not None:
         load = Load(largest, tiled)
         every = [load.with_depth(depth) for depth in DEPTHS]
         title = f"tiles: the payload of {tiled.name}, {sizes[-1]} vehicles, own tile and its eight neighbours"
-        yield Table(title, TILE_HEADS, [tile_row(load, limits) for load in every])
-        yield Table(f"brokers and bridges: {tiled.name}, {sizes[-1]} vehicles", BROKER_HEADS, list(broker_rows(load)))
+        yield Table(title, TILE_HEADS, [tile_row(load, limits) for load in every], TILE_NOTES)
+        title = f"brokers and bridges: {tiled.name}, {sizes[-1]} vehicles; messages a second"
+        yield Table(title, BROKER_HEADS, list(broker_rows(load)), BROKER_NOTES)
         broken += [break_row(f"  tiles of depth {load.depth}", load, limits) for load in every]
     yield Table(
         f"vehicles with which a limit is reached: {limits.downlink / 1000:.0f} kbit/s to 95 % of the vehicles, "
@@ -114,6 +125,11 @@ LOAD_HEADS = (
     ">Mbit/s",
     ">broker out",
     ">Mbit/s",
+)
+
+
+LOAD_NOTES = (
+    "kbit/s and Mbit/s at the IP layer, over TLS; in msg/s: half of the vehicles hear less; 95 %: of the vehicles, below that",
 )
 
 
@@ -141,6 +157,12 @@ def load_row(load: Load) -> tuple[str, ...]:
 TILE_HEADS = (">depth", ">edge m", ">in msg/s", ">95 %", ">kbit/s 95 %", ">broker out", ">entered/s", "downlink")
 
 
+TILE_NOTES = (
+    "entered/s: tiles that vehicles come into, of all; each time three filters or more are subscribed to, and as many left",
+    "downlink: whether the limit of a vehicle is kept for 95 %",
+)
+
+
 def tile_row(load: Load, limits: Limits) -> tuple[str, ...]:
     depth = load.depth or 0
     return (
@@ -165,6 +187,14 @@ BROKER_HEADS = (
     ">bridged out",
     ">busiest out",
     ">unheard",
+)
+
+
+BROKER_NOTES = (
+    "cut: how tiles are shared out among the brokers: equal tiles, or parts of equal load",
+    "bridges: none, those of the tiles along the edges, or each broker gets everything of all others",
+    "most and busiest: of the broker with most; in: from its vehicles",
+    "unheard: the share of all that vehicles should hear that comes from beyond an edge, and is missing without bridges",
 )
 
 
