@@ -70,6 +70,11 @@ def test_a_host_whose_name_begins_with_ours_is_another():
         assert found.source == host.decode()
 
 
+def test_of_two_ports_that_disagree_the_topics_counts():
+    found = profile("vcaptain").receive(Delivery("v2x/btp/2001", b"me(2002): <AgIAAAU5AAECAw==>"))
+    assert (found.btp_port, found.source) == (2001, "me")
+
+
 @pytest.mark.parametrize(
     "topic", ["v2x/btp/", "v2x/btp/-1", "v2x/btp/65536", "v2x/btp/2001x", "v2x/btp/٢", "v2x/btp/000001"]
 )
