@@ -12,9 +12,9 @@ from typing import Protocol
 from board.errors import RequestError
 from drivers.message import Ego, Position
 from drivers.mqtt_echo import Echoes
+from drivers.mqtt_report import Report
 from drivers.mqtt_settings import MqttSettings, broker
 from drivers.mqtt_subscriptions import Subscriptions
-from drivers.mqtt_tally import Tally
 from drivers.mqtt_window import Accepted, Window
 from drivers.reason import Reason
 from drivers.wire import v2n_talk as talk
@@ -80,7 +80,7 @@ _CONNECTED = frozenset({Phase.SUBSCRIBING, Phase.UP})
 class Session:
     """One broker, as long as the process runs.
 
-    say      takes messages of v2n_talk for the station; False where it does not, but for SENT and RECEIVED.
+    say      as Report has it.
     jitter   0 to 1.
     unix_ns  Unix time.
     """
@@ -99,22 +99,18 @@ class Session:
         self._broker = broker(settings.url)
         self._profile = profile
         self._client = client
-        self._say = say
+        self._report = Report(say, str(self._broker))
         self._jitter = jitter
         self._unix_ns = unix_ns
         self._own = NOWHERE
         self._device = ""  # of the bearer
         self._accepted = Accepted()
         self._echoes = Echoes() if settings.version != 5 else None  # of version 5 noLocal is a part
-        self._tally = Tally()
-        self._window = Window(self._publish, lambda: client.takes_more, self._tell, settings.in_flight)
+        self._window = Window(self._publish, lambda: client.takes_more, self._report.tell, settings.in_flight)
         self._subscriptions = Subscriptions(client, self._wanted)
         self._failures = 0
         self._since = 0.0  # the phase
         self._retry_at = self._look_at = self._beat_at = math.inf
-        self._link: tuple[bool, str] | None = None
-        self._told: tuple[bool, str] | None = None
-        self._has_spoken = False
 
     # The station's side.
 
@@ -144,14 +140,14 @@ class Session:
             self._window.add_own(self._profile.closing(), now)
         self._client.disconnect()
         self._enter(Phase.CLOSED, now)
-        self._tell_counts()
+        self._report.counts(self._details())
 
     # The client's side.
 
     def connected(self, accepted: Accepted, now: float) -> None:
         """The broker has accepted the connection."""
         self._accepted = accepted
-        self._tally.connections += 1
+        self._report.tally.connections += 1
         self._enter(Phase.SUBSCRIBING, now)
         self._subscriptions.begin(accepted.is_resumed)
         self._subscriptions.follow(now)
@@ -197,12 +193,12 @@ class Session:
         if self._echoes and not source and self._echoes.holds(delivery.topic, delivery.payload, now):
             self.drop(Reason.OWN_ECHO, pdu)
             return
-        self._tally.received += 1
-        self._tell(talk.received(talk.Received(received_ns, pdu, btp_port, source)))
+        self._report.tally.received += 1
+        self._report.tell(talk.received(talk.Received(received_ns, pdu, btp_port, source)))
 
     def drop(self, reason: Reason, sample: bytes, count: int = 1) -> None:
         """Something received is not passed on: the station hears of it with the next beat."""
-        self._tally.drop(reason, sample, count)
+        self._report.tally.drop(reason, sample, count)
 
     # Time.
 
@@ -212,7 +208,7 @@ class Session:
 
     def expire(self, now: float) -> None:
         """Do what is due."""
-        self._window.expire(now, self._link[1] if self._link and not self._link[0] else "")
+        self._window.expire(now, self._report.why_down)
         overdue_at, why = self._owed()
         if now >= overdue_at:
             self._client.drop()
@@ -246,7 +242,7 @@ class Session:
 
     def _begin(self, may_connect: bool, now: float) -> None:
         self._failures = 0
-        self._state(False, "connects" if may_connect else "waits for its bearer")
+        self._report.link(False, "connects" if may_connect else "waits for its bearer")
         if may_connect:
             self._connect(now)
         else:
@@ -266,8 +262,8 @@ class Session:
         self._enter(Phase.PAUSE, now)
         delay = min(longest_s, self._settings.first_delay_s * 2.0 ** min(self._failures, 16))
         self._retry_at = now + delay * (0.5 + self._jitter() / 2)
-        self._tally.last_error = why
-        self._state(False, why)
+        self._report.tally.last_error = why
+        self._report.link(False, why)
 
     def _look(self, now: float) -> None:
         """All that is wanted may be subscribed to by now: then the link is up, whatever is still to be left."""
@@ -280,7 +276,7 @@ class Session:
         for name, words in sorted(self._subscriptions.refused.items())[:1]:
             more = len(self._subscriptions.refused) - 1
             why += f", but refuses subscription {name}{f' and {more} more' if more else ''}: {words}"
-        self._state(True, why)
+        self._report.link(True, why)
 
     # Publishing.
 
@@ -290,12 +286,12 @@ class Session:
             now_ms = self._unix_ns() // 1_000_000
             publications = self._profile.publications(self._settings.types[row], btp_port, pdu, self._own, now_ms)
         except RequestError as error:
-            self._tell(talk.sent(number, Reason.SEND_FAILED, f"{self._broker}: {error.message}"))
+            self._report.tell(talk.sent(number, Reason.SEND_FAILED, f"{self._broker}: {error.message}"))
             return
         if deadline <= now:
-            self._tell(talk.sent(number, Reason.EXPIRED))
+            self._report.tell(talk.sent(number, Reason.EXPIRED))
         elif self._window.is_full():
-            self._tell(talk.sent(number, Reason.QUEUE_FULL))
+            self._report.tell(talk.sent(number, Reason.QUEUE_FULL))
         else:
             self._window.add(number, deadline, publications, now)
 
@@ -309,37 +305,19 @@ class Session:
 
     # Telling.
 
-    def _state(self, is_up: bool, why: str) -> None:
-        self._link = (is_up, f"{self._broker}: {why}")
-        self._tell_link()
-
-    def _tell_link(self) -> None:
-        """Tell it where it is another: a broker that never answers fills no journal."""
-        if self._link is not None and self._link != self._told and self._tell(talk.state(*self._link)):
-            self._told = self._link
-
-    def _tell(self, message: bytes) -> bool:
-        self._has_spoken = True
-        return self._say(message)
-
     def _beat(self, now: float) -> None:
         self._beat_at = now + talk.BEAT_S
         if self.phase is Phase.UP:
             self._subscriptions.try_refused(now)
-        self._tell_link()
-        self._tell_counts()
-        if not self._has_spoken:
-            self._say(talk.ALIVE_NOW)
-        self._has_spoken = False
+        self._report.beat(self._details())
 
-    def _tell_counts(self) -> None:
+    def _details(self) -> dict[str, object]:
         names = sorted(name for name, _ in self._subscriptions.subscribed)
         window = self._window
-        of_session = {
+        return {
             "published": window.published,
             "confirmed": window.confirmed,
             "unacknowledged": window.unacknowledged,
             "subscriptions": len(names),
             "first_subscriptions": names[:SHOWN],
         }
-        self._tally.tell(self._tell, of_session)
