@@ -5,7 +5,9 @@ import errno
 import io
 import os
 import sys
+from contextlib import redirect_stdout
 from types import ModuleType
+from typing import TextIO
 
 from board.errors import StationError, UsageError
 from firmware import VERSION
@@ -32,6 +34,8 @@ VERBS = {
 }
 USAGE_ERROR = 2
 OUTPUT_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+# Their exit status is a verdict over all that they look at: they go on though nobody reads what they say.
+JUDGES = frozenset({"doctor", "selftest", "lab"})
 INTERRUPTED = 130  # as a shell reports SIGINT
 
 
@@ -113,15 +117,16 @@ def main(argv: list[str]) -> int:
     # A stream that the caller has closed is None: what would be said to it is said to nobody.
     sys.stdout = sys.stdout or open(os.devnull, "w")  # noqa: SIM115 for as long as the process runs
     sys.stderr = sys.stderr or open(os.devnull, "w")  # noqa: SIM115
+    status = 0
     try:
         try:
-            return _run(argv) if argv and argv[0] in VERBS else _help(argv)
+            return (status := _run(argv) if argv and argv[0] in VERBS else _help(argv))
         finally:
             sys.stdout.flush()  # at exit it would be too late to say nothing
     except BrokenPipeError:
-        # The reader of our output left: nothing more to say, and nothing may be said at exit either.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
+        for stream in (sys.stdout, sys.stderr):
+            _mute(stream)
+        return status  # that the reader of our output left is no failure, and makes none undone
     except OSError as error:
         if error.errno not in OUTPUT_FULL:
             raise
@@ -145,6 +150,9 @@ def _run(argv: list[str]) -> int:
     command.arguments(parser)
     options = parser.parse_args(argv[1:])
     try:
+        if argv[0] in JUDGES and not sys.stdout.isatty():
+            with redirect_stdout(_Unheard(sys.stdout)):
+                return int(command.main(options))
         return int(command.main(options))
     except StationError as error:
         _tell(error, getattr(options, "json", False))
@@ -153,13 +161,49 @@ def _run(argv: list[str]) -> int:
         return INTERRUPTED
 
 
+class _Unheard(io.TextIOBase):
+    """A stream that is written to as before when its reader has left."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        try:
+            return self._stream.write(text)
+        except BrokenPipeError:
+            _mute(self._stream)
+            return len(text)
+
+    def flush(self) -> None:
+        _mute(self._stream)
+
+    def isatty(self) -> bool:
+        return self._stream.isatty()
+
+    def fileno(self) -> int:
+        return self._stream.fileno()
+
+
+def _mute(stream: TextIO) -> None:
+    """Write what waits; where the reader has left nobody reads that, nor what follows, nor what is left at exit."""
+    try:
+        stream.flush()
+    except BrokenPipeError:
+        os.dup2(nowhere := os.open(os.devnull, os.O_WRONLY), stream.fileno())
+        os.close(nowhere)
+
+
 def _tell(error: StationError, is_json: bool) -> None:
     """What went wrong, for people; a program that asked for JSON has it as an object too, where it reads the rest."""
-    print(f"captain: {error}", file=sys.stderr, flush=True)
-    if is_json:
-        import json
+    try:
+        print(f"captain: {error}", file=sys.stderr, flush=True)
+        if is_json:
+            import json
 
-        print(json.dumps({"error": error.message, "hint": error.hint}), flush=True)
+            print(json.dumps({"error": error.message, "hint": error.hint}), flush=True)
+    except BrokenPipeError:
+        _mute(sys.stderr)
+        _mute(sys.stdout)
 
 
 def _help(argv: list[str]) -> int:

@@ -99,13 +99,15 @@ def test_a_bug_passes_through(monkeypatch: pytest.MonkeyPatch) -> None:
         cli.main(["run"])
 
 
-def captain(*argv: str, stdout: int = subprocess.PIPE, unbuffered: str = "") -> "subprocess.CompletedProcess[str]":
+def captain(
+    *argv: str, stdout: int = subprocess.PIPE, stderr: int = subprocess.PIPE, unbuffered: str = ""
+) -> "subprocess.CompletedProcess[str]":
     return subprocess.run(
         [sys.executable, "-m", "firmware", *argv],
         cwd=ROOT,
         env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
         stdout=stdout,
-        stderr=subprocess.PIPE,
+        stderr=stderr,
         text=True,
         timeout=20,
         check=False,
@@ -132,3 +134,46 @@ def test_a_reader_that_has_left_is_no_failure(argv: list[str], unbuffered: str) 
     finally:
         os.close(write)
     assert (ended.returncode, ended.stderr) == (0, "")
+
+
+def with_a_reader_that_has_left(
+    *argv: str, unbuffered: str, errors_too: bool = False
+) -> "subprocess.CompletedProcess[str]":
+    read, write = os.pipe()
+    os.close(read)
+    try:
+        return captain(*argv, stdout=write, stderr=write if errors_too else subprocess.PIPE, unbuffered=unbuffered)
+    finally:
+        os.close(write)
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_reader_that_has_left_makes_no_success_of_a_mistake(tmp_path: Path, unbuffered: str) -> None:
+    path = tmp_path / "captain.toml"
+    path.write_text("[endpoint]\npull = 99999\nfoo = 1\n")
+    wrong = ["--config", str(path)]
+    assert with_a_reader_that_has_left("run", *wrong, unbuffered=unbuffered, errors_too=True).returncode == 1
+    assert with_a_reader_that_has_left("selftest", "--json", *wrong, unbuffered=unbuffered).returncode == 1
+
+
+@pytest.mark.parametrize("verb", sorted(cli.JUDGES))
+@pytest.mark.parametrize("verdict", [0, 1])
+def test_a_command_that_judges_does_so_though_nobody_reads_it(
+    verb: str, verdict: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read, write = os.pipe()
+    os.close(read)
+
+    def main(arguments: object) -> int:
+        for _ in range(3):
+            print("ok", flush=True)
+        print("not written yet")
+        return verdict
+
+    command = SimpleNamespace(DESCRIPTION="", EPILOG="", arguments=lambda parser: None, main=main)
+    monkeypatch.setattr(cli, "load", lambda verb: command)
+    stream = os.fdopen(write, "w")
+    with monkeypatch.context() as patch:
+        patch.setattr(sys, "stdout", stream)
+        assert cli.main([verb]) == verdict
+    stream.close()
