@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Collection
-from typing import Any
+from typing import Any, cast
 
 from drivers.message import Ego, Position
 from drivers.mqtt_profile import load
@@ -10,7 +10,7 @@ from drivers.mqtt_session import Accepted, Session
 from drivers.mqtt_settings import MqttSettings
 from drivers.reason import Reason
 from drivers.wire import v2n_talk as talk
-from drivers.wire.v2n import Delivery, Identity, Profile, Publication
+from drivers.wire.v2n import Delivery, Identity, Profile, Publication, Received
 
 URL = "mqtts://broker.example:8883"
 UNIX_NS = 1_795_182_426_000_000_000
@@ -165,3 +165,32 @@ class Bench:
     @property
     def topics(self) -> list[str]:
         return [publication.topic for publication in self.client.published.values()]
+
+
+class Tiles:
+    """A profile whose one subscription is the latitude; it publishes as often as it is told."""
+
+    def __init__(self, publications: int = 1, qos: int = 1) -> None:
+        self.count, self.qos = publications, qos
+
+    def publications(self, kind: str, btp_port: int, pdu: bytes, own: Ego, now_ms: int) -> list[Publication]:
+        return [Publication(f"t{n}", pdu, self.qos, True, None) for n in range(self.count)]
+
+    def subscriptions(self, own: Ego) -> frozenset[tuple[str, int]]:
+        return frozenset({(str(own.position.latitude), 1), ("all", 0)})
+
+    def receive(self, delivery: Delivery) -> Received:
+        return Received(delivery.payload, None, "")
+
+    def connected(self) -> Publication | None:
+        return None
+
+    closing = lost = connected
+
+
+def tiles(publications: int = 1, qos: int = 1, **how: Any) -> Bench:
+    return Bench(profile=cast(Profile, Tiles(publications, qos)), **how)
+
+
+def vcaptain() -> Bench:
+    return Bench(profile=Profile(load("vcaptain"), Identity("vm", 1, "u", "")))
