@@ -27,7 +27,7 @@ from tests.outage.link import BROKER, Link
 from tests.outage.messages import CAM_HZ, Schedule
 from tests.outage.pattern import Trouble
 from tests.outage.process import Samples
-from tests.outage.stage import TRANSIT_0_S, TRANSIT_S, WORD_S
+from tests.outage.stage import TRANSIT_S, WORD_S
 from tests.outage.traffic import Traffic
 from tests.system.ports import Ports
 from tests.system.station import Station
@@ -79,10 +79,12 @@ class RealRun:
         goals = [Goal("no request is refused", refused, not traffic.refused)]
         accepted = traffic.requests * len(traffic.accounts)
         goals.append(Goal("each is accepted", f"{traffic.accepted} of {accepted}", traffic.accepted == accepted))
-        for name, account in traffic.accounts.items():
-            goals += [*result.goals(account, traffic.requests), *watch.goals(name, traffic.watches[name])]
-        goals += self.samples.goals(len(PATHS))
         interfaces = self._station.status()["interfaces"]
+        for name, account in traffic.accounts.items():
+            connections = interfaces[name]["details"]["connections"]
+            goals += result.goals(account, traffic.requests, connections)
+            goals += watch.goals(name, traffic.watches[name])
+        goals += self.samples.goals(len(PATHS))
         for name, account in traffic.accounts.items():
             queue, count = interfaces[name]["queue"], account.sums.outcomes[Reason.QUEUE_FULL]
             seen = f"{queue['longest']} of {queue['capacity']}, {count} dropped"
@@ -139,7 +141,7 @@ def broker_behind(link: Link, folder: Path, ports: Ports, authority: Authority) 
 def account(name: str, qos: int, traffic_watch: Callable[[], watch.Watch]) -> Account:
     return Account(
         name,
-        TRANSIT_S if qos else TRANSIT_0_S,
+        TRANSIT_S,
         WORD_S,
         lambda *span: traffic_watch().was_usable(*span),
         is_lossy=qos == 0,

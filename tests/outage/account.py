@@ -32,7 +32,7 @@ class Message:
     said: str = UNTOLD
     said_at: float = 0.0
     arrived: int = 0
-    arrived_at: float = 0.0  # the first time
+    left: int = 0  # the connection by which it left last
 
 
 @dataclass
@@ -46,8 +46,10 @@ class Sums:
     outcomes: Counter[str] = field(default_factory=Counter)
     arrived: int = 0
     repeats: int = 0
+    arrived_late: int = 0  # after its deadline, in time when it left
     sent_in_vain: int = 0  # said to be sent, and has not arrived
     dropped_yet_arrived: int = 0  # it had left, and its acknowledgement never came
+    latest_leaving_s: float = -math.inf  # between its deadline and when a socket has taken it
     longest_transit_s: float = 0.0  # between its deadline and its arrival
     latest_word_s: float = 0.0  # between its deadline and the word that it was dropped for its age
 
@@ -55,7 +57,8 @@ class Sums:
 class Account:
     """Of one interface.
 
-    transit_s   that a message may be under way: it is stale when it arrives later than that after its deadline.
+    transit_s   that the kernel may have a message which has left: it is stale when it arrives later than that after its
+                deadline.
     word_s      within which after its deadline a message that did not leave is told to be dropped.
     was_usable  whether the path worked between two moments for so long in one piece: then nothing that needs no longer
                 may be lost in that time.
@@ -114,6 +117,22 @@ class Account:
         elif not is_full:
             self._offend("dropped by a queue with room", str(number))
 
+    def left(self, number: int, connection: int, now: float) -> None:
+        """A socket has taken it: that of so manyth connection. What has left cannot be taken back."""
+        message = self._open.get(number)
+        if message is None:
+            self._offend("left long after its lifetime", str(number))
+            return
+        late_s = now - message.deadline
+        self.sums.latest_leaving_s = max(self.sums.latest_leaving_s, late_s)
+        if late_s > 0:
+            self._offend("left after its lifetime", f"{number}: {late_s:.3f} s")
+        if message.said != UNTOLD:
+            self._offend("left after its outcome was told", f"{number}: {message.said or 'sent'}")
+        if message.left == connection or (message.left and self.is_lossy):
+            self._offend("left twice by one connection, or by QoS 0", str(number))
+        message.left = connection
+
     def arrived(self, number: int, now: float) -> None:
         """It came out behind the broker."""
         message = self._open.get(number)
@@ -121,9 +140,8 @@ class Account:
             self._offend("stale, or of no request", str(number))
             return
         message.arrived += 1
-        if message.arrived == 1:
-            message.arrived_at = now
         transit_s = now - message.deadline
+        self.sums.arrived_late += transit_s > 0
         self.sums.longest_transit_s = max(self.sums.longest_transit_s, transit_s)
         if transit_s > self._transit_s:
             self._offend("stale", f"{number}: {transit_s:.1f} s after its lifetime")
@@ -144,6 +162,8 @@ class Account:
             self._offend("nothing was said of it", str(message.number))
         elif message.said != SENT:
             sums.dropped_yet_arrived += message.arrived > 0
+            if message.arrived and self.is_lossy:  # it is sent when the socket has it: nobody waits for more
+                self._offend("said to be dropped, and arrived", str(message.number))
         elif not message.arrived:
             sums.sent_in_vain += 1
             at, need_s = message.said_at, message.need_s
@@ -157,8 +177,13 @@ class Account:
             self._offend("dropped for its age before its time", f"{message.number}: {-late_s:.3f} s")
         elif late_s > self._word_s:
             self._offend("dropped for its age and told late", f"{message.number}: {late_s:.3f} s")
-        if not message.arrived and self._was_usable(message.accepted, message.deadline, message.need_s):
-            self._offend("lost although it could have left", f"{message.number}: accepted at {message.accepted:.1f}")
+        if self._was_usable(message.accepted, message.deadline, message.need_s):
+            what = (
+                "dropped although its acknowledgement could have come"
+                if message.arrived
+                else "lost although it could have left"
+            )
+            self._offend(what, f"{message.number}: accepted at {message.accepted:.1f}")
 
     def _offend(self, what: str, sample: str) -> None:
         self.offences[what] += 1

@@ -1,11 +1,13 @@
 """What the accounts of a run come to: goals, and a table."""
 
+import math
 from collections.abc import Sequence
 
+from drivers.mqtt_settings import IN_FLIGHT
 from drivers.reason import Reason
 from firmware.user.table import Table
 from tests.chaos.run import Goal
-from tests.outage.account import SENT, Account
+from tests.outage.account import SENT, Account, Sums
 
 ROWS = (
     ("sent", SENT),
@@ -15,9 +17,10 @@ ROWS = (
 )
 
 
-def goals(account: Account, requests: int) -> list[Goal]:
-    """What has to hold of an interface that was given so many requests."""
+def goals(account: Account, requests: int, connections: int) -> list[Goal]:
+    """What has to hold of an interface that was given so many requests, and has connected so often."""
     sums, name = account.sums, account.name
+    repeats = 0 if account.is_lossy else IN_FLIGHT * max(0, connections - 1)
     outcomes = sum(sums.outcomes.values())
     said = ", ".join(f"{count} {word or 'sent'}" for word, count in sorted(sums.outcomes.items()))
     offences = "; ".join(
@@ -32,6 +35,11 @@ def goals(account: Account, requests: int) -> list[Goal]:
         Goal(
             f"{name}: none stale, none lost that could have left, each loss explained", offences or "none", not offences
         ),
+        Goal(
+            f"{name}: repeats are what was in flight when a connection was lost",
+            f"{sums.repeats} of at most {repeats}, {connections} connections",
+            sums.repeats <= repeats,
+        ),
     ]
 
 
@@ -45,7 +53,13 @@ def table(accounts: Sequence[Account]) -> Table:
         ("repeated", *(str(one.repeats) for one in sums)),
         ("said to be sent, did not arrive", *(str(one.sent_in_vain) for one in sums)),
         ("said to be dropped, yet arrived", *(str(one.dropped_yet_arrived) for one in sums)),
+        ("arrived after its lifetime", *(str(one.arrived_late) for one in sums)),
         ("latest arrival after its lifetime", *(f"{max(0.0, one.longest_transit_s):.2f} s" for one in sums)),
+        ("latest leaving before its end", *(_leaving(one) for one in sums)),
         ("latest word of a drop after it", *(f"{one.latest_word_s:.2f} s" for one in sums)),
     ]
     return Table("what became of the messages", ("", *(f">{account.name}" for account in accounts)), rows)
+
+
+def _leaving(sums: Sums) -> str:
+    return "not seen" if math.isinf(sums.latest_leaving_s) else f"{-1000 * sums.latest_leaving_s:.1f} ms"

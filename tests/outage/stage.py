@@ -1,8 +1,10 @@
 """A station's way out over MQTT in virtual time: router, queue, driver and session are real, kernel and broker played."""
 
 import base64
+import json
 import random
 from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 import pytest
 
@@ -10,9 +12,8 @@ from board import worker
 from drivers.contract import Shared
 from drivers.message import Confirm, Outcome
 from drivers.mqtt import Mqtt
-from drivers.mqtt_connector import UNSENT
 from drivers.mqtt_options import MqttOptions
-from drivers.mqtt_settings import IN_FLIGHT, STALL_S
+from drivers.mqtt_settings import STALL_S
 from drivers.reason import Reason
 from drivers.wire.v2n import Publication
 from firmware.drops import Drops
@@ -23,40 +24,57 @@ from firmware.supervisor import Supervised
 from firmware.tables import QueueOptions
 from firmware.topics import Topics
 from tests.chaos.processes import PlayedChild
-from tests.drivers.host import EGO, MAC
-from tests.outage import messages
+from tests.drivers.host import MAC
+from tests.outage import messages, road
 from tests.outage.account import Account
-from tests.outage.broker import Broker, PlayedMqtt, played
-from tests.outage.network import BUFFER, HEADER, Network
+from tests.outage.broker import Broker
+from tests.outage.client import PlayedMqtt, played
+from tests.outage.network import FLIGHT_S, HEADER, SLOW_DELAY_S, WRITABLE, Network
 from tests.outage.pattern import RATES_BIT_S, Kind, Trouble
+from tests.outage.road import Followed
 from tests.outage.watch import Watch
 from tests.virtual import VirtualLoop
 
-# A message is under way for as long as the kernel tries, behind a window of others in the slowest network, and a second;
-# at QoS 0 behind what the cell and the kernel hold of others.
-MESSAGE = 190  # octets of a CAM with topic, TLS, TCP and IP
-TRANSIT_S = STALL_S + IN_FLIGHT * MESSAGE * 8 / min(RATES_BIT_S) + 1.0  # 5.9
-TRANSIT_0_S = STALL_S + (BUFFER + UNSENT) * MESSAGE / (MESSAGE - HEADER) * 8 / min(RATES_BIT_S) + 1.0  # 6.9
+# Nothing leaves after its deadline. What has left at that may be with the kernel, which tries for STALL_S, or behind all
+# that it takes of others in the slowest network; and then there is the way itself.
+MESSAGE = 190  # octets of a CAM with topic, TLS, TCP and IP: the smaller, the more of them is TCP's
+HELD = (WRITABLE + MESSAGE) * MESSAGE / (MESSAGE - HEADER)
+TRANSIT_S = max(STALL_S, 8 * HELD / min(RATES_BIT_S)) + FLIGHT_S + SLOW_DELAY_S  # 3.75
 WORD_S = 1.0  # the queue looks every 0.2 s, and counts its own pauses
 
 URL = "mqtts://broker.example:8883"
 BEARER = "modem"
+TILED = "orange"
 
 # What a modem says of its bearer; a tunnel it knows nothing of.
 TOLD = frozenset({Kind.HANDOVER, Kind.LOSS, Kind.ABSENCE})
 
 
+class Route(NamedTuple):
+    """An interface to be: has_bearer, it follows its bearer; is_kept, the broker keeps its session."""
+
+    name: str
+    qos: int = 1
+    has_bearer: bool = False
+    profile: str = "vcaptain"
+    is_kept: bool = False
+
+
 class Path:
     """What one interface has to the broker."""
 
-    def __init__(self, stage: "Stage", name: str, qos: int, bearer: str) -> None:
+    def __init__(self, stage: "Stage", route: Route) -> None:
+        name, qos, has_bearer, self.profile, self.is_kept = route
         self.watch = Watch()
-        self.account = Account(
-            name, TRANSIT_S if qos else TRANSIT_0_S, WORD_S, self.watch.was_usable, is_lossy=qos == 0
-        )
+        self.account = Account(name, TRANSIT_S, WORD_S, self.watch.was_usable, is_lossy=qos == 0)
         self.asked = Parsed(RequestOptions(interfaces=(name,)), None)
-        options = MqttOptions(url=URL, client_id=name, host=name, qos=qos, bearer=bearer)
+        options = MqttOptions(
+            url=URL, client_id=name, host=name, qos=qos, bearer=BEARER if has_bearer else "", profile=self.profile,
+            clean=not self.is_kept,
+        )  # fmt: skip
         self.driver = Mqtt(options, stage.shared)
+        self.kept = stage.broker.kept[name]
+        self.followed = Followed(self.kept.filters, self.watch.was_usable) if self.profile == TILED else None
         self.interface = Interface(
             name, self.driver, QueueOptions("mqtt"), stage.loop, stage.router, stage.topics, stage.drops
         )
@@ -65,16 +83,13 @@ class Path:
 
 
 class Stage:
-    """Paths to one broker over one network; none is up yet.
+    """Paths to one broker over one network; none is up yet."""
 
-    paths  by name, each (QoS, whether it follows its bearer).
-    """
-
-    def __init__(self, patch: pytest.MonkeyPatch, seed: int, paths: Iterable[tuple[str, int, bool]]) -> None:
+    def __init__(self, patch: pytest.MonkeyPatch, seed: int, routes: Iterable[Route]) -> None:
         self.chance = random.Random(f"stage {seed}")
         self.loop = VirtualLoop()
         self.network = Network(self.loop)
-        self.broker = Broker(self.loop, self.network, self._arrived)
+        self.broker = Broker(self.loop, self.network, self._left, self._arrived)
         patch.setattr(worker, "Child", PlayedChild)
         patch.setitem(PlayedChild.programs, "mqtt", played(self.broker, self.chance.random))
         patch.setitem(worker.Worker.__init__.__kwdefaults__, "jitter", self.chance.random)
@@ -84,12 +99,12 @@ class Stage:
         kinds = tuple(kind.name for kind in self.topics.kinds)
         ports = frozenset(self.topics.ports)
         self.shared = Shared(mac=MAC, btp_ports=ports, lanes=self.topics.lanes(), types=kinds)
-        self.router = Router(self.loop, self.topics, self.drops, lambda: EGO)
+        self.router = Router(self.loop, self.topics, self.drops, lambda: road.ego(self.loop.now))
         self.router.is_confirm_wanted = True
         self.router.report = self._reported
         self.requests = 0
         self.refused = 0
-        self.paths = {name: Path(self, name, qos, BEARER if has_bearer else "") for name, qos, has_bearer in paths}
+        self.paths = {route.name: Path(self, route) for route in routes}
 
     def start(self) -> None:
         """Until all are up."""
@@ -159,13 +174,31 @@ class Stage:
         outlet = path.interface.outlet
         return reason is not Reason.QUEUE_FULL or outlet.length >= outlet.capacity
 
+    def look(self) -> None:
+        """Whether all are subscribed to what is around the vehicle."""
+        own, now = road.ego(self.loop.now), self.loop.now
+        for path in self.paths.values():
+            if path.followed is not None:
+                path.followed.look(own, path.watch.is_troubled, now)
+
+    def _left(self, client: str, connection: int, publication: Publication) -> None:
+        pdu = _pdu(client, publication.payload)
+        if pdu:
+            self.paths[client].account.left(messages.number_of(pdu), connection, self.loop.now)
+
     def _arrived(self, client: str, publication: Publication) -> None:
-        host, _, rest = publication.payload.decode().partition("(")
-        if rest:  # else it is about the status
-            assert host == client
-            pdu = base64.b64decode(rest.partition("<")[2].partition(">")[0], validate=True)
-            path, now = self.paths[client], self.loop.now
-            number = messages.number_of(pdu)
+        pdu = _pdu(client, publication.payload)
+        if pdu:
+            path, now, number = self.paths[client], self.loop.now, messages.number_of(pdu)
             path.account.arrived(number, now)
             if path.account.is_lossy:
                 path.watch.through(now, path.account.accepted(number))
+
+
+def _pdu(client: str, payload: bytes) -> bytes:
+    """Of a publication; empty where it is about the status."""
+    if payload.startswith(b"{"):
+        return base64.b64decode(json.loads(payload)["message"]["payload"], validate=True)
+    host, _, rest = payload.decode().partition("(")
+    assert not rest or host == client
+    return base64.b64decode(rest.partition("<")[2].partition(">")[0], validate=True)

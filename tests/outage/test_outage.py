@@ -6,19 +6,19 @@ from collections import Counter
 
 import pytest
 
+from drivers.mqtt_settings import IN_FLIGHT
 from drivers.reason import Reason
-from tests.outage import messages, pattern
+from tests.outage import messages, pattern, result
 from tests.outage.account import KEEP_S, Account
 from tests.outage.messages import Schedule
-from tests.outage.network import Line, Network
 from tests.outage.pattern import Kind, Trouble
+from tests.outage.stage import TILED, Route
 from tests.outage.virtual import VirtualRun
 from tests.outage.watch import Watch
 from tests.outage.watch import goals as back_goals
-from tests.virtual import VirtualLoop
 
 HOUR_S = 3600.0
-PATHS = (("qos1", 1, False), ("qos0", 0, False))
+ROUTES = (Route("qos0", qos=0), Route("orange-kept", profile=TILED, is_kept=True))
 SEED = 25  # its first hour has each kind of trouble
 
 
@@ -27,13 +27,13 @@ def test_an_hour_of_outages_loses_nothing_that_could_have_left(monkeypatch: pyte
     monkeypatch.setattr(logging.getLogger("captain"), "level", logging.CRITICAL)
     troubles = pattern.squeezed(pattern.day(SEED, HOUR_S))
     assert {one.kind for one in troubles} == set(Kind)
-    run = VirtualRun(SEED, troubles, monkeypatch, PATHS, burst_s=120.0, denm_s=2.0)
+    run = VirtualRun(SEED, troubles, monkeypatch, ROUTES, burst_s=120.0, denm_s=2.0)
     try:
         goals = run.play()
     finally:
         run.stage.stop()
     assert [f"{goal.what}: {goal.seen}" for goal in goals if not goal.is_met] == []
-    outcomes = run.stage.paths["qos1"].account.sums.outcomes
+    outcomes = run.stage.paths["orange-kept"].account.sums.outcomes
     assert {Reason.EXPIRED, Reason.LINK_DOWN, Reason.QUEUE_FULL} <= set(outcomes)
 
 
@@ -86,6 +86,60 @@ def test_what_arrives_twice_is_a_repeat_and_no_offence() -> None:
     one.said(7, None, 100.9)
     one.close_old(float("inf"))
     assert (one.sums.repeats, one.offences) == (1, {})
+
+
+@pytest.mark.parametrize(
+    ("connections", "is_lossy", "offences"),
+    [
+        ((1,), True, set()),
+        ((1, 2), False, set()),
+        ((1, 1), False, {"left twice by one connection, or by QoS 0"}),
+        ((1, 2), True, {"left twice by one connection, or by QoS 0"}),
+    ],
+)
+def test_what_leaves_again_was_in_flight_when_a_connection_was_lost(
+    connections: tuple[int, ...], is_lossy: bool, offences: set[str]
+) -> None:
+    one = account(is_lossy=is_lossy)
+    for connection in connections:
+        one.left(7, connection, 100.5)
+    assert set(one.offences) == offences
+
+
+def test_nothing_leaves_after_its_deadline_nor_after_its_outcome() -> None:
+    one = account()
+    one.left(7, 1, 101.0)
+    assert not one.offences
+    one.said(7, Reason.EXPIRED, 101.0)
+    one.left(7, 2, 101.001)
+    assert set(one.offences) == {"left after its lifetime", "left after its outcome was told"}
+
+
+@pytest.mark.parametrize(("is_lossy", "offences"), [(False, set()), (True, {"said to be dropped, and arrived"})])
+def test_what_was_dropped_arrives_only_where_an_acknowledgement_is_waited_for(
+    is_lossy: bool, offences: set[str]
+) -> None:
+    one = account(is_lossy=is_lossy)
+    one.arrived(7, 100.9)
+    one.said(7, Reason.EXPIRED, 101.0)
+    one.close_old(float("inf"))
+    assert (set(one.offences), one.sums.dropped_yet_arrived) == (offences, 1)
+
+
+def test_what_was_dropped_and_arrived_while_the_path_worked_should_have_been_acknowledged() -> None:
+    one = account(is_usable=True)
+    one.arrived(7, 100.9)
+    one.said(7, Reason.EXPIRED, 101.0)
+    assert set(one.offences) == {"dropped although its acknowledgement could have come"}
+
+
+@pytest.mark.parametrize(
+    ("is_lossy", "repeats", "is_met"), [(False, IN_FLIGHT, True), (False, IN_FLIGHT + 1, False), (True, 1, False)]
+)
+def test_repeats_are_bounded_by_what_was_in_flight(is_lossy: bool, repeats: int, is_met: bool) -> None:
+    one = account(is_lossy=is_lossy)
+    one.sums.repeats = repeats
+    assert result.goals(one, 0, connections=2)[-1].is_met is is_met
 
 
 @pytest.mark.parametrize("late_s", [4.1, KEEP_S + 2.0])
@@ -175,56 +229,6 @@ def test_a_path_that_is_not_back_before_the_next_trouble_again_and_again_is_told
         watch.begin(0.0)
         watch.end(Trouble(0.0, Kind.TUNNEL, 5.0), 5.0)
     assert [goal.is_met for goal in back_goals("one", watch)] == [True, False]
-
-
-# The model of the network.
-
-
-def sent(network: Network, stall_s: float = 3.0) -> tuple[Line, list[float], list[str]]:
-    """A connection in which one message is under way: when it arrives, and what the connection ends with."""
-    arrived: list[float] = []
-    ended: list[str] = []
-    line = Line(network, stall_s, ended.append)
-    line.up.send(100, lambda: arrived.append(network.loop.clock()))
-    return line, arrived, ended
-
-
-@pytest.mark.parametrize("kind", [Kind.TUNNEL, Kind.LOSS])
-def test_what_was_sent_into_a_short_outage_arrives_after_it(kind: Kind) -> None:
-    network = Network(loop := VirtualLoop(now=0.0))
-    network.begin(trouble := Trouble(0.0, kind, 1.0))
-    loop.after(trouble.lasts_s, lambda: network.end(trouble))
-    _, arrived, ended = sent(network)
-    loop.run_for(10.0)
-    assert (len(arrived), ended) == (1, [])
-    assert 1.0 < arrived[0] < 2.0
-
-
-@pytest.mark.parametrize(
-    ("kind", "lasts_s", "stall_s", "is_ended"),
-    [(Kind.TUNNEL, 5.0, 3.0, True), (Kind.HANDOVER, 0.5, 3.0, True), (Kind.HANDOVER, 0.5, 0.0, False)],
-)
-def test_what_was_sent_from_an_address_that_is_gone_or_before_the_limit_never_arrives(
-    kind: Kind, lasts_s: float, stall_s: float, is_ended: bool
-) -> None:
-    network = Network(loop := VirtualLoop(now=0.0))
-    network.begin(trouble := Trouble(0.0, kind, lasts_s))
-    loop.after(lasts_s, lambda: network.end(trouble))
-    _, arrived, ended = sent(network, stall_s)
-    loop.run_for(30.0)
-    assert arrived == []
-    assert bool(ended) is is_ended
-
-
-def test_the_kernel_takes_no_more_at_once_than_its_buffer_holds() -> None:
-    network = Network(loop := VirtualLoop(now=0.0))
-    network.begin(Trouble(0.0, Kind.TUNNEL, 60.0))
-    written: list[int] = []
-    line = Line(network, 0.0, lambda why: None)
-    for number in range(20):
-        line.up.send(1000, lambda: None, lambda number=number: written.append(number))
-    loop.run_for(1.0)
-    assert written == list(range(4))
 
 
 # What is sent.

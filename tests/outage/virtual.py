@@ -16,13 +16,19 @@ from tests.chaos.run import Goal, summary
 from tests.outage import messages, pattern, result, watch
 from tests.outage.messages import CAM_HZ, Schedule
 from tests.outage.pattern import Trouble
-from tests.outage.stage import TOLD, Stage
+from tests.outage.stage import TILED, TOLD, Route, Stage
 
-# Interfaces: name -> QoS, and whether the modem tells it of its bearer.
-PATHS = (("qos1", 1, False), ("qos1-bearer", 1, True), ("qos0", 0, False))
+ROUTES = (
+    Route("qos1"),
+    Route("qos1-bearer", has_bearer=True),
+    Route("qos0", qos=0),
+    Route("orange", profile=TILED),
+    Route("orange-kept", profile=TILED, is_kept=True),
+)
 
 QUIET_S = 70.0  # after the last trouble, and before it is counted what is held: longer than any message is remembered
 CLOSE_S = 5.0  # how often messages are closed whose time is over
+LOOK_S = 1.0  # how often the subscriptions are compared with the place
 SPARE_TIMERS = 6  # of who waits for something just then, and did not before
 FLAT_KB = 4000  # resident memory, from a quarter of the run to its end: what an allocator does
 FLAT_OBJECTS = 0.02  # of all that the garbage collector knows
@@ -44,11 +50,11 @@ class VirtualRun:
         seed: int,
         troubles: Sequence[Trouble],
         patch: pytest.MonkeyPatch,
-        paths: Sequence[tuple[str, int, bool]] = PATHS,
+        routes: Sequence[Route] = ROUTES,
         burst_s: float = messages.BURST_S,
         denm_s: float = messages.DENM_S,
     ) -> None:
-        self.stage = Stage(patch, seed, paths)
+        self.stage = Stage(patch, seed, routes)
         self._troubles = troubles
         self._schedule = Schedule(seed, burst_s, denm_s)
         self._number = 0
@@ -64,6 +70,7 @@ class VirtualRun:
         self._follow()
         loop.every(1 / CAM_HZ, self._send)
         loop.every(CLOSE_S, self._close_old)
+        loop.every(LOOK_S, stage.look)
         # A quarter, but never amid trouble.
         quarter = next((one.at_s for one in self._troubles if one.at_s > self._seconds / 4), self._seconds) - 0.05
         loop.run_for(quarter)
@@ -103,8 +110,14 @@ class VirtualRun:
         stage = self.stage
         goals = [Goal("no request is refused", str(stage.refused), stage.refused == 0)]
         for path in stage.paths.values():
-            goals += result.goals(path.account, stage.requests)
+            goals += result.goals(path.account, stage.requests, path.kept.connections)
             goals += watch.goals(path.account.name, path.watch, TOLD if path.driver.bearer else frozenset())
+            if path.followed is not None:
+                goals.append(path.followed.goal(path.account.name))
+            if path.is_kept:
+                goals.append(
+                    Goal(f"{path.account.name}: sessions are resumed", str(path.kept.resumed), path.kept.resumed > 0)
+                )
         return goals
 
     def _flat(self, before: Held, after: Held) -> list[Goal]:

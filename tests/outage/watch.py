@@ -21,6 +21,7 @@ class Watch:
 
     back_s    from the end of a trouble until a message was through, by its kind.
     not_back  how often none did before the next trouble.
+    is_troubled  there is one just now.
     """
 
     def __init__(self) -> None:
@@ -28,7 +29,7 @@ class Watch:
         self.not_back = 0
         self._since: float | None = None
         self._spans: deque[tuple[float, float]] = deque(maxlen=SPANS)
-        self._is_troubled = False
+        self.is_troubled = False
         self._ended = -math.inf
         self._last: tuple[Kind, float] | None = None  # the trouble that it is not back from, and when that ended
 
@@ -36,13 +37,13 @@ class Watch:
         """Of a trouble."""
         self.not_back += self._last is not None
         self._last = None
-        self._is_troubled = True
+        self.is_troubled = True
         if self._since is not None:
             self._spans.append((self._since, now))
             self._since = None
 
     def end(self, trouble: Trouble, now: float) -> None:
-        self._is_troubled = False
+        self.is_troubled = False
         self._last = trouble.kind, now
         self._ended = now
 
@@ -51,7 +52,7 @@ class Watch:
 
         accepted  when it was asked for: one from before the end of a trouble says nothing of those behind it.
         """
-        if self._is_troubled or self._since is not None or accepted < self._ended:
+        if self.is_troubled or self._since is not None or accepted < self._ended:
             return
         self._since = now
         if self._last is not None:
