@@ -17,10 +17,11 @@ from paho.mqtt.subscribeoptions import SubscribeOptions
 
 from board.errors import InterfaceError, ProtocolError
 from drivers import mqtt_trouble
+from drivers.mqtt_backoff import STEADY_S
 from drivers.mqtt_connector import Connector
 from drivers.mqtt_line import Line
 from drivers.mqtt_paho import Paho, accepted_of, check_version, words_of
-from drivers.mqtt_session import STEADY_S, Session
+from drivers.mqtt_session import Session
 from drivers.mqtt_settings import MqttSettings
 from drivers.mqtt_window import Accepted
 from drivers.reason import Reason

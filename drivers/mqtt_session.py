@@ -11,6 +11,7 @@ from typing import Protocol
 
 from board.errors import RequestError
 from drivers.message import Ego, Position
+from drivers.mqtt_backoff import STEADY_S, Backoff
 from drivers.mqtt_echo import Echoes
 from drivers.mqtt_report import Report
 from drivers.mqtt_settings import MqttSettings, broker
@@ -19,12 +20,6 @@ from drivers.mqtt_window import Accepted, Window
 from drivers.reason import Reason
 from drivers.wire import v2n_talk as talk
 from drivers.wire.v2n import Delivery, Profile, Publication, RefusedError
-
-# A connection that was up for so long was a good one: what comes after it begins with the first delay again.
-STEADY_S = 10.0
-
-# The longest wait while this machine has no network: a try costs nobody anything, and a tunnel has an end.
-AWAY_S = 2.0
 
 LOOK_S = 1.0  # between two changes of what is subscribed to: a vehicle at the edge of a tile goes to and fro
 
@@ -81,7 +76,7 @@ class Session:
     """One broker, as long as the process runs.
 
     say      as Report has it.
-    jitter   0 to 1.
+    jitter   as Backoff has it.
     unix_ns  Unix time.
     """
 
@@ -100,7 +95,7 @@ class Session:
         self._profile = profile
         self._client = client
         self._report = Report(say, str(self._broker))
-        self._jitter = jitter
+        self._backoff = Backoff(settings.first_delay_s, settings.longest_delay_s, jitter)
         self._unix_ns = unix_ns
         self._own = NOWHERE
         self._device = ""  # of the bearer
@@ -108,7 +103,6 @@ class Session:
         self._echoes = Echoes() if settings.version != 5 else None  # of version 5 noLocal is a part
         self._window = Window(self._publish, lambda: client.takes_more, self._report.tell, settings.in_flight)
         self._subscriptions = Subscriptions(client, self._wanted)
-        self._failures = 0
         self._since = 0.0  # the phase
         self._retry_at = self._look_at = self._beat_at = math.inf
 
@@ -155,14 +149,12 @@ class Session:
 
     def failed(self, why: str, now: float, is_away: bool = False) -> None:
         """The connection did not come up. is_away: this machine has no network, and no broker was asked."""
-        self._failures += 1
-        self._pause(why, now, AWAY_S if is_away else self._settings.longest_delay_s)
+        self._pause(why, now, self._backoff.failed(is_away))
 
     def lost(self, why: str, now: float, is_cut: bool = False) -> None:
         """The connection is gone that was accepted. is_cut: the network has cut it, and the broker did nothing."""
         was_good = self.phase is Phase.UP and (is_cut or now - self._since >= STEADY_S)
-        self._failures = 0 if was_good else self._failures + 1
-        self._pause(why, now, self._settings.longest_delay_s)
+        self._pause(why, now, self._backoff.lost(was_good))
 
     def subscribed(self, refused: dict[str, str], now: float) -> None:
         """The broker has answered subscribe(). refused: filters that it does not deliver, and its words."""
@@ -241,7 +233,7 @@ class Session:
     # Connecting.
 
     def _begin(self, may_connect: bool, now: float) -> None:
-        self._failures = 0
+        self._backoff.reset()
         self._report.link(False, "connects" if may_connect else "waits for its bearer")
         if may_connect:
             self._connect(now)
@@ -257,11 +249,10 @@ class Session:
         self._enter(Phase.CONNECTING, now)
         self._client.connect(self._device)
 
-    def _pause(self, why: str, now: float, longest_s: float) -> None:
+    def _pause(self, why: str, now: float, delay: float) -> None:
         self._window.close()
         self._enter(Phase.PAUSE, now)
-        delay = min(longest_s, self._settings.first_delay_s * 2.0 ** min(self._failures, 16))
-        self._retry_at = now + delay * (0.5 + self._jitter() / 2)
+        self._retry_at = now + delay
         self._report.tally.last_error = why
         self._report.link(False, why)
 

@@ -1,6 +1,7 @@
 """The MQTT session on virtual time: connecting, the bearer, what the station is told."""
 
-from drivers.mqtt_session import STEADY_S, Phase
+from drivers.mqtt_backoff import STEADY_S
+from drivers.mqtt_session import Phase
 from drivers.mqtt_window import Accepted
 from drivers.reason import Reason
 from drivers.wire import v2n_talk as talk

@@ -8,9 +8,9 @@ from collections.abc import Iterator
 import pytest
 
 from drivers import mqtt_trouble
+from drivers.mqtt_backoff import AWAY_S
 from drivers.mqtt_connector import SEND_BUFFER, UNSENT, Connector
 from drivers.mqtt_line import Line
-from drivers.mqtt_session import AWAY_S
 from drivers.mqtt_settings import STALL_S, MqttSettings
 from tests.drivers.mqtt_model import Bench
 
