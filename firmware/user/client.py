@@ -6,7 +6,7 @@ import socket
 import stat
 import struct
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple, TypeAlias
@@ -151,8 +151,16 @@ def ask(path: Path, do: str, timeout: float = ANSWER_S, **more: object) -> dict[
     if not isinstance(answer, dict):
         raise StationError(f"{path}: what answers there is not a station: {line[:40]!r}", START_ONE)
     if answer.get("ok") is not True:
-        raise StationError(f"the station refused {do}: {answer.get('error', '')}", str(answer.get("hint", "")))
+        raise StationError(_refused(do, more, str(answer.get("error", ""))), str(answer.get("hint", "")))
     return answer
+
+
+def _refused(do: str, more: Mapping[str, object], error: str) -> str:
+    """A refusal in the words of a command line: a key of the question in front of it says nothing there."""
+    asked = [str(more[key]) for key in ("interface", "ask", "slot") if more.get(key)]
+    for key in more:
+        error = error.removeprefix(f"{key}: ")
+    return f"the station refused `{' '.join(asked if do == 'operate' else [do, *asked])}`: {error}"
 
 
 def _forbidden(path: Path) -> StationError:

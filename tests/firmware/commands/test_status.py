@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from board.errors import StationError
 from firmware import cli
 from firmware.commands import status
 from firmware.control_socket import default_path, default_paths
@@ -161,7 +162,7 @@ def test_who_listens_is_told_by_the_kernel():
 @pytest.mark.parametrize(
     ("answer", "words"),
     [
-        (b'{"ok": false, "error": "busy", "hint": "wait"}\n', "refused status: busy\n  (wait)"),
+        (b'{"ok": false, "error": "busy", "hint": "wait"}\n', "refused `status`: busy\n  (wait)"),
         (b"not JSON\n", "what answers there is not a station"),
         (b"[]\n", "what answers there is not a station"),
         (b'{"ok": true}\n', "the answer holds no status"),
@@ -294,3 +295,18 @@ def test_what_is_known_of_the_last_drop_is_told_below_the_reasons():
     lines = shown(STATUS | {"drops": [drop | {"detail": "the broker has no room"}]})
     assert "  g5, the last short-pdu: the broker has no room" in lines
     assert not any("the last short-pdu" in line for line in shown(STATUS))
+
+
+@pytest.mark.parametrize(
+    ("do", "more", "error", "told"),
+    [
+        ("slot", {"ask": "off", "slot": "9"}, "slot: '9' is not known", "refused `slot off 9`: '9' is not known"),
+        ("operate", {"interface": "5g", "ask": "at", "arguments": {}}, "ERROR", "refused `5g at`: ERROR"),
+        ("board", {}, "it is busy", "refused `board`: it is busy"),
+    ],
+)
+def test_what_a_station_refuses_is_told_in_the_words_of_who_asked(tmp_path, do, more, error, told):
+    answer = json.dumps({"ok": False, "error": error, "hint": "one of 1, 2"}).encode() + b"\n"
+    with FakeControl(tmp_path / "control", answer) as control, pytest.raises(StationError) as caught:
+        client.ask(control.path, do, 3.0, **more)
+    assert (caught.value.message, caught.value.hint) == (f"the station {told}", "one of 1, 2")
