@@ -11,7 +11,7 @@ from paho.mqtt.properties import Properties
 
 from board.errors import ProtocolError
 from drivers import mqtt_credentials
-from drivers.mqtt_line import MAX_PACKET, Line
+from drivers.mqtt_line import Line
 from drivers.mqtt_settings import MqttSettings, broker
 from drivers.mqtt_window import Accepted
 from drivers.wire.mqtt_packets import CONNACK
@@ -54,7 +54,7 @@ class Paho(PahoClient):
         host, port, _ = broker(settings.url)
         if self.is_5:
             properties = _properties(PacketTypes.CONNECT)
-            properties.MaximumPacketSize = MAX_PACKET
+            # No MaximumPacketSize: the broker would drop what is longer (MQTT 5.0, 3.1.2.11.4), and nobody count it.
             if not settings.clean:
                 properties.SessionExpiryInterval = settings.session_expiry_s
             self.connect(host, port, settings.keep_alive_s, clean_start=self._is_clean, properties=properties)

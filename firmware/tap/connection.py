@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from board.errors import InterfaceError, StationError
 from drivers import mqtt_credentials, mqtt_trouble
 from drivers.mqtt_settings import MqttSettings, broker
-from drivers.wire.v2n_message import MAX_PAYLOAD, Delivery
+from drivers.wire.v2n_message import Delivery
 
 if TYPE_CHECKING:
     from firmware.tap.paho import Client
@@ -26,8 +26,6 @@ SHORT_S = 5.0  # a connection that is lost sooner has a reason
 TAKEN_OVER = 142  # reason code of DISCONNECT: another client came with our name (MQTT 5.0, 3.14.2.1)
 # mosquitto's: of all clients, since its start. Another broker sends none, or refuses it.
 DROPPED = "$SYS/broker/publish/messages/dropped"
-# Beside the payload a packet holds its topic and properties.
-MAX_PACKET = MAX_PAYLOAD + 65536 + 1024
 
 
 class Connection:
@@ -144,7 +142,6 @@ class Connection:
         from paho.mqtt.properties import Properties
 
         properties: Any = Properties(PacketTypes.CONNECT)  # type: ignore[no-untyped-call]
-        properties.MaximumPacketSize = MAX_PACKET
         if not self._settings.clean:
             properties.SessionExpiryInterval = self._settings.session_expiry_s
         return {"clean_start": self._settings.clean, "properties": properties}

@@ -193,12 +193,13 @@ def test_rubbish_is_counted_by_name_and_what_follows_is_received(brokers, broker
     }
 
 
-def test_ten_megabytes_that_an_old_broker_delivers_are_skipped_and_not_parsed(brokers, broker, start):
+@pytest.mark.parametrize("version", [5, "3.1.1"])
+def test_ten_megabytes_are_counted_and_not_parsed_whatever_the_version(brokers, broker, start, version):
     observer = brokers.client(broker, "o")
     for qos in (0, 1):
         observer.publish("v2x/btp/2001", b"<" + bytes(10_000_000) + b">", qos=qos, retain=True)
         try:
-            station = start(settings(broker.plain_url, version="3.1.1", client_id=f"old{qos}")).up()
+            station = start(settings(broker.plain_url, version=version, client_id=f"large{version}{qos}")).up()
             observer.publish("v2x/btp/2001", of("other", CAM))
             station.until(lambda station=station: station.received and station.drops)
         finally:
