@@ -1,0 +1,37 @@
+"""What .ci/setup says of the environment that it makes or keeps, with programs in place of Python and pip."""
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+SETUP = Path(__file__).resolve().parent.parent / ".ci" / "setup"
+
+# Says its version; what else it is asked for, it has.
+PYTHON = """\
+#!/bin/sh
+case $1 in --version) echo "Python {version}" ;; -c) case $2 in *purelib*) pwd ;; esac ;; esac
+"""
+
+
+def program(path: Path, version: str) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(PYTHON.format(version=version))
+    path.chmod(0o755)
+
+
+def test_an_environment_that_is_kept_is_told_with_its_own_python(tmp_path: Path):
+    (tmp_path / ".ci" / "locks").mkdir(parents=True)
+    shutil.copy(SETUP, tmp_path / ".ci" / "setup")
+    for name in (".ci/locks/run.txt", "pyproject.toml"):
+        (tmp_path / name).touch()
+    program(tmp_path / ".venv" / "bin" / "python", "3.11.2")
+    (tmp_path / ".venv" / "python").write_text("/usr/bin/python3\n")
+    (tmp_path / ".venv" / "place").write_text(f"{tmp_path}\n")
+    program(tmp_path / "path" / "python3", "3.11.7")
+    environment = {key: value for key, value in os.environ.items() if key != "PYTHON"}
+    environment["PATH"] = f"{tmp_path}/path:{environment['PATH']}"
+    ended = subprocess.run(
+        ["sh", str(tmp_path / ".ci" / "setup"), "run"], env=environment, capture_output=True, text=True, check=True
+    )
+    assert ended.stderr == "setup: .venv for run, Python 3.11.2\n"
