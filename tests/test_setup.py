@@ -23,7 +23,7 @@ def program(path: Path, version: str) -> None:
 def test_an_environment_that_is_kept_is_told_with_its_own_python(tmp_path: Path):
     (tmp_path / ".ci" / "locks").mkdir(parents=True)
     shutil.copy(SETUP, tmp_path / ".ci" / "setup")
-    for name in (".ci/locks/run.txt", "pyproject.toml"):
+    for name in (*(f".ci/locks/{purpose}.txt" for purpose in ("run", "test", "fuzz")), "pyproject.toml"):
         (tmp_path / name).touch()
     program(tmp_path / ".venv" / "bin" / "python", "3.11.2")
     (tmp_path / ".venv" / "python").write_text("/usr/bin/python3\n")
