@@ -11,7 +11,7 @@ import pytest
 from board.loop import Loop
 from tests.kernel.checks.kernel import Seen
 
-RESULTS = os.environ.get("CAPTAIN_RESULTS", "/dev/stdout")
+RESULTS = os.environ.get("CAPTAIN_RESULTS", "")  # a serial line; outside of the guest pytest reads this file, too
 
 _seconds: dict[str, float] = {}
 _troubles: dict[str, str] = {}
@@ -59,5 +59,7 @@ def _title(nodeid: str) -> str:
 
 
 def _tell(**what: Any) -> None:
+    if not RESULTS:
+        return
     with open(RESULTS, "w") as results:
         results.write(json.dumps(what) + "\n")
