@@ -149,7 +149,7 @@ class Mqtt:
     def _changed(self, is_up: bool, why: str) -> None:
         """The process runs, or has ended."""
         if is_up and self._worker is not None:
-            self._worker.send(settings(self._options, self._shared).message())
+            self._worker.send(settings_of(self._options, self._shared).message())
             self._tell_bearer()
             self._tell_ego()
         elif self._is_starting:
@@ -236,7 +236,7 @@ class Mqtt:
         self._host.tell({**about, **self._details, "restarts": self._restarts, "last_error": last_error})
 
 
-def settings(options: MqttOptions, shared: Shared) -> MqttSettings:
+def settings_of(options: MqttOptions, shared: Shared) -> MqttSettings:
     """What the process needs to know, with what options leave out."""
     name = os.uname().nodename
     client_id = options.client_id or name

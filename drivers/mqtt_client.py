@@ -17,7 +17,7 @@ from drivers import mqtt_credentials, mqtt_profile
 from drivers.mqtt_network import Network
 from drivers.mqtt_outbox import Outbox
 from drivers.mqtt_session import Session
-from drivers.mqtt_settings import MqttSettings, broker, settings
+from drivers.mqtt_settings import MqttSettings, broker, settings_in
 from drivers.reason import Reason
 from drivers.wire import v2n_talk as talk
 from drivers.wire.v2n import Identity, Profile
@@ -35,7 +35,7 @@ def serve(channel: socket.socket) -> None:
         return
     channel.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
     try:
-        process = Process(channel, settings(first))
+        process = Process(channel, settings_in(first))
     except StationError as error:
         channel.send(talk.fault(error.message, error.hint))
         channel.recv(MAX_MESSAGE)  # until it is heard: the end of a process would be told first

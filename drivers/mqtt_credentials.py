@@ -5,9 +5,9 @@ They may be renewed while the station runs.
 
 import os
 import ssl
-import stat
 
 from board.errors import InterfaceError
+from drivers.mqtt_options import check_file
 from drivers.mqtt_settings import MqttSettings
 
 MAX_PASSWORD = 65535  # octets: the length of a field of CONNECT
@@ -27,7 +27,7 @@ def context(settings: MqttSettings) -> ssl.SSLContext:
     else:
         made.load_default_certs()
     if settings.certificate:
-        _check_owner_only("key", settings.key)
+        check_file("key", settings.key, is_secret=True)
         _load_own(made, settings.certificate, settings.key)
     return made
 
@@ -35,7 +35,7 @@ def context(settings: MqttSettings) -> ssl.SSLContext:
 def password(settings: MqttSettings) -> bytes:
     """The first line of the file. Raises InterfaceError."""
     path = settings.password_file
-    _check_owner_only("password_file", path)
+    check_file("password_file", path, is_secret=True)
     try:
         with open(path, "rb") as file:
             found = file.read(MAX_PASSWORD + 2).partition(b"\n")[0].removesuffix(b"\r")
@@ -102,17 +102,6 @@ def _octets(path: str) -> bytes:
             return file.read(MAX_KEY)
     except OSError:
         return b""
-
-
-def _check_owner_only(name: str, path: str) -> None:
-    try:
-        mode = os.stat(path).st_mode
-    except OSError as error:
-        raise _unreadable(name, path, error) from error
-    if not stat.S_ISREG(mode):
-        raise InterfaceError(f"{name} {path}: is no regular file", f"correct option {name}")
-    if mode & 0o077:
-        raise InterfaceError(f"{name} {path}: others may read it (mode {stat.S_IMODE(mode):04o})", f"chmod 600 {path}")
 
 
 def _unreadable(name: str, path: str, error: OSError) -> InterfaceError:

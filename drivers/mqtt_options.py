@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from board.describe import Range, remedy
 from board.errors import BlockedError, ConfigurationError
-from drivers.mqtt_profile import library_file, names
+from drivers.mqtt_profile import is_file, library_file, names
 from drivers.mqtt_settings import IN_FLIGHT, KEEP_ALIVE_S, SESSION_EXPIRY_S, broker
 from drivers.wire.v2n_message import MAX_SOURCE
 
@@ -97,7 +97,7 @@ class MqttOptions:
                 raise ConfigurationError(f'{name}: there is no TLS in "{self.url}"', "write mqtts://, or leave it out")
 
     def _check_profile(self) -> None:
-        if not self.is_profile_file and self.profile not in names():
+        if not is_file(self.profile) and self.profile not in names():
             hint = f"{remedy(self.profile, names())}; the path of a profile of your own ends in .toml"
             raise ConfigurationError(f'profile: there is no "{self.profile}"', hint)
 
@@ -117,13 +117,9 @@ class MqttOptions:
             given, missing = ("username", "password_file") if self.username else ("password_file", "username")
             raise ConfigurationError(f"{given} is given without {missing}", "give both or none")
 
-    @property
-    def is_profile_file(self) -> bool:
-        return "/" in self.profile or self.profile.endswith(".toml")
-
     def files(self) -> Iterator[tuple[str, str, bool]]:
         """Those that options name: the option, the path, and whether only its owner may read it."""
-        if self.is_profile_file:
+        if is_file(self.profile):
             yield "profile", self.profile, False
         for name, is_secret in (("ca", False), ("certificate", False), ("key", True), ("password_file", True)):
             if path := getattr(self, name):

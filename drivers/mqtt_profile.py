@@ -19,11 +19,16 @@ def names() -> list[str]:
     return sorted(path.stem for path in FOLDER.glob("*.toml") if path != TEMPLATE)
 
 
+def is_file(name: str) -> bool:
+    """Whether it is the path of a profile, not the name of one that ships."""
+    return "/" in name or name.endswith(".toml")
+
+
 def load(name: str) -> ProfileDescription:
     """A profile by its name, or by the path of a TOML file. Raises ConfigurationError."""
     if name in names():
         path = FOLDER / f"{name}.toml"
-    elif "/" in name or name.endswith(".toml"):
+    elif is_file(name):
         path = Path(name)
     else:
         hint = f"{describe.remedy(name, names())}; the path of a profile of your own ends in .toml"

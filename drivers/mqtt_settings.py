@@ -137,6 +137,6 @@ class MqttSettings:
         return json.dumps({key: value for key, value in given.items() if value is not None}).encode()
 
 
-def settings(message: bytes) -> MqttSettings:
+def settings_in(message: bytes) -> MqttSettings:
     """The other way."""
     return read(MqttSettings, json.loads(message), "settings of the MQTT process")

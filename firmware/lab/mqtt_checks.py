@@ -6,7 +6,7 @@ from pathlib import Path
 
 from board.errors import StationError
 from drivers.contract import Shared
-from drivers.mqtt import settings
+from drivers.mqtt import settings_of
 from drivers.mqtt_options import MqttOptions, check_file
 from drivers.mqtt_settings import MqttSettings, broker
 from firmware.config import InterfaceConfig
@@ -38,7 +38,7 @@ def files(one: InterfaceConfig, shared: Shared, now: float) -> Iterator[Finding]
     if not is_whole:
         return
     try:
-        _read(settings(options, shared))
+        _read(settings_of(options, shared))
     except StationError as error:
         yield Finding(Level.PROBLEM, subject, error.message, error.hint)
         return
@@ -77,7 +77,7 @@ def _in_force(subject: str, name: str, path: Path, now: datetime) -> Iterator[Fi
 
 def reach(one: InterfaceConfig, shared: Shared) -> Iterator[Finding]:
     """Whether its name is known, TCP and TLS come about, and the broker accepts this client: one try."""
-    wanted = settings(one.options, shared)
+    wanted = settings_of(one.options, shared)
     where, subject = broker(wanted.url), f"interface {one.name}"
     if why := mqtt_reach.why_not(wanted):
         yield Finding(Level.WARNING, subject, f"mqtt: {where}: {why}", "the station starts, and tries again and again")

@@ -12,7 +12,7 @@ from drivers.contract import Borne, Can, Parting, Sent
 from drivers.message import Ego, Position
 from drivers.mqtt import PART_S, Mqtt, is_another
 from drivers.mqtt_options import MqttOptions
-from drivers.mqtt_settings import settings
+from drivers.mqtt_settings import settings_in
 from drivers.reason import Reason
 from drivers.wire import v2n_talk as talk
 from tests.drivers.fake_worker import FakeWorker
@@ -53,7 +53,7 @@ def test_the_process_is_told_all_that_options_say_before_anything_else(start):
     _, worker = start(
         client_id="vm", prefix="fleet", qos=0, version="3.1.1", keep_alive_s=7, clean=False, depths=(14, 18), device="eth0"
     )  # fmt: skip
-    found = settings(worker.told[0])
+    found = settings_in(worker.told[0])
     assert (found.url, found.profile, found.types, found.urgent) == (URL, "vcaptain", ("cam", "denm"), (1,))
     assert (found.client_id, found.host, found.prefix, found.qos, found.version) == ("vm", "vm", "fleet", 0, "3.1.1")
     assert (found.keep_alive_s, found.clean, found.depths, found.device) == (7, False, (14, 18), "eth0")
@@ -61,21 +61,21 @@ def test_the_process_is_told_all_that_options_say_before_anything_else(start):
 
 
 def test_what_options_leave_out_is_made_of_the_host_and_its_address(start):
-    found = settings(start()[1].told[0])
+    found = settings_in(start()[1].told[0])
     assert found.client_id == found.host == os.uname().nodename
     assert found.station == int.from_bytes(SHARED.mac[2:])
     assert len(found.uuid) == 36
-    assert settings(start()[1].told[0]).uuid == found.uuid
-    assert settings(start(client_id="another")[1].told[0]).uuid != found.uuid
+    assert settings_in(start()[1].told[0]).uuid == found.uuid
+    assert settings_in(start(client_id="another")[1].told[0]).uuid != found.uuid
 
 
 def test_a_session_that_is_kept_brings_nothing_that_is_old(start):
     # What is delivered late has no moment of its own: it is received when it comes.
-    assert settings(start(clean=False)[1].told[0]).session_expiry_s <= 30
+    assert settings_in(start(clean=False)[1].told[0]).session_expiry_s <= 30
 
 
 def test_a_host_of_its_own_is_not_the_client_id(start):
-    found = settings(start(client_id="vm-7", host="vm")[1].told[0])
+    found = settings_in(start(client_id="vm-7", host="vm")[1].told[0])
     assert (found.client_id, found.host) == ("vm-7", "vm")
 
 
@@ -316,7 +316,7 @@ def test_it_follows_the_bearer_that_it_names_and_carries_no_network_itself(start
     assert isinstance(driver, Borne)
     assert driver.bearer == "modem"
     assert Can.BEARER not in driver.capabilities.can
-    assert settings(worker.told[0]).has_bearer
+    assert settings_in(worker.told[0]).has_bearer
 
 
 def test_without_its_bearer_it_is_down_whatever_the_process_says(start, host):

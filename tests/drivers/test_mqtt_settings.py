@@ -3,13 +3,13 @@
 import pytest
 
 from board.errors import ConfigurationError
-from drivers.mqtt_settings import broker, settings
+from drivers.mqtt_settings import broker, settings_in
 from tests.drivers.mqtt_model import Bench
 
 
 def test_settings_are_read_as_they_were_written():
     given = Bench(qos=0, version="3.1.1", depths=(14, 18), urgent=(1, 4), device="wwan0").settings
-    assert settings(given.message()) == given
+    assert settings_in(given.message()) == given
 
 
 def test_a_url_without_a_port_has_the_one_that_is_registered():

@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection
 from board.loop import Loop, Timer
 from drivers.mqtt_client import profile_of
 from drivers.mqtt_session import Session
-from drivers.mqtt_settings import MqttSettings, settings
+from drivers.mqtt_settings import MqttSettings, settings_in
 from drivers.mqtt_window import Accepted
 from drivers.wire.v2n import Profile, Publication
 from tests.chaos.processes import PlayedChild, Say
@@ -189,7 +189,7 @@ class PlayedMqtt:
 
     def take(self, message: bytes) -> None:
         if self.session is None:
-            self._begin(settings(message))
+            self._begin(settings_in(message))
         else:
             self.session.take(message, self._loop.clock())
         self._wait()
