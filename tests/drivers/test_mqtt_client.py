@@ -385,12 +385,12 @@ def test_a_kept_session_delivers_what_came_meanwhile(brokers, broker, start):
 def test_tiles_of_an_earlier_process_are_not_delivered_any_more(brokers, broker, start, tmp_path, version):
     profile = written(tmp_path / "tiles.toml", TILES)
     kept = settings(broker.plain_url, clean=False, client_id=f"tiles{version}", profile=profile, version=version)
-    first = start(kept).up()
+    first = start(kept)
     first.move(481_000_000, 117_000_000)
     first.until(lambda: any(one["subscriptions"] == 9 for one in first.details))
     first.close()
-    second = start(kept).up()
-    second.until(lambda: bool(second.details))
+    second = start(kept)
+    second.until(lambda: any(one["connections"] for one in second.details))
     with brokers.client(broker, "o") as observer:
         observer.publish("t/" + "/".join(tile(Position(481_000_000, 117_000_000), 17).digits()), CAM, qos=0)
         second.move(-338_000_000, 1_512_000_000)

@@ -18,6 +18,9 @@ class Latitude:
     def subscriptions(self, own: Ego) -> frozenset[tuple[str, int]]:
         return frozenset({(str(own.position.latitude), 1)})
 
+    def lacks(self, own: Ego) -> tuple[bool, str]:
+        return False, ""
+
     def connected(self) -> None:
         return None
 
