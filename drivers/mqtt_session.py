@@ -118,9 +118,9 @@ class Session:
             case talk.SEND:
                 self._send(talk.parse_send(message), now)
             case talk.EGO:
-                self._own = talk.parse_ego(message)
+                before, self._own = self._own, talk.parse_ego(message)
                 if self.phase in _CONNECTED:
-                    self._look_at = min(self._look_at, now + LOOK_S)
+                    self._look_at = min(self._look_at, now + LOOK_S if before.is_known else now)
             case talk.BEARER if self._settings.has_bearer and self.phase is not Phase.CLOSED:
                 # Another address, or none: a connection from the old one hears nothing any more.
                 self._client.drop()
@@ -212,6 +212,7 @@ class Session:
             self._look_at = math.inf
             if self.phase in _CONNECTED:
                 self._subscriptions.follow(now)
+                self._look(now)
         if now >= self._beat_at:
             self._beat(now)
 
@@ -257,13 +258,20 @@ class Session:
         self._report.link(False, why)
 
     def _look(self, now: float) -> None:
-        """All that is wanted may be subscribed to by now: then the link is up, whatever is still to be left."""
+        """All that is wanted may be subscribed to by now: then the link is up, whatever is still to be left.
+
+        Where nothing can be published for want of a position it is down: the policy has other ways.
+        """
         if self.phase is Phase.SUBSCRIBING and (owed := self._subscriptions.awaits()) and owed[0] == "SUBACK":
             return
         if self.phase is Phase.SUBSCRIBING:
             self._enter(Phase.UP, now)
             self._window.open(self._accepted, str(self._broker), self._profile.connected(), now)
-        why = "connected"
+        is_useless, lacks = self._profile.lacks(self._own)
+        if is_useless:
+            self._report.link(False, lacks)
+            return
+        why = f"connected, but {lacks}" if lacks else "connected"
         for name, words in sorted(self._subscriptions.refused.items())[:1]:
             more = len(self._subscriptions.refused) - 1
             why += f", but refuses subscription {name}{f' and {more} more' if more else ''}: {words}"

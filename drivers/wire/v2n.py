@@ -117,6 +117,15 @@ class Profile:
         tiles = ["/".join(one.digits()) for one in centre.around()] if centre else []
         return frozenset(asked for place in self._subscribe for asked in self._asked(place, tiles))
 
+    def lacks(self, own: Ego) -> tuple[bool, str]:
+        """Whether messages cannot be published for want of a position, and in words what is not done for that."""
+        if own.is_known or self.description.tiles.fallback:
+            return False, ""
+        is_published = any(place.template.needs("quadkey") for place in self._publish)
+        is_subscribed = self.moves and self._centre is None
+        undone = [word for word, is_so in (("published", is_published), ("subscribed", is_subscribed)) if is_so]
+        return is_published, f"no position: nothing is {' or '.join(undone)} by tile" if undone else ""
+
     def receive(self, delivery: Delivery) -> Received:
         """The PDU of a delivery. Raises RefusedError."""
         topic, payload, is_retained = delivery

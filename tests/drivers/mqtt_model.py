@@ -109,8 +109,8 @@ class Bench:
     def bearer(self, is_up: bool, device: str = "wwan0") -> None:
         self.session.take(talk.bearer(is_up, device), self.now)
 
-    def move(self, latitude: int) -> None:
-        self.session.take(talk.ego(Ego(0, Position(latitude, 0), is_known=True)), self.now)
+    def move(self, latitude: int, is_known: bool = True) -> None:
+        self.session.take(talk.ego(Ego(0, Position(latitude, 0), is_known=is_known)), self.now)
 
     # Time.
 
@@ -178,6 +178,9 @@ class Tiles:
 
     def subscriptions(self, own: Ego) -> frozenset[tuple[str, int]]:
         return frozenset({(str(own.position.latitude), 1), ("all", 0)})
+
+    def lacks(self, own: Ego) -> tuple[bool, str]:
+        return False, ""
 
     def receive(self, delivery: Delivery) -> Received:
         return Received(delivery.payload, None, "")

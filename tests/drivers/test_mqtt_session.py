@@ -1,10 +1,12 @@
 """The MQTT session on virtual time: connecting, the bearer, what the station is told."""
 
 from drivers.mqtt_backoff import STEADY_S
+from drivers.mqtt_profile import load
 from drivers.mqtt_session import Phase
 from drivers.mqtt_window import Accepted
 from drivers.reason import Reason
 from drivers.wire import v2n_talk as talk
+from drivers.wire.v2n import Identity, Profile
 from tests.drivers.mqtt_model import CAM, URL, Bench, vcaptain
 
 # Connecting.
@@ -81,6 +83,48 @@ def test_the_same_trouble_is_told_once():
         bench.session.failed("refused", bench.now)
         bench.run(100.0, lambda: bench.session.phase is Phase.CONNECTING)
     assert bench.states == [(False, f"{URL}: connects"), (False, f"{URL}: refused")]
+
+
+# The position.
+
+
+NO_POSITION = "no position: nothing is published or subscribed by tile"
+
+
+def by_tile() -> Bench:
+    return Bench(profile=Profile(load("orange"), Identity("vm", 1, "u", "p")))
+
+
+def test_its_link_is_down_while_a_profile_by_tile_has_no_position_and_up_as_soon_as_there_is_one():
+    bench = by_tile()
+    bench.session.connected(Accepted(), bench.now)
+    assert bench.states[-1] == (False, f"{URL}: {NO_POSITION}")
+    bench.send(1)
+    number, reason, detail = bench.sent[0]
+    assert (number, reason) == (1, Reason.SEND_FAILED)
+    assert "the position is not known" in detail
+    bench.move(480_000_000)
+    bench.run(0.0)
+    assert bench.states[-1] == (True, f"{URL}: connected")
+    assert len(bench.client.subscribes[-1]) >= 9
+    bench.send(2)
+    assert len(bench.client.published) == 1
+
+
+def test_its_link_is_down_when_the_position_is_lost_for_longer_than_a_moment():
+    bench = by_tile()
+    bench.move(480_000_000)
+    bench.accept()
+    for _ in range(3):
+        bench.move(480_000_000, is_known=False)
+        bench.run(0.5)
+        bench.move(480_000_000)
+        bench.run(0.5)
+    assert bench.states[1:] == [(True, f"{URL}: connected")]
+    bench.move(480_000_000, is_known=False)
+    bench.run(1.0)
+    assert bench.states[-1] == (False, f"{URL}: no position: nothing is published by tile")
+    assert bench.client.calls == ["connect"]
 
 
 # The bearer.

@@ -176,7 +176,9 @@ def test_what_is_new_is_subscribed_before_what_is_old_is_left():
 
 
 def test_a_vehicle_that_goes_to_and_fro_at_an_edge_costs_no_packet():
-    bench = tiles().accept()
+    bench = tiles()
+    bench.move(0)
+    bench.accept()
     for _ in range(3):
         bench.move(7)
         bench.run(0.3)

@@ -1,5 +1,7 @@
 """Profiles with tiles of the map in their topics: what is published, and asked for, where."""
 
+from dataclasses import replace
+
 import pytest
 
 from board.errors import ConfigurationError, RequestError
@@ -58,6 +60,22 @@ def test_without_a_position_nothing_is_published_by_tile_and_it_says_why():
     with pytest.raises(RequestError, match="the position is not known") as refused:
         profile(TILED).publications("cam", 1, PDU, NOWHERE, NOW_MS)
     assert "tiles.fallback" in refused.value.hint
+
+
+def test_what_is_not_done_without_a_position_is_told_in_words():
+    station = profile(TILED)
+    assert station.lacks(HERE) == (False, "")
+    assert station.lacks(NOWHERE) == (True, "no position: nothing is published or subscribed by tile")
+    station.subscriptions(HERE)
+    assert station.lacks(NOWHERE) == (True, "no position: nothing is published by tile")
+
+
+def test_a_profile_that_publishes_without_tiles_or_has_a_fallback_needs_no_position_for_that():
+    untiled = (PublishRow("t/{type}", "binary"),)
+    station = profile(replace(TILED, publish=untiled))
+    assert station.lacks(NOWHERE) == (False, "no position: nothing is subscribed by tile")
+    assert profile(replace(TILED, tiles=Tiles(fallback="12022230212021302"))).lacks(NOWHERE) == (False, "")
+    assert profile("raw").lacks(NOWHERE) == (False, "")
 
 
 def test_a_station_that_was_never_anywhere_asks_for_no_tile():
