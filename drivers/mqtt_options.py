@@ -10,10 +10,10 @@ from board.describe import Range, remedy
 from board.errors import BlockedError, ConfigurationError
 from drivers.mqtt_profile import is_file, library_file, names
 from drivers.mqtt_settings import IN_FLIGHT, KEEP_ALIVE_S, SESSION_EXPIRY_S, broker
+from drivers.wire.quadkey import MAX_DEPTH
 from drivers.wire.v2n_message import MAX_SOURCE
 
 MAX_DEVICE = 15  # characters of a network device's name: IFNAMSIZ of linux/if.h, less the 0 behind it
-DEEPEST = 22  # quadkey levels: a tile of 10 m
 OTHERS = 0o077  # permissions of group and others
 
 # Why a letter must not be in a name.
@@ -21,7 +21,7 @@ _WILDCARD = "nothing can be published to a wildcard"
 _BEFORE_PORT = "payloads have (port) behind it"
 _WHY_NOT = {"+": _WILDCARD, "#": _WILDCARD, "/": "it is one level of a topic", "(": _BEFORE_PORT, ")": _BEFORE_PORT}
 
-Depth = Annotated[int, Range(1, DEEPEST)]
+Depth = Annotated[int, Range(1, MAX_DEPTH)]
 
 
 @dataclass(frozen=True)

@@ -412,7 +412,7 @@ def test_what_its_bearer_was_before_the_process_ran_is_told_when_it_runs(start):
         ({"device": "a-name-much-too-long"}, "is no network device", "ip -brief link"),
         ({"depths": [18, 14]}, "[18, 14] is not the least and the most", "[14, 18]"),
         ({"depths": [14]}, "is not the least and the most", "[14, 18]"),
-        ({"depths": [0, 14]}, "depths[0]: 0 is out of range", "at least 1 and at most 22"),
+        ({"depths": [0, 14]}, "depths[0]: 0 is out of range", "at least 1 and at most 30"),
         ({"version": 4}, "version: 4 is not a choice", "known: 5"),
         ({"qos": 2}, "qos: 2 is out of range", "at most 1"),
         ({"keep_alive_s": 1}, "keep_alive_s: 1 is out of range", "at least 5"),
