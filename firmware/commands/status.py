@@ -26,7 +26,8 @@ the status that it reports once a second. Fits 80 columns and needs no colour.
 EPILOG = """\
 examples:
   captain status                           the station of this machine
-  captain status --watch                   again every second, until Ctrl-C
+  captain status --watch                   again every second, until Ctrl-C,
+                                           as much as the terminal has lines
   captain status --station 192.168.1.20    a station elsewhere, whose endpoint
                                            is not bound to loopback
   captain status --json | jq .drops        for programs
@@ -51,7 +52,7 @@ def main(arguments: argparse.Namespace) -> int:
     if not arguments.watch:
         _show(client.status(place, arguments.control), arguments.json, None)
         return 0
-    with Screen() as screen:
+    with Screen(all_by="captain status | less") as screen:
         for status in _asked(Path(arguments.control)) if arguments.control else _statuses(place):
             _show(status, arguments.json, screen)
     return 0
@@ -84,18 +85,21 @@ def _show(status: dict[str, object], is_json: bool, screen: Screen | None) -> No
 
 
 def tables(status: Mapping[str, object], now: float) -> list[Table]:
-    """What `captain status` shows of a status message; now is Unix time."""
+    """What `captain status` shows of a status message; now is Unix time.
+
+    What is wrong comes first, then what is short: a small terminal has no room for the rest.
+    """
     return [
         Table(_station(status)),
         _interfaces(status),
-        *board.section(status),
-        _traffic(status),
+        _drops(status, now),
         Table(_endpoint(status)),
         *_reports(status),
-        _drops(status, now),
         _duplicates(status),
-        *_paths(status),
         _policy(status),
+        *board.section(status),
+        _traffic(status),
+        *_paths(status),
     ]
 
 

@@ -109,9 +109,13 @@ def lines_of(stream: TextIO) -> int:
 
 
 class Screen:
-    """Shows tables again and again. On a terminal each takes the place of the one before."""
+    """Shows tables again and again. On a terminal each takes the place of the one before.
 
-    def __init__(self, stream: TextIO | None = None) -> None:
+    all_by  the command that shows what a terminal has no room for.
+    """
+
+    def __init__(self, stream: TextIO | None = None, all_by: str = "") -> None:
+        self._all_by = f": `{all_by}` has all" if all_by else ""
         self.stream = sys.stdout if stream is None else stream
         self.is_terminal = self.stream.isatty() and os.environ.get("TERM") != "dumb"
         self._live: Live | None = None
@@ -146,8 +150,10 @@ class Screen:
         from rich.text import Text
 
         text = Text(no_wrap=True, overflow="crop")
-        lines = [(line, title and at == 0) for title, block in blocks for at, line in enumerate([*block, ""])]
-        for line, is_title in lines[: self.height]:
+        lines = [(line, title and at == 0) for title, block in blocks for at, line in enumerate([*block, ""])][:-1]
+        if (more := len(lines) - self.height) > 0:
+            lines[self.height - 1 :] = [(f"{more + 1} lines more{self._all_by}", "")]
+        for line, is_title in lines:
             text.append(line + "\n", style="bold" if is_title else "")
         text.rstrip()
         self._live.update(text, refresh=True)

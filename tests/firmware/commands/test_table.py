@@ -66,10 +66,22 @@ def test_a_table_higher_than_the_terminal_is_cut(monkeypatch):
     monkeypatch.setenv("LINES", "10")
     monkeypatch.setenv("COLUMNS", "80")
     out = Terminal()
+    with Screen(out, "captain status | less") as screen:
+        screen.show([Table("above"), Table("", ("n",), [(f"row {n}",) for n in range(50)])])
+    assert "row 4" in out.getvalue()
+    assert "row 5" not in out.getvalue()
+    assert "45 lines more: `captain status | less` has all" in out.getvalue()
+
+
+def test_a_table_as_high_as_the_terminal_is_whole(monkeypatch):
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("LINES", "10")
+    monkeypatch.setenv("COLUMNS", "80")
+    out = Terminal()
     with Screen(out) as screen:
-        screen.show([Table("", ("n",), [(f"row {n}",) for n in range(50)])])
+        screen.show([Table("", ("n",), [(f"row {n}",) for n in range(8)])])
     assert "row 7" in out.getvalue()
-    assert "row 20" not in out.getvalue()
+    assert "more" not in out.getvalue()
 
 
 def test_elsewhere_each_table_is_plain_lines():
