@@ -84,6 +84,8 @@ def examine(arguments: argparse.Namespace) -> Iterator[Finding]:
         is_running = interface.name in within(running or {}, "interfaces")
         if mqtt_checks.is_one(interface):
             yield from mqtt_checks.files(interface, shared, time.time())
+            is_placed = read.tables.station.position is not None
+            yield from mqtt_checks.position(interface, shared, read.interfaces, is_placed)
         if interface.queue.slot and not is_running:
             yield from board_checks.slot_of(interface, read.board)
         elif mqtt_checks.is_one(interface) and not is_running:

@@ -1,11 +1,13 @@
 """What an interface at a broker needs of this machine: its files, and the way to the broker."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
 from board.errors import StationError
-from drivers.contract import Shared
+from drivers import DRIVERS
+from drivers.contract import Can, Shared
+from drivers.message import Ego, Position
 from drivers.mqtt import settings_of
 from drivers.mqtt_options import MqttOptions, check_file
 from drivers.mqtt_settings import MqttSettings, broker
@@ -13,6 +15,7 @@ from firmware.config import InterfaceConfig
 from firmware.lab import mqtt_reach, x509
 from firmware.lab.checks import Finding, Level
 
+NOWHERE = Ego(0, Position(), is_known=False)
 SOON_DAYS = 14  # time enough to have a certificate renewed
 
 
@@ -53,6 +56,31 @@ def _read(wanted: MqttSettings) -> None:
 
     mqtt_client.profile_of(wanted)
     mqtt_client.check(wanted)
+
+
+def position(
+    one: InterfaceConfig, shared: Shared, interfaces: Sequence[InterfaceConfig], is_placed: bool
+) -> Iterator[Finding]:
+    """Whether the station will know where it is, for a profile that wants that.
+
+    interfaces  all of the station: a receiver may be among them.
+    is_placed   a position is configured.
+    """
+    from drivers import mqtt_client
+
+    if is_placed or any(_tells_position(other, shared) for other in interfaces):
+        return
+    try:
+        _, lacks = mqtt_client.profile_of(settings_of(one.options, shared)).lacks(NOWHERE)
+    except StationError:
+        return  # which files() tells
+    if lacks:
+        remedy = "add a receiver, or a surveyed place as station.position; or tiles.fallback to the profile"
+        yield Finding(Level.WARNING, f"interface {one.name}", f"profile {one.options.profile}: {lacks}", remedy)
+
+
+def _tells_position(one: InterfaceConfig, shared: Shared) -> bool:
+    return Can.POSITION in DRIVERS[one.queue.driver](one.options, shared).capabilities.can
 
 
 def _in_force(subject: str, name: str, path: Path, now: datetime) -> Iterator[Finding]:

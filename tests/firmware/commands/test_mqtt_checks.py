@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from board.errors import ProtocolError
 from drivers.contract import Shared
 from drivers.mqtt_options import MqttOptions
+from drivers.zed_f9p import ZedF9p
 from firmware import cli
 from firmware.config import InterfaceConfig
 from firmware.lab import mqtt_checks, mqtt_reach, x509
@@ -77,12 +78,34 @@ def test_a_key_of_another_certificate_is_a_problem(own, certificates):
     assert "is not the key of certificate" in told
 
 
+RECEIVER = InterfaceConfig("gnss", QueueOptions("zed_f9p"), ZedF9p.Options(port="/dev/ttyAMA0"))
+
+
+@pytest.mark.parametrize(
+    ("profile", "others", "is_placed", "is_told"),
+    [
+        ("orange", [], False, True),
+        ("orange", [RECEIVER], False, False),
+        ("orange", [], True, False),
+        ("raw", [], False, False),
+    ],
+)
+def test_a_profile_by_tile_in_a_station_that_cannot_know_its_position_is_a_warning(profile, others, is_placed, is_told):
+    one = v2n(url="mqtt://localhost", profile=profile)
+    found = list(mqtt_checks.position(one, STATION, [one, *others], is_placed))
+    assert [finding.level for finding in found] == [Level.WARNING] * is_told
+    for finding in found:
+        assert finding.text == "profile orange: no position: nothing is published or subscribed by tile"
+        assert "station.position" in finding.remedy
+
+
 def test_a_profile_that_cannot_be_read_is_a_problem(tmp_path):
     profile = tmp_path / "mine.toml"
     profile.write_text("nonsense = 1\n")
     ((level, told, _), *_) = said(v2n(profile=str(profile)))
     assert level is Level.PROBLEM
     assert str(profile) in told
+    assert list(mqtt_checks.position(v2n(profile=str(profile)), STATION, [], False)) == []
 
 
 def test_a_profile_that_decodes_without_the_message_library_is_a_problem(monkeypatch):
