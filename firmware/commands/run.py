@@ -36,13 +36,22 @@ exit codes:
 """
 
 
+class Prefixed(logging.Formatter):
+    """Each line with who says it: several mistakes of a file are as many lines, and one may be searched for."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        return "\n".join(f"{record.name}: {record.levelname}: {line}" for line in super().format(record).split("\n"))
+
+
 def arguments(parser: argparse.ArgumentParser) -> None:
     add_configuration(parser)
     parser.add_argument("--log", default="info", choices=("debug", "info", "warning", "error"), help="to stderr")
 
 
 def main(arguments: argparse.Namespace) -> int:
-    logging.basicConfig(level=arguments.log.upper(), format="%(name)s: %(levelname)s: %(message)s", stream=sys.stderr)
+    journal = logging.StreamHandler(sys.stderr)
+    journal.setFormatter(Prefixed())
+    logging.basicConfig(level=arguments.log.upper(), handlers=[journal])
 
     def read() -> config.Config:
         return config.load(arguments.config, arguments.overrides, arguments.board)

@@ -36,8 +36,8 @@ def plain(table: Table, width: int, cuts: bool = True) -> list[str]:
 
     cuts  False: rows are as long as what is in them.
     """
-    title = textwrap.wrap(clean(table.title), width, subsequent_indent=INDENT)
-    notes = [line for note in table.notes for line in _folded(clean(note), width)]
+    title = textwrap.wrap(clean(table.title.replace("\n", " ")), width, subsequent_indent=INDENT)
+    notes = [line for note in table.notes for line in _folded(note, width)]
     if not table.rows:
         return title + notes
     lines = [
@@ -56,7 +56,12 @@ def lines_for(table: Table, stream: TextIO) -> list[str]:
 
 
 def _folded(note: str, width: int) -> list[str]:
-    return textwrap.wrap(note, width, initial_indent=INDENT, subsequent_indent=INDENT * 2)
+    """A note; what has several lines, such as the mistakes of a file, keeps them."""
+    first, *rest = note.split("\n")
+    lines = textwrap.wrap(clean(first), width, initial_indent=INDENT, subsequent_indent=INDENT * 2)
+    for line in rest:
+        lines += textwrap.wrap(clean(line), width, initial_indent=INDENT * 2, subsequent_indent=INDENT * 2)
+    return lines
 
 
 def fit(widths: list[int], width: int) -> list[int]:

@@ -103,3 +103,8 @@ def test_a_terminal_that_cannot_move_its_cursor_gets_plain_lines(monkeypatch):
 def test_one_of_something_is_not_told_as_several():
     assert counted([(1, "jumps"), (0, "bringups"), (2, "resets")]) == "1 jump, 2 resets"
     assert (times(1), times(2)) == ("once", "2 times")
+
+
+def test_several_lines_of_a_note_are_as_many_on_the_screen():
+    table = Table("title of\nno two lines", notes=["v2n: a.toml: foo\nb.toml: bar\x1b[2J"])
+    assert plain(table, 80) == ["title of no two lines", "  v2n: a.toml: foo", "    b.toml: bar\\x1b[2J"]
