@@ -83,9 +83,7 @@ class Driven:
     def _on_message(self, client: Client, userdata: object, message: Any) -> None:
         self.heard += 1
         expiry_s = getattr(message.properties, "MessageExpiryInterval", None)
-        self.heard_octets += packet_octets(
-            Publication(message.topic, message.payload, message.qos, False, expiry_s, ())
-        )
+        self.heard_octets += packet_octets(Publication(message.topic, message.payload, message.qos, False, expiry_s))
 
 
 def _properties(publication: Publication) -> Properties | None:
