@@ -287,6 +287,8 @@ class Session:
         except RequestError as error:
             self._report.tell(talk.sent(number, Reason.SEND_FAILED, f"{self._broker}: {error.message}"))
             return
+        if self._profile.missing:
+            self._report.tally.publish_in_part(self._profile.missing)
         if deadline <= now:
             self._report.tell(talk.sent(number, Reason.EXPIRED))
         elif self._window.is_full():

@@ -20,11 +20,17 @@ class Tally:
         self.last_error = ""
         self._drops: Counter[Reason] = Counter()
         self._samples: dict[Reason, bytes] = {}
+        self._in_part = 0, ""
         self._told: dict[str, object] = {}
 
     def drop(self, reason: Reason, sample: bytes, count: int = 1) -> None:
         self._drops[reason] += count
         self._samples[reason] = sample[: talk.MAX_SAMPLE]
+
+    def publish_in_part(self, why: str) -> None:
+        """A message is published in some forms of its profile, and why it is not in the others."""
+        count, _ = self._in_part
+        self._in_part = count + 1, why
 
     def tell(self, say: Callable[[bytes], bool], of_session: Mapping[str, object]) -> None:
         """DROPPED for each reason that was met since the last time, and DETAILS where they have changed.
@@ -40,5 +46,8 @@ class Tally:
             **of_session,
             "last_error": self.last_error,
         }
+        count, why = self._in_part
+        if count:
+            found |= {"published_in_part": count, "why_in_part": why}
         if found != self._told and say(talk.details(found)):
             self._told = found

@@ -59,6 +59,7 @@ class Profile:
     def __init__(self, description: ProfileDescription, identity: Identity, codec: Codec | None = None) -> None:
         self.description = description
         self.identity = identity
+        self.missing = ""  # of the last message: why it is not published in all forms that it should be
         self._codec = codec
         self._own = {
             "host": identity.host,
@@ -84,7 +85,7 @@ class Profile:
         kind    name of its type; empty: its messageID names it.
         now_ms  Unix time.
 
-        Raises RequestError where the profile cannot carry it.
+        Raises RequestError where the profile cannot carry it; why only some of its forms can, `missing` says.
         """
         kind = kind or str(pdu[1])
         rule = self._rule(kind)
@@ -93,19 +94,25 @@ class Profile:
         expiry_s = self.description.expiry_s if rule.expiry_s is None else rule.expiry_s
         values = {**self._own, "type": rule.topic or kind, "port": str(btp_port)}
         sending = Sending(kind, btp_port, pdu, own, now_ms)
-        written: dict[Form, bytes] = {}
+        written: dict[Form, bytes | RequestError] = {}
+        failed: RequestError | None = None
         found = []
         for place in self._publish:
-            if place.holds(kind):
-                if place.template.needs("quadkey"):
-                    values["quadkey"] = "/".join(self._own_tile(own))
-                if place.form not in written:
-                    written[place.form] = place.payload.write(sending)
-                topic = place.template.fill(values)
-                found.append(Publication(topic, written[place.form], qos, retain, expiry_s))
+            if not place.holds(kind):
+                continue
+            if place.template.needs("quadkey"):
+                values["quadkey"] = "/".join(self._own_tile(own))
+            if place.form not in written:
+                written[place.form] = _written(place.payload, sending)
+            payload = written[place.form]
+            if isinstance(payload, RequestError):
+                failed = payload
+            else:
+                found.append(Publication(place.template.fill(values), payload, qos, retain, expiry_s))
         if not found:
             what = f"profile {self.description.name} has no topic for {kind}"
-            raise RequestError(what, "add a row [[publish]] to it, or take another profile")
+            raise failed or RequestError(what, "add a row [[publish]] to it, or take another profile")
+        self.missing = failed.message if failed else ""
         return found
 
     def subscriptions(self, own: Ego) -> frozenset[tuple[str, int]]:
@@ -240,6 +247,13 @@ class Profile:
         for name, value in self._own.items():
             if any(Template(topic, is_filter=True).needs(name) for topic in topics):
                 check_value(name, value)
+
+
+def _written(payload: Payload, sending: Sending) -> bytes | RequestError:
+    try:
+        return payload.write(sending)
+    except RequestError as error:
+        return error
 
 
 def _port(topic: str, text: str | None) -> int | None:

@@ -171,6 +171,7 @@ class Tiles:
     """A profile whose one subscription is the latitude; it publishes as often as it is told."""
 
     def __init__(self, publications: int = 1, qos: int = 1) -> None:
+        self.missing = ""
         self.count, self.qos = publications, qos
 
     def publications(self, kind: str, btp_port: int, pdu: bytes, own: Ego, now_ms: int) -> list[Publication]:

@@ -1,5 +1,7 @@
 """The MQTT session on virtual time: connecting, the bearer, what the station is told."""
 
+from typing import cast
+
 from drivers.mqtt_backoff import STEADY_S
 from drivers.mqtt_profile import load
 from drivers.mqtt_session import Phase
@@ -7,7 +9,7 @@ from drivers.mqtt_window import Accepted
 from drivers.reason import Reason
 from drivers.wire import v2n_talk as talk
 from drivers.wire.v2n import Identity, Profile
-from tests.drivers.mqtt_model import CAM, URL, Bench, vcaptain
+from tests.drivers.mqtt_model import CAM, URL, Bench, Tiles, vcaptain
 
 # Connecting.
 
@@ -244,6 +246,21 @@ def test_details_are_told_when_they_have_changed():
         "first_subscriptions": ["v2x/+"],
         "last_error": "",
     }
+
+
+def test_a_message_that_leaves_in_some_forms_of_its_profile_is_counted_with_the_reason():
+    profile = Tiles()
+    bench = Bench(profile=cast(Profile, profile)).accept()
+    bench.run(2.0)
+    assert b"in_part" not in bench.all(talk.DETAILS)[-1]
+    profile.missing = "cam is not to be had as JSON"
+    bench.send(1)
+    profile.missing = ""
+    bench.send(2)
+    bench.run(2.0)
+    details = talk.parse_details(bench.all(talk.DETAILS)[-1])
+    assert (details["published_in_part"], details["why_in_part"]) == (1, "cam is not to be had as JSON")
+    assert len(bench.client.published) == 2
 
 
 def test_it_says_on_the_status_topic_that_it_comes_and_goes():

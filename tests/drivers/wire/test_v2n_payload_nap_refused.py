@@ -2,6 +2,7 @@
 
 import copy
 import json
+from dataclasses import replace
 from typing import Any
 
 import captain_messages
@@ -13,6 +14,7 @@ from board.errors import ConfigurationError, RequestError
 from drivers.mqtt_profile import load
 from drivers.reason import Reason
 from drivers.wire.v2n import Delivery, Identity, Profile, RefusedError
+from drivers.wire.v2n_description import PublishRow
 from drivers.wire.v2n_payload_si import ConversionError, to_json
 from drivers.wire.v2n_payload_si_read import from_json
 from tests.drivers.wire.nap import CAM, CPM, DENM, LIBRARY, VECTORS, sent, station
@@ -86,9 +88,20 @@ def test_a_container_that_is_not_known_is_refused_with_its_path(change: dict[str
 
 
 @pytest.mark.parametrize("pdu", [bytes.fromhex("02020000000700"), bytes.fromhex("02ee00000007000000")])
-def test_a_message_that_cannot_be_decoded_is_not_published_and_it_says_why(pdu: bytes):
+def test_a_message_that_cannot_be_decoded_is_published_as_it_is_and_it_says_what_is_missing(pdu: bytes):
+    one = station()
+    (found,) = one.publications("cam", 2001, pdu, HERE, NOW_MS)
+    assert (found.topic, found.payload) == ("vanetza/out/cam_enc", pdu)
+    assert "cam is not to be had as JSON" in one.missing
+    one.publications("cam", 2001, VECTORS[1][1], HERE, NOW_MS)
+    assert one.missing == ""
+
+
+def test_a_message_that_no_form_of_the_profile_can_hold_is_not_published_and_it_says_why():
+    description = replace(load("nap"), publish=(PublishRow("out/{type}", "nap"),))
+    one = Profile(description, Identity("vm", 1, "u", ""), LIBRARY)
     with pytest.raises(RequestError, match="cam is not to be had as JSON"):
-        station().publications("cam", 2001, pdu, HERE, NOW_MS)
+        one.publications("cam", 2001, bytes.fromhex("02020000000700"), HERE, NOW_MS)
 
 
 def test_what_no_edition_knows_is_not_published_and_it_says_where():
