@@ -4,7 +4,8 @@ A field's type says what its key may hold: bool, int, float, str, Literal choice
 `tuple[T, ...]`, `dict[str, T]`, a union, `T | None` for what may be absent, `object` for what somebody else
 reads, `Annotated[int, Range(0, 65535)]` for a number with bounds, and `Annotated[str, Check(parse)]` for a value
 that more is asked of. The key is the field's name, without the underscore that keeps `class_` from being a keyword.
-What several keys have to do with each other is checked in `__post_init__`, which raises ConfigurationError.
+What several keys have to do with each other is checked in `__post_init__`, which raises ConfigurationError: a line for
+each mistake, with `key: ` in front where it is that key's.
 """
 
 import dataclasses
@@ -87,20 +88,29 @@ class _Reading:
         for key in table:
             if key not in fields:
                 self.wrong(_join(path, key), f"is not a known key; {remedy(key, fields)}")
-        values = {}
+        values, is_whole = {}, True
         for key, field in fields.items():
-            hint, place = hints[field.name], _join(path, key)
-            if key in table:
-                values[field.name] = self.value(hint, table[key], place)
-            elif field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
-                values[field.name] = self.absent(hint, place)
-        if len(self.mistakes) > before:
-            return None
+            hint, place, told = hints[field.name], _join(path, key), len(self.mistakes)
+            is_needed = field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
+            if key not in table and not is_needed:
+                continue
+            value = self.value(hint, table[key], place) if key in table else self.absent(hint, place)
+            if len(self.mistakes) == told:
+                values[field.name] = value
+            elif is_needed:
+                is_whole = False
+        return self.made(kind, values, path, len(self.mistakes) == before) if is_whole else None
+
+    def made(self, kind: Any, values: Mapping[str, object], path: str, is_sound: bool) -> Any:
+        """Of its values, defaults in place of those with mistakes; then only what is said of another key is told."""
         try:
-            return kind(**values)
+            found = kind(**values)
         except ConfigurationError as error:
-            self.wrong(path, _told(error))
+            for line in error.message.split("\n"):
+                if is_sound or line.partition(":")[0] in values:
+                    self.wrong(path, f"{line}; {error.hint}" if error.hint else line)
             return None
+        return found if is_sound else None
 
     def absent(self, hint: Any, path: str) -> Any:
         """The value of a key without a default that is not there."""

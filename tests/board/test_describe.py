@@ -349,3 +349,47 @@ def test_any_assignment_is_taken_or_explained(assignment: str):
         override(table, assignment)
     except ConfigurationError as error:
         assert error.message.startswith("--set ")
+
+
+@dataclass(frozen=True)
+class Client:
+    url: str
+    name: str = ""
+    certificate: str = ""
+    key: str = ""
+    port: int = 0
+
+    def __post_init__(self) -> None:
+        wrong = [f"{key}: has a space" for key in ("url", "name") if " " in getattr(self, key)]
+        if bool(self.certificate) != bool(self.key):
+            wrong.append("certificate and key are given together")
+        if wrong:
+            raise ConfigurationError("\n".join(wrong), "leave it out")
+
+
+def client_mistakes(**table: object) -> list[str]:
+    with pytest.raises(ConfigurationError) as caught:
+        read(Client, table, "a.toml", "client")
+    return str(caught.value).splitlines()
+
+
+def test_what_keys_have_to_do_with_each_other_may_be_several_mistakes() -> None:
+    assert client_mistakes(url="a b", name="c d", key="e") == [
+        "a.toml: client: url: has a space; leave it out",
+        "a.toml: client: name: has a space; leave it out",
+        "a.toml: client: certificate and key are given together; leave it out",
+    ]
+
+
+def test_a_mistake_of_one_key_does_not_hide_what_is_wrong_with_another() -> None:
+    assert client_mistakes(url="a b", name=3, port="x", colour="red") == [
+        "a.toml: client.colour: is not a known key; known: url, name, certificate, key, port",
+        "a.toml: client.name: 3 is an integer; give text in quotes",
+        'a.toml: client.port: "x" is text in quotes; give an integer',
+        "a.toml: client: url: has a space; leave it out",
+    ]
+
+
+def test_what_follows_from_a_mistake_is_not_told_beside_it() -> None:
+    assert len(client_mistakes(url="a", certificate="b", key=3)) == 1
+    assert len(client_mistakes(url=3, name="a b")) == 1  # without url there is no Client to look at
