@@ -5,24 +5,25 @@ A field's type says what its key may hold: bool, int, float, str, Literal choice
 reads, `Annotated[int, Range(0, 65535)]` for a number with bounds, and `Annotated[str, Check(parse)]` for a value
 that more is asked of. The key is the field's name, without the underscore that keeps `class_` from being a keyword.
 What several keys have to do with each other is checked in `__post_init__`, which raises ConfigurationError: a line for
-each mistake, with `key: ` in front where it is that key's.
+each mistake, which begins with the key that has it.
 """
 
 import dataclasses
 import math
 import operator
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Set
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, NamedTuple, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from board.errors import ConfigurationError
 from board.toml import NAMES, kind_name, load, override, show
 
-__all__ = ["Check", "Range", "load", "override", "read"]
+__all__ = ["Check", "Range", "all_of", "load", "override", "read"]
 
 T = TypeVar("T")
 
+WORD = re.compile(r"\w+")
 BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 
 RULES = (("at least", operator.ge), ("at most", operator.le), ("above", operator.gt), ("below", operator.lt))
@@ -99,18 +100,20 @@ class _Reading:
                 values[field.name] = value
             elif is_needed:
                 is_whole = False
-        return self.made(kind, values, path, len(self.mistakes) == before) if is_whole else None
+        wrong = table.keys() - values.keys() if len(self.mistakes) > before else None
+        return self.made(kind, values, path, wrong) if is_whole else None
 
-    def made(self, kind: Any, values: Mapping[str, object], path: str, is_sound: bool) -> Any:
-        """Of its values, defaults in place of those with mistakes; then only what is said of another key is told."""
+    def made(self, kind: Any, values: Mapping[str, object], path: str, wrong: Set[str] | None) -> Any:
+        """Of its values, defaults in place of the wrong ones; then what is said of others and not of these is told."""
         try:
             found = kind(**values)
         except ConfigurationError as error:
             for line in error.message.split("\n"):
-                if is_sound or line.partition(":")[0] in values:
+                first, *more = WORD.findall(line) or [""]
+                if wrong is None or (first in values and wrong.isdisjoint(more)):
                     self.wrong(path, f"{line}; {error.hint}" if error.hint else line)
             return None
-        return found if is_sound else None
+        return found if wrong is None else None
 
     def absent(self, hint: Any, path: str) -> Any:
         """The value of a key without a default that is not there."""
@@ -177,6 +180,20 @@ class _Reading:
             self.wrong(path, f"{show(value)} is not finite; give a number")
             return 0.0
         return float(value)
+
+
+def all_of(checks: Iterable[Callable[[], object]]) -> None:
+    """Call each, for a `__post_init__`. Raises one ConfigurationError with a line for each that any of them raised."""
+    mistakes = []
+    for check in checks:
+        try:
+            check()
+        except ConfigurationError as error:
+            mistakes.append(error)
+    if len(mistakes) == 1:
+        raise mistakes[0]
+    if mistakes:
+        raise ConfigurationError("\n".join(_told(error) for error in mistakes))
 
 
 def _told(error: ConfigurationError) -> str:

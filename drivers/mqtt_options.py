@@ -2,11 +2,12 @@
 
 import os
 import stat
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import Annotated, Literal
 
-from board.describe import Range, remedy
+from board.describe import Range, all_of, remedy
 from board.errors import BlockedError, ConfigurationError
 from drivers.mqtt_profile import is_file, library_file, names
 from drivers.mqtt_settings import IN_FLIGHT, KEEP_ALIVE_S, SESSION_EXPIRY_S, broker
@@ -78,12 +79,13 @@ class MqttOptions:
     max_in_flight: Annotated[int, Range(1, 1000)] = IN_FLIGHT
 
     def __post_init__(self) -> None:
-        for check in (self._check_broker, self._check_profile, self._check_names, self._check_credentials):
-            check()
-        if len(self.device) > MAX_DEVICE or "/" in self.device:
-            raise ConfigurationError(f'device: "{self.device}" is no network device', "`ip -brief link` lists them")
-        if self.depths and (len(self.depths) != 2 or self.depths[0] > self.depths[1]):
-            raise ConfigurationError(f"depths: {list(self.depths)} is not the least and the most", "write [14, 18]")
+        """Raises ConfigurationError with a line for each mistake."""
+        names = ("client_id", "host", "uuid", "prefix", "status_topic")
+        pairs = (("certificate", "key"), ("username", "password_file"))
+        checks: list[Callable[[], None]] = [self._check_broker, self._check_profile]
+        checks += [partial(self._check_name, name) for name in names]
+        checks += [partial(self._check_pair, *pair) for pair in pairs]
+        all_of([*checks, self._check_device, self._check_depths])
 
     def _check_broker(self) -> None:
         there = broker(self.url)
@@ -101,21 +103,24 @@ class MqttOptions:
             hint = f"{remedy(self.profile, names())}; the path of a profile of your own ends in .toml"
             raise ConfigurationError(f'profile: there is no "{self.profile}"', hint)
 
-    def _check_names(self) -> None:
-        for name in ("client_id", "host", "uuid"):
-            _check_word(name, getattr(self, name), "/+#() ")
-        for name in ("prefix", "status_topic"):
-            _check_word(name, topic := getattr(self, name), "+# ")
-            if topic.startswith("$"):
-                raise ConfigurationError(f"{name}: {topic!r} begins with $", "such topics are the broker's own")
+    def _check_name(self, name: str) -> None:
+        word, is_topic = getattr(self, name), name in ("prefix", "status_topic")
+        _check_word(name, word, "+# " if is_topic else "/+#() ")
+        if is_topic and word.startswith("$"):
+            raise ConfigurationError(f"{name}: {word!r} begins with $", "such topics are the broker's own")
 
-    def _check_credentials(self) -> None:
-        if bool(self.certificate) != bool(self.key):
-            given, missing = ("certificate", "key") if self.certificate else ("key", "certificate")
+    def _check_pair(self, one: str, other: str) -> None:
+        if bool(getattr(self, one)) != bool(getattr(self, other)):
+            given, missing = (one, other) if getattr(self, one) else (other, one)
             raise ConfigurationError(f"{given} is given without {missing}", "give both or none")
-        if bool(self.username) != bool(self.password_file):
-            given, missing = ("username", "password_file") if self.username else ("password_file", "username")
-            raise ConfigurationError(f"{given} is given without {missing}", "give both or none")
+
+    def _check_device(self) -> None:
+        if len(self.device) > MAX_DEVICE or "/" in self.device:
+            raise ConfigurationError(f'device: "{self.device}" is no network device', "`ip -brief link` lists them")
+
+    def _check_depths(self) -> None:
+        if self.depths and (len(self.depths) != 2 or self.depths[0] > self.depths[1]):
+            raise ConfigurationError(f"depths: {list(self.depths)} is not the least and the most", "write [14, 18]")
 
     def files(self) -> Iterator[tuple[str, str, bool]]:
         """Those that options name: the option, the path, and whether only its owner may read it."""

@@ -1,6 +1,7 @@
 """captain.toml over a board file: what is taken, and that every mistake is named at once with its place."""
 
 import os
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -577,3 +578,26 @@ def test_without_a_file_and_anything_set_a_mistake_is_the_boards(tmp_path: Path)
     with pytest.raises(ConfigurationError) as caught:
         config.load(None, [], str(board))
     assert str(caught.value).startswith(f"{board}: interfaces.air.slot: the board has no slot 'a'")
+
+
+def test_all_mistakes_of_an_interface_at_a_broker_are_told_at_once(folder: Path) -> None:
+    text = """[interfaces.v2n]
+driver = "mqtt"
+url = "localhost"
+profile = "vcaptian"
+client_id = "a+"
+host = "("
+prefix = "a/#"
+qos = 9
+keep_alive_s = 1
+device = "a/b"
+certificate = "own.pem"
+username = "me"
+depths = [3]
+bearer = "celular"
+"""
+    told = [line.removeprefix(f"{folder}/captain.toml: interfaces.v2n") for line in mistakes(folder, text)]
+    assert [re.match(r"\W*(\w+)", line)[1] for line in told] == [  # type: ignore[index]
+        *("keep_alive_s", "qos", "url", "profile", "client_id", "host", "prefix", "certificate", "username"),
+        *("device", "depths", "bearer"),
+    ]
