@@ -97,12 +97,10 @@ def examine(arguments: argparse.Namespace) -> Iterator[Finding]:
 
 def lines(finding: Finding, width: int) -> list[str]:
     """A finding on the screen, the remedy below it."""
-    told = textwrap.wrap(
-        clean(f"{finding.subject}: {finding.text}"),
-        width,
-        initial_indent=f"{finding.level.value:9}",
-        subsequent_indent=INDENT,
-    )
+    told: list[str] = []
+    for line in f"{finding.subject}: {finding.text}".split("\n"):  # a file may have several mistakes
+        first = INDENT if told else f"{finding.level.value:9}"
+        told += textwrap.wrap(clean(line), width, initial_indent=first, subsequent_indent=INDENT)
     remedy = textwrap.wrap(
         clean(finding.remedy), width, initial_indent=INDENT + "-> ", subsequent_indent=INDENT + "   "
     )

@@ -234,3 +234,12 @@ def test_neighbours_whose_port_is_taken_are_a_problem_with_the_key_to_change():
     assert found.level is Level.PROBLEM
     assert "neighbours.listen" in found.remedy
     assert list(checks.neighbours(board_file.load("sim"), None)) == []
+
+
+def test_several_mistakes_of_a_file_are_as_many_lines():
+    finding = Finding(Level.PROBLEM, "interface v2n", "a.toml: foo\na.toml: bar\x1b[2J", "mend both")
+    assert doctor.lines(finding, 80) == [
+        "problem  interface v2n: a.toml: foo",
+        "         a.toml: bar\\x1b[2J",
+        "         -> mend both",
+    ]
