@@ -6,6 +6,7 @@ told to leave, else without one, so that the broker publishes the last will of a
 """
 
 import math
+import os
 import select
 import socket
 import time
@@ -24,12 +25,17 @@ from drivers.wire.v2n import Identity, Profile
 
 AT_ONCE = 32  # messages of the station, before the broker has its turn
 
+# What comes from a broker waits rather than what comes by radio: with two cores, bursts of 5,000/s make the 99th
+# percentile of the other interfaces 2.3 to 2.7 times as long where both have the same rank, and 1.5 times so.
+NICENESS = 10
+
 # Messages in the socket are those that nothing overtakes. The kernel doubles it and counts some 800 octets for a CAM.
 SEND_BUFFER = 32768
 
 
 def serve(channel: socket.socket) -> None:
     """Run the client until the station closes its end of the channel."""
+    os.nice(NICENESS)
     first = channel.recv(MAX_MESSAGE)
     if not first:
         return

@@ -97,6 +97,7 @@ def test_the_process_of_a_station_does_the_same_and_its_last_will_comes_when_it_
     worker.send(wanted.message())
     loop.run_until(lambda: any(one[0] == talk.STATE and talk.parse_state(one)[0] for one in said))
     assert observer.next().payload == b"vm2: connection established"
+    assert os.getpriority(os.PRIO_PROCESS, int(pids[0].split()[1])) > os.getpriority(os.PRIO_PROCESS, 0)
     os.kill(int(pids[0].split()[1]), signal.SIGKILL)
     assert observer.next().payload == b"vm2: lost connection"
     worker.finish()
