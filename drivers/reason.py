@@ -97,7 +97,7 @@ MEANING: dict[Reason, str] = {
     Reason.CHECKSUM: "the frame's checksum does not match",
     Reason.RAW_FORMAT: "a message of an interface process is no RawRxMessage of one frame",
     Reason.TOPIC: "the broker sent a topic that is outside the profile's templates",
-    Reason.PAYLOAD: "its payload is not of the form that the profile of the broker has",
+    Reason.PAYLOAD: "its payload is not of the form that the profile of the broker has, or above 64 KiB",
     Reason.RETAINED: "the broker had kept it from earlier: how old it is nobody knows",
     Reason.SUBSCRIBER_SLOW: "a subscriber fell behind; it alone loses messages until it has read half of its queue",
 }
