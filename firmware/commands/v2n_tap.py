@@ -11,7 +11,7 @@ from drivers import mqtt_profile
 from drivers.wire.v2n import Profile
 from firmware.tap import topics
 from firmware.tap.arguments import add_broker, settings_of
-from firmware.tap.connection import Connection
+from firmware.tap.connection import ANSWER_S, Connection
 from firmware.tap.counts import Taken
 from firmware.tap.display import Display, line
 from firmware.tap.recording import Recording, Rotation
@@ -58,6 +58,7 @@ exit codes:
   130  Ctrl-C
 """
 GROUP = "captain"
+LEAST_ANSWER_S = 1.0  # a TLS handshake by a mobile network has three round trips
 LEAST_FILE = 4096  # octets: one message with the longest PDU and topic has less, in most profiles
 
 
@@ -74,7 +75,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         default=GROUP,
         help="of the shared subscription (default %(default)s); empty: every message, whoever else takes it",
     )
-    what.add_argument("--filter", metavar="F", action="append", help="in place of the profile's; may be repeated")
+    what.add_argument(
+        "--filter",
+        metavar="F",
+        type=_read(topics.own_filter),
+        action="append",
+        help="in place of the profile's; may be repeated",
+    )
     what.add_argument("--tile", metavar="QUADKEY", type=_read(topics.quadkey), help="only this tile")
     what.add_argument(
         "--published",
@@ -107,15 +114,22 @@ def main(arguments: argparse.Namespace) -> int:
     tap = Tap(reader, wish, recording)
     if arguments.published:
         tap.is_copy = topics.copies(profile, wanted.prefix)
-    connection = Connection(wanted, shared, tap.take, say)
+    connection = Connection(wanted, shared, tap.take, say, _answer_s(arguments.duration))
     try:
-        return _run(connection, tap, arguments)
+        return _shown(connection, tap, arguments)
     finally:
+        for told in tap.counts.lines(connection.counts) if connection.has_been_up else ():
+            say(told)  # below the last table, which would hide it
         if recording is not None:
             recording.close()
 
 
-def _run(connection: Connection, tap: Tap, arguments: argparse.Namespace) -> int:
+def _answer_s(duration: float | None) -> float:
+    """How long the broker is waited for: a look of two seconds does not wait ten for one that stalls."""
+    return ANSWER_S if duration is None else min(ANSWER_S, max(LEAST_ANSWER_S, duration))
+
+
+def _shown(connection: Connection, tap: Tap, arguments: argparse.Namespace) -> int:
     if arguments.json or arguments.lines or arguments.quiet:
         if not arguments.quiet:
             form = _json if arguments.json else line

@@ -17,7 +17,7 @@ from drivers.wire.v2n_message import Delivery
 if TYPE_CHECKING:
     from firmware.tap.paho import Client
 
-ANSWER_S = 10.0  # for each of: TCP and TLS, CONNACK, SUBACK
+ANSWER_S = 10.0  # unless it is wanted sooner
 FIRST_DELAY_S, LONGEST_DELAY_S = 0.5, 30.0
 # After UNSUBACK a broker sends what it had queued for us; when nothing came for so long there is nothing left.
 DRAINED_S = 0.3
@@ -35,6 +35,7 @@ class Connection:
     take     is called with each delivery, in turn().
     say      is called with one line when the connection is lost, when another try fails for another reason, and when
              it is back.
+    answer_s  limit for each of: TCP and TLS, CONNACK with SUBACK.
     counts   losses, gap_s (seconds without a connection), repeated (DUP), dropped (by the broker, as far as it says).
     """
 
@@ -44,7 +45,9 @@ class Connection:
         filters: Sequence[tuple[str, int]],
         take: Callable[[Delivery], None],
         say: Callable[[str], None],
+        answer_s: float = ANSWER_S,
     ) -> None:
+        self._answer_s = answer_s
         self.broker = broker(settings.url)
         self.counts = {"losses": 0.0, "gap_s": 0.0, "repeated": 0.0, "dropped": 0.0}
         self.is_up = False
@@ -58,6 +61,10 @@ class Connection:
         self._delay_s = FIRST_DELAY_S
         self._dropped_before: float | None = None
         self._has_left = False
+
+    @property
+    def has_been_up(self) -> bool:
+        return self._up_at > 0.0
 
     def open(self) -> None:
         """Connect and subscribe. Raises InterfaceError that names the broker and says why not."""
@@ -109,7 +116,7 @@ class Connection:
             client.connect(self.broker.host, self.broker.port, self._settings.keep_alive_s, **self._start())
         except (OSError, ValueError) as error:
             raise InterfaceError(f"{self.broker}: {mqtt_trouble.why(error, _is_of_tls(error))}") from error
-        self._answer_by = time.monotonic() + ANSWER_S
+        self._answer_by = time.monotonic() + self._answer_s
 
     def _made(self) -> "Client":
         from paho.mqtt.client import MQTTv5, MQTTv311
@@ -122,7 +129,7 @@ class Connection:
         more: dict[str, Any] = {} if is_five else {"clean_session": settings.clean}
         protocol = MQTTv5 if is_five else MQTTv311
         client = Client(CallbackAPIVersion.VERSION2, settings.client_id, protocol=protocol, **more)
-        client.connect_timeout = ANSWER_S
+        client.connect_timeout = self._answer_s
         if self.broker.has_tls:
             client.tls_set_context(mqtt_credentials.context(settings))
         if settings.username:
@@ -156,7 +163,7 @@ class Connection:
             why = mqtt_trouble.why(self._client.failure or EOFError())
             raise InterfaceError(f"{self.broker}: {why if self.is_up else mqtt_trouble.early(why, self._settings)}")
         if not self.is_up and time.monotonic() > self._answer_by:
-            raise InterfaceError(f"{self.broker}: no answer to CONNECT or SUBSCRIBE in {ANSWER_S:.0f} s")
+            raise InterfaceError(f"{self.broker}: no answer to CONNECT or SUBSCRIBE in {self._answer_s:g} s")
 
     def _forget(self) -> None:
         client, self._client, self.is_up = self._client, None, False

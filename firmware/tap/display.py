@@ -5,7 +5,7 @@ import time
 from firmware.tap.connection import Connection
 from firmware.tap.counts import Counts, Taken
 from firmware.user.received import Message
-from firmware.user.table import Screen, Table, clean
+from firmware.user.table import Screen, Table, clean, plain, width_of
 from firmware.user.tally import HEADS, Row, Tally, cells
 
 # A broker knows no signal strength.
@@ -37,21 +37,22 @@ class Display:
             self._marked = now
 
     def draw(self, now: float, is_last: bool = False) -> None:
-        """Show the table; is_last: with all rows, whatever is shown into."""
-        notes = list(self._counts.complaints())
-        rows = self._tally.rows(max(1, self._screen.height - 4 - len(notes)))
+        """Show the table; is_last: with all rows, whatever is shown into, of a tap that has left its broker."""
+        title, notes = self._title(now, is_last), list(self._counts.complaints())
+        beside = len(plain(Table(title, notes=notes), width_of(self._screen.stream)))
+        rows = self._tally.rows(max(1, self._screen.height - beside - 2))  # the heads; those that have no room, as one
         if not (self._screen.is_terminal or is_last):
             rows = [row for row in rows if row.last >= self._marked]
-        self._screen.show([Table(self._title(now), TAP_HEADS, [_cells(row, now) for row in rows], notes)])
+        self._screen.show([Table(title, TAP_HEADS, [_cells(row, now) for row in rows], notes)])
         self._drawn = now
 
-    def _title(self, now: float) -> str:
+    def _title(self, now: float, is_last: bool) -> str:
         parts = [
             time.strftime("%H:%M:%S"),
             str(self._connection.broker),
             f"{self._tally.total} messages in {now - self._counts.started:.0f} s",
         ]
-        if not self._connection.is_up:
+        if not (self._connection.is_up or is_last):
             parts.append("not connected")
         return "  ".join(parts)
 

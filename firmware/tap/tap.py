@@ -113,22 +113,18 @@ class Signals:
 
 
 def run(connection: Connection, tap: Tap, idle: Callable[[], None]) -> int:
-    """Take messages until the wish is fulfilled or a signal came; then leave the broker. Says the sums at the end.
+    """Take messages until the wish is fulfilled or a signal came; then leave the broker.
 
     Returns the exit status.
     """
     signals = Signals()
     connection.open()
-    try:
-        with signals.watched():
-            say(f"captain: {connection.broker}: subscribed")
-            while not tap.is_done and not signals.number:
-                connection.turn(TURN_S)
-                idle()
-            connection.leave()
-    finally:
-        for line in tap.counts.lines(connection.counts):
-            say(line)
+    with signals.watched():
+        say(f"captain: {connection.broker}: subscribed")
+        while not tap.is_done and not signals.number:
+            connection.turn(TURN_S)
+            idle()
+        connection.leave()
     return INTERRUPTED if signals.number == signal.SIGINT else 0
 
 

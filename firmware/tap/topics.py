@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
-from board.errors import RequestError
+from board.errors import ConfigurationError, RequestError
 from drivers.mqtt_settings import MqttSettings
 from drivers.wire.quadkey import from_digits
 from drivers.wire.v2n_description import Form, ProfileDescription, Row, SubscribeRow
@@ -80,6 +80,19 @@ def group_name(text: str) -> str:
     """The name of a shared subscription, or nothing. Raises ValueError."""
     if any(letter in "/+#\0" or not letter.isprintable() for letter in text):
         raise ValueError(f"{text!r} cannot name a shared subscription: leave / + # out")
+    return text
+
+
+def own_filter(text: str) -> str:
+    """A filter in place of the profile's. Raises ValueError."""
+    if text.startswith("$share/"):
+        raise ValueError(f"{text!r} is shared already: leave $share and the group out, and name that in --group")
+    if not text or len(text) > MAX_TOPIC or not text.isprintable():
+        raise ValueError(f"{text[:40]!r} is no filter of up to {MAX_TOPIC} letters: write for example v2x/#")
+    try:
+        Template(text, is_filter=True)
+    except ConfigurationError as error:
+        raise ValueError(f"{error.message}; {error.hint}") from error
     return text
 
 

@@ -5,6 +5,7 @@ import re
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -21,6 +22,7 @@ from firmware import cli
 from firmware.tap import topics
 from firmware.tap.connection import DROPPED, Connection
 from firmware.tap.tap import Tap, Wish
+from tests.broker.bad import Listener, silent
 from tests.broker.fixtures import Brokers
 from tests.broker.mosquitto import Mosquitto
 from tests.firmware.tap.copies import ROOT, Copy, publish
@@ -102,7 +104,13 @@ def test_what_does_not_go_together_is_wrong_usage(
     assert words in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("options", [["--tile", "4"], ["--group", "a/b"], ["--type", "nosuch"], ["--count", "0"]])
+@pytest.mark.parametrize(
+    "options",
+    [
+        *(["--tile", "4"], ["--group", "a/b"], ["--type", "nosuch"], ["--count", "0"]),
+        *(["--filter", text] for text in ("a/#/b", "a/+b", "", "$share/g/a", "a\udcff", "a\x1b", "a" * 70_000)),
+    ],
+)
 def test_a_value_that_cannot_be_is_wrong_usage(options: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
         cli.main(["v2n-tap", "--url", "mqtt://localhost", *options])
@@ -188,6 +196,18 @@ def test_a_topic_that_is_no_utf_8_is_counted_and_the_next_message_passes() -> No
     assert tap.counts.total == 1
     (count, why, _) = tap.counts.unread[Reason.TOPIC]
     assert (count, why) == (1, r"topic b'v2x/\xff\xfe' is no UTF-8")
+
+
+def test_a_broker_that_stalls_is_waited_for_no_longer_than_is_wanted(
+    brokers: Brokers, capsys: pytest.CaptureFixture[str]
+) -> None:
+    mute = brokers.keep(Listener(silent))
+    began = time.monotonic()
+    for scheme in ("mqtt", "mqtts"):
+        url = f"{scheme}://127.0.0.1:{mute.port}"
+        assert cli.main(["v2n-tap", "--url", url, "--duration", "0.5", "--quiet"]) == 1
+        assert f"captain: {url}: " in capsys.readouterr().err
+    assert time.monotonic() - began < 4.0  # a second each
 
 
 def test_Ctrl_C_leaves_the_broker_and_has_the_status_of_a_shell(brokers: Brokers) -> None:
