@@ -82,14 +82,17 @@ def examine(arguments: argparse.Namespace) -> Iterator[Finding]:
     for interface in read.interfaces:
         yield from checks.pin_file(interface)
         is_running = interface.name in within(running or {}, "interfaces")
+        is_whole = True
         if mqtt_checks.is_one(interface):
-            yield from mqtt_checks.files(interface, shared, time.time())
+            files = list(mqtt_checks.files(interface, shared, time.time()))
+            yield from files
+            is_whole = all(finding.level is not Level.PROBLEM for finding in files)
             is_placed = read.tables.station.position is not None
             yield from mqtt_checks.position(interface, shared, read.interfaces, is_placed)
         if interface.queue.slot and not is_running:
             yield from board_checks.slot_of(interface, read.board)
         elif mqtt_checks.is_one(interface) and not is_running:
-            yield from mqtt_checks.reach(interface, shared)
+            yield from mqtt_checks.reach(interface, shared) if is_whole else ()  # which would tell the same again
         else:
             yield from checks.interface(interface, read.mac, running)
     yield from checks.receive_buffer(read.interfaces)

@@ -16,6 +16,7 @@ from firmware.lab import mqtt_reach, x509
 from firmware.lab.checks import Finding, Level
 
 NOWHERE = Ego(0, Position(), is_known=False)
+TRIES = "the station starts, and tries again and again"
 SOON_DAYS = 14  # time enough to have a certificate renewed
 
 
@@ -107,8 +108,12 @@ def reach(one: InterfaceConfig, shared: Shared) -> Iterator[Finding]:
     """Whether its name is known, TCP and TLS come about, and the broker accepts this client: one try."""
     wanted = settings_of(one.options, shared)
     where, subject = broker(wanted.url), f"interface {one.name}"
-    if why := mqtt_reach.why_not(wanted):
-        yield Finding(Level.WARNING, subject, f"mqtt: {where}: {why}", "the station starts, and tries again and again")
+    if failed := mqtt_reach.failure(wanted):
+        what, _, remedy = failed.why.partition("; ")
+        if failed.may_pass:
+            yield Finding(Level.WARNING, subject, f"mqtt: {where}: {failed.why}", TRIES)
+        else:
+            yield Finding(Level.PROBLEM, subject, f"mqtt: {where}: {what}", remedy or "the broker's log may say why")
     else:
         how = "by TLS" if where.has_tls else "without TLS"
         yield Finding(Level.OK, subject, f"mqtt: {where}: accepts this client, {how}")

@@ -16,7 +16,7 @@ from drivers.zed_f9p import ZedF9p
 from firmware import cli
 from firmware.config import InterfaceConfig
 from firmware.lab import mqtt_checks, mqtt_reach, x509
-from firmware.lab.checks import Level
+from firmware.lab.checks import Finding, Level
 from firmware.tables import QueueOptions
 from tests.broker.mute import CONNACK, Mute
 
@@ -147,16 +147,17 @@ def test_a_broker_that_is_reached_is_well(own, brokers):
 def test_a_broker_of_another_authority_is_told_by_name(own, brokers, certificates):
     broker = brokers(server=certificates.strange_server)
     (found,) = mqtt_checks.reach(v2n(url=broker.url, **own), STATION)
-    assert found.level is Level.WARNING
+    assert found.level is Level.PROBLEM
     assert "signed by an authority that is not known here" in found.text
+    assert found.remedy == "name that one's certificate in ca"
 
 
 @pytest.mark.parametrize("version", ["tlsv1.2", "tlsv1.3"])
 def test_a_broker_that_asks_for_a_certificate_which_is_not_there_is_told(own, brokers, version):
     broker = brokers(version=version)
     (found,) = mqtt_checks.reach(v2n(url=broker.url, ca=own["ca"]), STATION)
-    assert found.level is Level.WARNING
-    assert "asks for a certificate of this client" in found.text
+    assert found.level is Level.PROBLEM
+    assert "asks for a certificate of this client" in f"{found.text}; {found.remedy}"
 
 
 @pytest.mark.parametrize("version", ["tlsv1.2", "tlsv1.3"])
@@ -165,7 +166,7 @@ def test_a_broker_that_refuses_the_certificate_is_told(own, brokers, certificate
     expired = certificates.expired_client
     options = own | {"certificate": str(expired.certificate), "key": str(expired.key)}
     (found,) = mqtt_checks.reach(v2n(url=broker.url, **options), STATION)
-    assert found.level is Level.WARNING
+    assert found.level is Level.PROBLEM
     assert "refuses the certificate of this client: it has expired" in found.text
 
 
@@ -176,7 +177,7 @@ def test_a_wrong_password_is_told(brokers, tmp_path, version):
     (tmp_path / "password").chmod(0o600)
     options = {"username": "vm", "password_file": str(tmp_path / "password"), "version": version}
     (found,) = mqtt_checks.reach(v2n(url=broker.plain_url, **options), STATION)
-    assert found.level is Level.WARNING
+    assert found.level is Level.PROBLEM
     assert "refuses the connection: Not authorized" in found.text
 
 
@@ -209,9 +210,12 @@ def test_a_broker_that_is_not_there_is_a_warning_with_why(monkeypatch):
 
     monkeypatch.setattr(socket, "getaddrinfo", unknown)
     (found,) = mqtt_checks.reach(v2n(), STATION)
-    assert found.text == (
-        "mqtt: mqtts://broker.example:8883: there is no host of this name; correct the host in url"
-    )  # fmt: skip
+    assert found == Finding(
+        Level.PROBLEM,
+        "interface v2n",
+        "mqtt: mqtts://broker.example:8883: there is no host of this name",
+        "correct the host in url",
+    )
 
 
 def test_the_doctor_tells_all_of_it(own, brokers, capsys, monkeypatch, tmp_path, standin):
@@ -223,6 +227,17 @@ def test_the_doctor_tells_all_of_it(own, brokers, capsys, monkeypatch, tmp_path,
     told = capsys.readouterr().out
     assert "interface v2n: certificate" in told
     assert "accepts this client, by TLS" in " ".join(told.split())
+
+
+def test_a_fault_of_a_file_is_told_once(own, capsys, monkeypatch, tmp_path, standin):
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    given = own | {"ca": str(tmp_path / "no.pem"), "url": "mqtts://127.0.0.1:1", "driver": "mqtt"}
+    options = [f"interfaces.v2n.{key}={value}" for key, value in given.items()]
+    options += [f"endpoint.{key}=0" for key in ("from_users", "to_users", "pull", "report")]
+    assert cli.main(["doctor", "--board", "none", *(word for text in options for word in ("--set", text))]) == 1
+    told = " ".join(capsys.readouterr().out.split())
+    assert told.count("no.pem") == 1
+    assert "problems: 1," in told
 
 
 # Certificates.
