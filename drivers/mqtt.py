@@ -7,7 +7,7 @@ What waits while the broker is away waits in the station's queue, with prioritie
 import os
 import uuid
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 from board.errors import BlockedError, InterfaceError
 from board.loop import Timer
@@ -241,16 +241,23 @@ def settings_of(options: MqttOptions, shared: Shared) -> MqttSettings:
     name = os.uname().nodename
     client_id = options.client_id or name
     made_uuid = uuid.uuid5(uuid.NAMESPACE_URL, f"{shared.mac.hex()}/{client_id}")
-    same: dict[str, Any] = {
-        field: getattr(options, field)
-        for field in ("url", "profile", "prefix", "ca", "certificate", "key", "username", "password_file", "version")
-    }
-    same |= {
-        field: getattr(options, field)
-        for field in ("keep_alive_s", "clean", "session_expiry_s", "qos", "device", "status_topic", "depths")
-    }
     return MqttSettings(
-        **same,
+        url=options.url,
+        profile=options.profile,
+        prefix=options.prefix,
+        ca=options.ca,
+        certificate=options.certificate,
+        key=options.key,
+        username=options.username,
+        password_file=options.password_file,
+        version=options.version,
+        keep_alive_s=options.keep_alive_s,
+        clean=options.clean,
+        session_expiry_s=options.session_expiry_s,
+        qos=options.qos,
+        device=options.device,
+        status_topic=options.status_topic,
+        depths=options.depths,
         types=shared.types,
         urgent=tuple(sorted(shared.lanes[0])) if shared.lanes else (),
         client_id=client_id,
