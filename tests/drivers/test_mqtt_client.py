@@ -275,27 +275,20 @@ def test_an_address_is_checked_against_the_certificate_as_well(broker, certifica
 
 
 @pytest.mark.parametrize("unread", [0, 3])
-def test_a_station_that_was_killed_has_not_said_good_bye(brokers, start, unread):
+@pytest.mark.parametrize(
+    ("is_killed", "last_word"), [(True, b"vm: lost connection"), (False, b"vm: connection closing - good bye")]
+)
+def test_who_leaves_with_messages_unread_has_said_good_bye_and_who_was_killed_has_not(
+    brokers, start, unread, is_killed, last_word
+):
     broker = brokers()
     observer = brokers.client(broker, "observer").subscribe("v2x/status", no_local=True)
     station = start(settings(broker.plain_url)).up()
     assert observer.next().payload == b"vm: connection established"
     for _ in range(unread):
         observer.publish("v2x/btp/2002", of("other", DENM, 2002))
-    station.close(is_killed=True)
-    assert observer.next().payload == b"vm: lost connection"
-
-
-@pytest.mark.parametrize("unread", [0, 3])
-def test_one_that_leaves_with_messages_unread_has(brokers, start, unread):
-    broker = brokers()
-    observer = brokers.client(broker, "observer").subscribe("v2x/status", no_local=True)
-    station = start(settings(broker.plain_url)).up()
-    assert observer.next().payload == b"vm: connection established"
-    for _ in range(unread):
-        observer.publish("v2x/btp/2002", of("other", DENM, 2002))
-    station.close()
-    assert observer.next().payload == b"vm: connection closing - good bye"
+    station.close(is_killed=is_killed)
+    assert observer.next().payload == last_word
 
 
 def test_a_password_lets_in_and_a_wrong_one_does_not(brokers, start, tmp_path):
