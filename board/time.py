@@ -1,6 +1,7 @@
-"""ITS time and UTC: milliseconds since 2004 that count leap seconds, and seconds since 1970 that do not.
+"""What both sides of the station say about time: the scales, and what is known by whom.
 
-And what a receiver says of time and place: Fix and TimeMark.
+ITS time counts all seconds since 2004, so that a leap second has a number of its own; Unix time, which is made from it
+at the edges, leaves them out (board/leaps.py knows which). Drivers say Fix and TimeMark; pps says TimeQuality.
 """
 
 from enum import IntEnum
@@ -20,6 +21,16 @@ LEAPS = (
     1_435_708_800,  # 2015-07-01
     1_483_228_800,  # 2017-01-01
 )
+
+# GPS time begins with 1980-01-06T00:00:00Z, here as Unix time, and leaves no second out (IS-GPS-200N, clause
+# 20.3.3.5.2.4). In 2004 it was 13 s ahead of UTC: GPS time of a moment less its ITS time is the same for ever.
+GPS_EPOCH = 315_964_800
+GPS_LEAPS = 13
+GPS_LEAD = EPOCH - GPS_EPOCH + GPS_LEAPS  # 756 950 413
+
+# TAI was 32 s ahead of UTC from 1999 through 2005 (IERS Bulletin C 16 to 29): TAI as CLOCK_TAI counts it, in seconds
+# since 1970-01-01T00:00:00 TAI, less ITS time.
+TAI_LEAD = EPOCH + 32  # 1 072 915 232
 
 _MAX_ITS_MS = 2**42 - 1  # TimestampIts is INTEGER (0..4398046511103)
 
@@ -65,6 +76,25 @@ def gn_timestamp(its_ms: int) -> int:
     return its_ms & 0xFFFFFFFF
 
 
+def generation_delta_time(its_ms: int) -> int:
+    """generationDeltaTime of a CAM: ITS time modulo 2**16, every 65.536 s anew.
+
+    Source: ETSI EN 302 637-2 V1.4.1 clause B.3; TS 102 894-2 V2.4.1, DE GenerationDeltaTime.
+    """
+    return its_ms & 0xFFFF
+
+
+def time32(its_ms: int) -> int:
+    """Whole seconds of ITS time, as certificates have them: 2**32 - 1 at most, in 2140.
+
+    Source: IEEE 1609.2-2022, Ieee1609Dot2BaseTypes, Time32: TAI seconds since 2004-01-01T00:00:00 UTC.
+    """
+    seconds = its_ms // 1000
+    if not 0 <= seconds < 2**32:
+        raise RequestError(f"ITS time {its_ms} ms has no Time32: that begins in 2004 and ends in 2140")
+    return seconds
+
+
 class FixKind(IntEnum):
     """How a position was found, numbered as NAV-PVT.fixType of u-blox F9."""
 
@@ -93,6 +123,7 @@ class Fix(NamedTuple):
     speed          over ground, mm/s, with its accuracy. heading: of motion, 1e-5 degree from north, with its accuracy.
     utc_ns         Unix time of the epoch in ns; None before date, time and leap seconds are resolved.
     utc_accuracy_ns  of it.
+    tow_ms         GPS time of week of the epoch, which needs no leap seconds; None where the receiver does not say it.
     """
 
     monotonic: float
@@ -110,6 +141,19 @@ class Fix(NamedTuple):
     carrier: Carrier = Carrier.NONE
     utc_ns: int | None = None
     utc_accuracy_ns: int | None = None
+    tow_ms: int | None = None
+
+
+class LeapEvent(NamedTuple):
+    """A change of the leap seconds that is announced.
+
+    its_s   first ITS second that it has to do with: 23:59:60 itself where one is inserted, the one that would have
+            been 23:59:59 where one is left out.
+    change  1, or -1.
+    """
+
+    its_s: int
+    change: int
 
 
 class TimeMark(NamedTuple):
@@ -121,6 +165,8 @@ class TimeMark(NamedTuple):
     quantisation_ps  error of the pulse by the receiver's clock grid; None where it is not known.
     is_locked        whether the pulse follows the satellites, with UTC fully resolved.
     leap_seconds     GPS time less UTC, s; None where it is the firmware's default.
+    its_s            ITS time of the pulse, s: known with GPS week and time of week, even before leap seconds are.
+    leap_event       announced by satellites.
     """
 
     monotonic: float
@@ -129,3 +175,47 @@ class TimeMark(NamedTuple):
     quantisation_ps: int | None
     is_locked: bool
     leap_seconds: int | None
+    its_s: int | None = None
+    leap_event: LeapEvent | None = None
+
+
+class Lock(IntEnum):
+    """Whose word the time is."""
+
+    UNKNOWN = 0  # nobody's
+    SYSTEM = 1  # the system's clock alone, as exact as it says itself
+    COARSE = 2  # a receiver's messages, without pulses
+    SETTLING = 3  # pulses, and not enough of them
+    LOCKED = 4  # pulses
+    HOLDOVER = 5  # the oscillator's, since pulses came last
+
+
+class TimeQuality(NamedTuple):
+    """How well the time is known, now; what is not known is None.
+
+    offset_ns       estimate of true time less the system's clock.
+    uncertainty_ns  the truth is within +- this of the system's clock and offset, in 99.9 % of cases.
+    jitter_ns       standard deviation of pulses about the estimate.
+    frequency_ppb   of the oscillator, CLOCK_MONOTONIC_RAW, against the truth: positive where it runs fast.
+    skew_ppb        uncertainty of that.
+    age_s           since the last good pulse.
+    leap            that is announced.
+    source          interface of the receiver.
+    """
+
+    state: Lock = Lock.UNKNOWN
+    offset_ns: int | None = None
+    uncertainty_ns: int | None = None
+    jitter_ns: int | None = None
+    frequency_ppb: float | None = None
+    skew_ppb: float | None = None
+    age_s: float | None = None
+    leap: LeapEvent | None = None
+    source: str = ""
+
+    @property
+    def error_ns(self) -> int | None:
+        """The system's clock, and what it stamps, is no further from the truth than this, in 99.9 % of cases."""
+        if self.offset_ns is None or self.uncertainty_ns is None:
+            return None
+        return abs(self.offset_ns) + self.uncertainty_ns
