@@ -103,7 +103,8 @@ class Place:
         mark = self.mark_of(self._marked)
         if mark is None:
             return None
-        told = mark._asdict()
+        event = None if mark.leap_event is None else mark.leap_event._asdict()
+        told = mark._asdict() | {"leap_event": event}
         return {"source": self._marked, "age_s": round(self._clock() - told.pop("monotonic"), 2), **told}
 
     def _is_fresh(self, said: Fix | TimeMark) -> bool:

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from board.time import EPOCH, Carrier, Fix, FixKind, TimeMark, its_time_ms
+from board.time import EPOCH, Carrier, Fix, FixKind, LeapEvent, TimeMark, its_time_ms
 from drivers.message import Position
 from firmware.own_time import HOLDOVER_S
 from firmware.place import FRESH_S, Place
@@ -219,7 +219,8 @@ def test_an_old_time_mark_is_none(place: Place, clock: Clock) -> None:
 
 def test_the_status_is_in_degrees_metres_and_seconds(place: Place, clock: Clock) -> None:
     place.fix("gnss", INGOLSTADT)
-    place.time_mark("gnss", TimeMark(100.0, 1_795_182_427, 25, -312, True, 18))
+    event = LeapEvent(725_846_405, 1)  # 2026-12-31T23:59:60Z
+    place.time_mark("gnss", TimeMark(100.0, 1_795_182_427, 25, -312, True, 18, 722_267_232, event))
     clock.now += 0.5
     assert json.loads(json.dumps(place.status())) == {
         "latitude": 48.7668616,
@@ -242,5 +243,7 @@ def test_the_status_is_in_degrees_metres_and_seconds(place: Place, clock: Clock)
             "quantisation_ps": -312,
             "is_locked": True,
             "leap_seconds": 18,
+            "its_s": 722_267_232,
+            "leap_event": {"its_s": 725_846_405, "change": 1},
         },
     }
