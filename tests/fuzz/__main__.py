@@ -19,11 +19,11 @@ FOLDER = corpus.ROOT / "build" / "fuzz"
 def main() -> int:
     args = _arguments()
     schema = text.load_schema()
-    messages = selection.named(schema, args.messages) if args.messages else tuple(schema.messages)
     try:
+        messages = selection.named(schema, args.messages) if args.messages else tuple(schema.messages)
         programs = build.programs(schema, messages, FOLDER, args.jobs)
         module = build.python_module(FOLDER) if args.python or not args.messages else None
-    except build.BuildError as error:
+    except (selection.UnknownMessageError, build.BuildError) as error:
         print(f"fuzz: {error}", file=sys.stderr)
         return 1
     started = time.monotonic()
