@@ -164,10 +164,10 @@ class _Way:
                 return
         self._take()
         self._timer = None
+        if self._kernel:
+            self._fly(follows=True)  # before anybody hears of the room: what comes then would be a flight by itself
         if was_full and self.is_writable:
             self.on_room()
-        if self._kernel and self._timer is None:
-            self._fly(follows=True)
 
     def _lose(self) -> None:
         now = self._loop.clock()

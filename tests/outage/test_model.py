@@ -5,7 +5,7 @@ import pytest
 from drivers.message import Ego
 from drivers.wire.quadkey import tile
 from tests.outage import road
-from tests.outage.network import SLOW_DELAY_S, Line, Network
+from tests.outage.network import HEADER, SLOW_DELAY_S, Line, Network
 from tests.outage.pattern import Kind, Trouble
 from tests.outage.road import Followed
 from tests.virtual import VirtualLoop
@@ -73,6 +73,23 @@ def test_a_socket_that_is_full_stays_so_for_seconds_in_a_slow_network() -> None:
     loop.run_for(10.0)
     assert arrived == pytest.approx([1.0 + SLOW_DELAY_S, 2.0 + SLOW_DELAY_S])
     assert room == arrived[:1]
+
+
+@pytest.mark.parametrize("rate_bit_s", [16_000, 48_000])
+def test_a_slow_network_lets_through_as_much_from_a_sender_that_waits_for_room(rate_bit_s: int) -> None:
+    network = Network(loop := VirtualLoop(now=0.0))
+    network.begin(Trouble(0.0, Kind.SLOW, 60.0, rate_bit_s))
+    arrived: list[float] = []
+    line = Line(network, 3.0, lambda why: None)
+
+    def fill() -> None:
+        while line.up.is_writable:
+            line.up.send(130, lambda: arrived.append(loop.now))
+
+    line.up.on_room = fill
+    fill()
+    loop.run_for(60.0)
+    assert len(arrived) == pytest.approx(60.0 * rate_bit_s / 8 / (130 + HEADER), rel=0.03)
 
 
 # Where the vehicle is.
