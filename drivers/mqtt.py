@@ -26,13 +26,9 @@ PART_S = 0.4
 # The process says something every second. One that says nothing is frozen, by a debugger or by the kernel.
 SILENCE_S = 5.0
 
-# Own state is told once a second at most, and where it is another: half a tile of the finest quadkey, a speed that
-# moves tiles' depth, a turn.
+# Own state is told so often at most, and where it is another. By how little does not count: a vehicle that creeps over
+# the edge of a tile would be late by the time that it takes for the rest.
 EGO_S = 1.0
-MOVED = 450  # 1e-7 degree: 5 m
-FASTER = 50  # 0.01 m/s
-TURNED = 100  # 0.1 degree
-FULL_TURN = 3600
 
 
 class Link(NamedTuple):
@@ -98,7 +94,7 @@ class Mqtt:
         self._is_bearer_told = True
         self._said: Link | None = None  # by the process
         self._link: Link | None = None  # by the driver
-        self._ego: Ego | None = None
+        self._ego: Ego | None = None  # as the process was told last, but for its time
         self._details: Mapping[str, object] = {}
         self._start_failed = ""
         self._is_starting = True
@@ -176,8 +172,9 @@ class Mqtt:
         if self._worker is None:
             return
         own = self._host.ego()
-        if (self._ego is None or is_another(self._ego, own)) and self._worker.send(wire.ego(own)):
-            self._ego = own
+        timeless = own._replace(its_ms=0)
+        if timeless != self._ego and self._worker.send(wire.ego(own)):
+            self._ego = timeless
         self._timer = self._host.loop.after(EGO_S, self._tell_ego)
 
     # What the process says.
@@ -266,18 +263,6 @@ def settings_of(options: MqttOptions, shared: Shared) -> MqttSettings:
         uuid=options.uuid or str(made_uuid),
         has_bearer=bool(options.bearer),
         in_flight=options.max_in_flight,
-    )
-
-
-def is_another(before: Ego, now: Ego) -> bool:
-    """Whether own state has changed by so much that topics may be others."""
-    turn = abs(now.heading - before.heading) % FULL_TURN
-    return (
-        (before.is_known, before.is_accurate) != (now.is_known, now.is_accurate)
-        or abs(now.position.latitude - before.position.latitude) >= MOVED
-        or abs(now.position.longitude - before.position.longitude) >= MOVED
-        or abs(now.speed - before.speed) >= FASTER
-        or min(turn, FULL_TURN - turn) >= TURNED
     )
 
 

@@ -10,7 +10,7 @@ from board.describe import read
 from board.errors import BlockedError, ConfigurationError, InterfaceError
 from drivers.contract import Borne, Can, Parting, Sent
 from drivers.message import Ego, Position
-from drivers.mqtt import PART_S, Mqtt, is_another
+from drivers.mqtt import PART_S, Mqtt
 from drivers.mqtt_options import MqttOptions
 from drivers.mqtt_settings import settings_in
 from drivers.reason import Reason
@@ -113,23 +113,23 @@ def test_own_state_is_told_once_a_second_at_most(start, host, loop):
 
 
 @pytest.mark.parametrize(
-    ("now", "is_so"),
+    ("now", "is_told"),
     [
-        (EGO, False),
         (EGO._replace(its_ms=EGO.its_ms + 60_000), False),
-        (EGO._replace(position=Position(EGO.position.latitude + 449, EGO.position.longitude - 449)), False),
-        (EGO._replace(position=Position(EGO.position.latitude, EGO.position.longitude - 450)), True),
-        (EGO._replace(speed=49), False),
-        (EGO._replace(speed=-50), True),
-        (EGO._replace(heading=99), False),
-        (EGO._replace(heading=100), True),
-        (EGO._replace(heading=3501), False),
+        (EGO._replace(position=Position(EGO.position.latitude, EGO.position.longitude - 1)), True),
+        (EGO._replace(speed=EGO.speed + 1), True),
+        (EGO._replace(heading=EGO.heading + 1), True),
         (EGO._replace(is_known=False), True),
         (EGO._replace(is_accurate=False), True),
     ],
 )
-def test_own_state_is_another_after_five_metres_a_turn_or_another_speed(now: Ego, is_so: bool):
-    assert is_another(EGO, now) is is_so
+def test_own_state_is_told_where_anything_but_its_time_differs(start, host, loop, now: Ego, is_told: bool):
+    # By so little a vehicle that creeps comes into another tile.
+    _, worker = start()
+    worker.told.clear()
+    host.ego = lambda: now
+    loop.run_for(5)
+    assert [talk.parse_ego(message) for message in worker.take(talk.EGO)] == [now] * is_told
 
 
 # Requests.

@@ -4,7 +4,6 @@ import math
 from collections.abc import Callable, Set
 
 from drivers.message import Ego, Position
-from drivers.mqtt import is_another
 from drivers.wire.quadkey import Tile, follow, from_digits, tile
 from tests.chaos.run import Goal
 from tests.drivers.host import EGO
@@ -41,7 +40,6 @@ class Followed:
         self._filters = filters
         self._was_usable = was_usable
         self._centre: Tile | None = None
-        self._own: Ego | None = None
         self._wrong_since: float | None = None
 
     def look(self, own: Ego, is_troubled: bool, now: float) -> None:
@@ -49,14 +47,7 @@ class Followed:
         self.looks += 1
         tiles = frozenset(_tile(one) for one in self._filters)
         self._count(own, tiles, is_troubled)
-        if self._own is None or is_another(self._own, own):
-            self._own = own  # the driver tells no less: a vehicle that creeps over an edge is told of 5 m later
-        if (
-            _is_around(self._own, tiles)
-            or _is_around(own, tiles)
-            or is_troubled
-            or not self._was_usable(now - 1.0, now, 1.0)
-        ):
+        if _is_around(own, tiles) or is_troubled or not self._was_usable(now - 1.0, now, 1.0):
             self._wrong_since = None
         elif self._wrong_since is None:
             self._wrong_since = now - 1.0
