@@ -140,6 +140,33 @@ class SlotDescription:
 
 
 @dataclass(frozen=True)
+class PulseDescription:
+    """[pulse]: the input that a receiver's pulse per second comes to; it has one of device, chip, line and kind.
+
+    device      of the kernel, which stamps pulses: `/dev/pps0`, by the overlay pps-gpio.
+    chip, offset, line  of a GPIO line, as in [lines]: its edges are stamped by the kernel as well.
+    kind        `simulated`: drivers/sim plays it, with the board.
+    edge        that begins the second.
+    latency_ns  how late a stamp may be without any pulse showing it: interrupt, antenna cable, level shifter.
+    interface   of the receiver; empty: the only one that announces pulses.
+    """
+
+    device: str = ""
+    chip: str = ""
+    offset: Annotated[int, Range(0, 1023)] = 0
+    line: str = ""
+    kind: Literal["", "simulated"] = ""
+    edge: Literal["rising", "falling"] = "rising"
+    latency_ns: Annotated[int, Range(0, 1_000_000)] = 10_000
+    interface: str = ""
+
+    @property
+    def where(self) -> str:
+        """The input in words."""
+        return self.device or self.line or (f"{self.chip} line {self.offset}" if self.chip else self.kind)
+
+
+@dataclass(frozen=True)
 class Hardware:
     """All of it.
 
@@ -157,3 +184,4 @@ class Hardware:
     fan: FanDescription | None = None
     identity: IdentityDescription | None = None
     slots: dict[str, SlotDescription] = field(default_factory=dict)
+    pulse: PulseDescription | None = None

@@ -13,6 +13,7 @@ from board.description import (
     Hardware,
     IdentityDescription,
     LineDescription,
+    PulseDescription,
     RailDescription,
     SlotDescription,
     TemperatureDescription,
@@ -94,7 +95,9 @@ def _sound(tables: Tables) -> Hardware:
         part: {name: one for name, table in _of(tables, part).items() if (one := _part(kind, table)) is not None}
         for part, kind in PARTS.items()
     }
-    return Hardware("", identity=_part(IdentityDescription, tables.get("identity")), **parts)
+    for key, kind in (("identity", IdentityDescription), ("pulse", PulseDescription)):
+        parts[key] = _part(kind, tables.get(key))
+    return Hardware("", **parts)
 
 
 def _part(kind: type[T], table: object) -> T | None:
@@ -125,6 +128,7 @@ def mistakes(board: Hardware, tables: Tables) -> Iterator[str]:
     for name, temperature in board.temperatures.items():
         yield from _temperature(f"temperatures.{name}", temperature)
     yield from _slots(board)
+    yield from _pulse(board, tables)
     yield from _taken_twice(board, tables)
 
 
@@ -178,6 +182,22 @@ def _slots(board: Hardware) -> Iterator[str]:
             yield f"{where}.reset: {slot.reset!r} is its power as well; give it a line of its own"
 
 
+def _pulse(board: Hardware, tables: Tables) -> Iterator[str]:
+    """As it was written: what is misspelt in it is told already."""
+    table = tables.get("pulse")
+    if not isinstance(table, dict) or any(key not in PulseDescription.__dataclass_fields__ for key in table):
+        return
+    if sum(bool(table.get(key)) for key in ("device", "chip", "line", "kind")) != 1:
+        yield 'pulse: it comes to one of device, chip, line and kind = "simulated"; give exactly one of them'
+    if "offset" in table and not table.get("chip"):
+        yield "pulse.offset: is that of a line in a chip; give its chip, or leave it out"
+    if table.get("kind") == "simulated" and tables.get("simulated") is not True:
+        yield "pulse.kind: a real board has real pulses; give the device, or simulated = true for the board"
+    place = _pin(board.pulse) if board.pulse else ""
+    for name in (name for name, line in board.lines.items() if place and _pin(line) == place):
+        yield f"pulse: {place!r} is that of lines.{name} already, which is an output; each has its own"
+
+
 def _taken_twice(board: Hardware, tables: Tables) -> Iterator[str]:
     """One place, one slot; one pin, one line; one slot to a line; one chip to an address."""
     yield from _twice("lines", "pin", {name: _pin(line) for name, line in board.lines.items()})
@@ -201,8 +221,8 @@ def _addresses_twice(board: Hardware) -> Iterator[str]:
                 yield f"{table}.{name}.address: {place} is that of {other} already; each has its own"
 
 
-def _pin(line: LineDescription) -> str:
-    if line.expander:
+def _pin(line: LineDescription | PulseDescription) -> str:
+    if isinstance(line, LineDescription) and line.expander:
         return f"{line.expander} {line.pin}"
     return line.line or (f"{line.chip} {line.offset}" if line.chip else "")
 

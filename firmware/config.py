@@ -13,7 +13,7 @@ from board.address import mac_address
 from board.errors import ConfigurationError
 from drivers import DRIVERS
 from drivers.message import NO_MAC
-from firmware import bearers, board_file, consistency
+from firmware import bearers, board_file, consistency, receivers
 from firmware.board_file import Board
 from firmware.tables import QueueOptions, Tables
 
@@ -74,6 +74,8 @@ def load(path: str | None, overrides: Sequence[str] = (), board: str | None = No
     mac = _collect(mistakes, lambda: _mac(tables, where))
     sound = [one for one in interfaces if one is not None]
     mistakes += [f"{where}: {text}" for text in bearers.mistakes(tables.interfaces, sound, mac or NO_MAC)]
+    clocked = receivers.mistakes(tables.time, there.pulse, tables.interfaces, sound, mac or NO_MAC)
+    mistakes += [f"{where}: {text}" for text in clocked]
     if mistakes:
         raise ConfigurationError("\n".join(mistakes))
     return Config(tables, tuple(interfaces), there, mac)

@@ -236,7 +236,7 @@ def topics_of(tables: Tables) -> Topics:
 def _changed_besides_policy(old: Config, new: Config) -> list[str]:
     changed = [
         f"[{name}]"
-        for name in ("station", "endpoint", "reception", "interfaces", "types")
+        for name in ("station", "endpoint", "reception", "time", "interfaces", "types")
         if getattr(old.tables, name) != getattr(new.tables, name)
     ]
     return changed if old.board == new.board else [*changed, "the board file"]

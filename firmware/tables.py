@@ -64,6 +64,23 @@ class ReceptionOptions:
 
 
 @dataclass(frozen=True)
+class TimeOptions:
+    """[time]: whose word the time is, and who else is told.
+
+    receiver   interface whose receiver drives the pulse; empty: that of the board file, or the only one that
+               announces pulses.
+    chrony     socket of chronyd (`refclock SOCK`), which is given each good pulse; empty: none.
+    tracking   whether chronyd is asked how it does; left out: where chrony is given.
+    leap_list  leap-seconds.list of the system, used until it expires and a receiver knows better; empty: none.
+    """
+
+    receiver: str = ""
+    chrony: str = ""
+    tracking: bool | None = None
+    leap_list: str = "/usr/share/zoneinfo/leap-seconds.list"
+
+
+@dataclass(frozen=True)
 class QueueOptions:
     """The options that every [interfaces.<name>] has beside its driver's.
 
@@ -175,6 +192,7 @@ class Tables:
     station: StationOptions = StationOptions()
     endpoint: EndpointOptions = EndpointOptions()
     reception: ReceptionOptions = ReceptionOptions()
+    time: TimeOptions = TimeOptions()
     interfaces: dict[str, dict[str, Any]] = field(default_factory=dict)
     types: tuple[TypeConfig, ...] = ()
     policy: tuple[PolicyRow, ...] = ()

@@ -131,6 +131,40 @@ def test_a_mistake_is_named_with_its_place_and_what_to_do(tmp_path: Path, old: s
     assert mistake.startswith(said)
 
 
+@pytest.mark.parametrize(
+    ("pulse", "where"),
+    [
+        ('device = "/dev/pps0"', "/dev/pps0"),
+        ('chip = "gpiochip0"\noffset = 18\nedge = "falling"', "gpiochip0 line 18"),
+        ('line = "GPIO18"\nlatency_ns = 4000\ninterface = "gnss"', "GPIO18"),
+        ('kind = "simulated"', "simulated"),
+    ],
+)
+def test_a_pulse_comes_to_one_input(tmp_path: Path, pulse: str, where: str) -> None:
+    simulated = f"simulated = {str('simulated' in pulse).lower()}\n"
+    board = read(tmp_path, f"{simulated}{WHOLE}[pulse]\n{pulse}\n")
+    assert board.pulse is not None
+    assert board.pulse.where == where
+
+
+@pytest.mark.parametrize(
+    ("pulse", "said"),
+    [
+        ("", "pulse: it comes to one of device, chip, line and kind"),
+        ('device = "/dev/pps0"\nline = "GPIO18"', "pulse: it comes to one of device, chip, line and kind"),
+        ('device = "/dev/pps0"\noffset = 18', "pulse.offset: is that of a line in a chip"),
+        ('kind = "simulated"', "pulse.kind: a real board has real pulses"),
+        ('chip = "pinctrl-bcm2711"\noffset = 17', "pulse: 'pinctrl-bcm2711 17' is that of lines.v2x_reset already"),
+        ('devise = "/dev/pps0"', "pulse.devise: is not a known key; did you mean device?"),
+        ('device = "/dev/pps0"\nedge = "up"', 'pulse.edge: "up" is not a choice'),
+        ('device = "/dev/pps0"\nlatency_ns = -1', "pulse.latency_ns: -1 is "),
+    ],
+)
+def test_a_pulse_that_cannot_be_is_a_mistake(tmp_path: Path, pulse: str, said: str) -> None:
+    (mistake,) = mistakes(tmp_path, f"{WHOLE}[pulse]\n{pulse}\n")
+    assert mistake.startswith(said)
+
+
 def test_all_mistakes_are_named_at_once(tmp_path: Path) -> None:
     wrong = WHOLE.replace('power = "v2x_power"', 'power = "a"').replace('reset = "v2x_reset"', 'reset = "b"')
     assert len(mistakes(tmp_path, wrong)) == 2
@@ -167,7 +201,7 @@ def test_a_source_that_is_misspelt_is_told_once(tmp_path: Path) -> None:
     assert mistake == "lines.v2x_reset.chp: is not a known key; did you mean chip?"
 
 
-@pytest.mark.parametrize("part", ["lines", "buses", "slots", "rails", "identity", "fan"])
+@pytest.mark.parametrize("part", ["lines", "buses", "slots", "rails", "identity", "fan", "pulse"])
 @pytest.mark.parametrize("value", ["5", "[]", "{}", "{ x = 5 }"])
 def test_a_part_that_is_no_table_is_explained(tmp_path: Path, part: str, value: str) -> None:
     try:

@@ -601,3 +601,44 @@ bearer = "celular"
         *("keep_alive_s", "qos", "url", "profile", "client_id", "host", "prefix", "certificate", "username"),
         *("device", "depths", "bearer"),
     ]
+
+
+GNSS = """
+[interfaces.gnss]
+driver = "zed_f9p"
+port = "/dev/ttyAMA0"
+"""
+MORE = """
+[interfaces.second]
+driver = "zed_f9p"
+port = "/dev/ttyUSB1"
+"""
+
+
+@pytest.fixture
+def pulsed(folder: Path) -> str:
+    """A board with the input of a pulse."""
+    board = folder / "pulsed.toml"
+    board.write_text('name = "pulsed"\n[pulse]\ndevice = "/dev/pps0"\n')
+    return str(board)
+
+
+def test_the_only_receiver_drives_the_pulse_without_being_named(folder: Path, pulsed: str) -> None:
+    assert loaded(folder, GNSS, board=pulsed).board.pulse is not None
+
+
+def test_of_several_receivers_the_one_that_drives_the_pulse_is_named(folder: Path, pulsed: str) -> None:
+    (told,) = mistakes(folder, GNSS + MORE, board=pulsed)
+    assert told.endswith("time.receiver: gnss and second announce pulses; name the one that drives that of the board")
+    assert loaded(folder, '[time]\nreceiver = "second"\n' + GNSS + MORE, board=pulsed).tables.time.receiver == "second"
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("gns", "time.receiver: 'gns' is no interface; did you mean gnss?"),
+        ("g5", "time.receiver: 'g5' announces no pulses; known: gnss"),
+    ],
+)
+def test_who_announces_no_pulses_drives_none(folder: Path, name: str, said: str) -> None:
+    assert mistake(folder, f'[time]\nreceiver = "{name}"\n' + GNSS + TWO_UDP) == said
