@@ -10,8 +10,8 @@ from board import usb
 from board.errors import StationError
 from board.loop import Loop
 from board.machine import Machine
+from board.tool import Tool
 from drivers.modem_script import Ended, Program, Run, StepError
-from drivers.modem_tool import Tool
 
 ANY = "00000000"  # address and mask of a default route in /proc/net/route, whose numbers are in the machine's order
 

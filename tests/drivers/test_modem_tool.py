@@ -9,9 +9,9 @@ import pytest
 from board.errors import BlockedError, InterfaceError
 from board.loop import Loop
 from board.machine import Machine
+from board.tool import MAX_OUTPUT, Tool
 from drivers.modem_script import Ended, Run, StepError
 from drivers.modem_system import Route, System
-from drivers.modem_tool import MAX_OUTPUT, Tool
 
 
 @pytest.fixture

@@ -17,7 +17,7 @@ BATCH = 4096
 GRACE_S = 2.0  # from SIGTERM to SIGKILL
 
 # What brings a tool that is missing, as Debian calls it.
-PACKAGES = {"qmicli": "libqmi-utils", "mbimcli": "libmbim-utils", "udhcpc": "udhcpc", "ip": "iproute2"}
+PACKAGES = {"qmicli": "libqmi-utils", "mbimcli": "libmbim-utils", "ip": "iproute2", "chronyc": "chrony"}
 
 
 class Tool:
@@ -25,6 +25,8 @@ class Tool:
 
     done   is called once: with its exit status and output, or with None and the output so far when `keep` was found
            in it. Kept, it goes on, and ended() tells of its end.
+    quick  it ends by itself within moments and may outlive the station: it is started by vfork, which holds the loop
+           for 0.2 ms, where a fork that asks for a signal at the station's end holds it for 6.
     """
 
     def __init__(
@@ -36,6 +38,7 @@ class Tool:
         *,
         keep: str = "",
         ended: Callable[[], None] = lambda: None,
+        quick: bool = False,
     ) -> None:
         """Start it. Raises BlockedError where it is not installed, InterfaceError where no process can be made."""
         self.name = argv[0]
@@ -47,14 +50,14 @@ class Tool:
         path = shutil.which(argv[0])
         if path is None:
             package = PACKAGES.get(argv[0], argv[0])
-            raise BlockedError(f"{argv[0]} is not installed", f"apt install {package}, or choose another bearer")
+            raise BlockedError(f"{argv[0]} is not installed", f"apt install {package}")
         try:
             self._child = subprocess.Popen(
                 [path, *argv[1:]],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT,
-                preexec_fn=die_with_parent(signal.SIGTERM),  # noqa: PLW1509 there is one thread of Python
+                preexec_fn=None if quick else die_with_parent(signal.SIGTERM),  # noqa: PLW1509 one thread of Python
             )
             assert self._child.stdout is not None
             self._stdout = self._child.stdout
