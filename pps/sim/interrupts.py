@@ -1,0 +1,66 @@
+"""How late the kernel stamps an edge, and the pulses that come of it."""
+
+from collections.abc import Sequence
+from random import Random
+
+from pps.pulse import Pulse
+
+from .machine import Machine
+
+# A ZED-F9P's time pulse: 30 ns RMS (u-blox, ZED-F9P data sheet, "time pulse signal").
+RECEIVER_NS = 30.0
+
+# The shortest path, by board, kernel and speed of the processor. Published: 4.4 us of a Raspberry Pi 4 (PPS-Client), 7
+# to 20 us of a Pi 5 (satpulse, issue 460).
+SHORTEST_NS = (2_000.0, 9_000.0)
+
+# An interrupt's lateness beyond the shortest path, when nothing else runs. With it the deviation of a quiet Raspberry
+# Pi 4 is the 0.6 us that PPS-Client's author measured over ten units.
+QUIET_NS = 500.0
+
+# Beside other work: how many of the interrupts wait for something, how long on average, and the longest.
+QUIET_WAITS, BUSY_WAITS = 0.002, 0.15
+QUIET_WAIT_NS, BUSY_WAIT_NS = 15_000.0, 40_000.0
+LONGEST_NS = 500_000.0
+
+
+class Interrupts:
+    """Lateness of a kernel's stamps.
+
+    base_ns   the shortest path from the edge to the stamp; drawn from SHORTEST_NS where it is not given.
+    loads     (from, to) in seconds after the start: when the machine is busy. Caches are cold then: 1 us more.
+    """
+
+    def __init__(self, seed: int, base_ns: float | None = None, loads: Sequence[tuple[float, float]] = ()) -> None:
+        self._random = Random(seed)
+        self._base_ns = self._random.uniform(*SHORTEST_NS) if base_ns is None else base_ns
+        self._loads = loads
+
+    def late_ns(self, second: float) -> float:
+        """Of an edge so many seconds after the start."""
+        random = self._random
+        is_busy = any(begin <= second < end for begin, end in self._loads)
+        late_ns = self._base_ns + random.expovariate(1 / QUIET_NS) + 1_000.0 * is_busy
+        if random.random() < (BUSY_WAITS if is_busy else QUIET_WAITS):
+            late_ns += min(LONGEST_NS, random.expovariate(1 / (BUSY_WAIT_NS if is_busy else QUIET_WAIT_NS)))
+        return late_ns
+
+
+class Edges:
+    """A line whose edges the kernel stamps. Which edges there are, and which are false, is its user's matter."""
+
+    def __init__(self, machine: Machine, interrupts: Interrupts, seed: int) -> None:
+        self._machine, self._interrupts, self._random = machine, interrupts, Random(seed)
+        self._sequence = 0
+
+    def edge(self, its_ns: int) -> Pulse:
+        """An edge that the receiver meant for a true time."""
+        self._sequence = (self._sequence + 1) & 0xFFFFFFFF
+        since_s = (its_ns - self._machine.oscillator.start_its_ns) * 1e-9
+        late_ns = self._random.gauss(0, RECEIVER_NS) + self._interrupts.late_ns(since_s)
+        clocks = self._machine.clocks(max(its_ns + round(late_ns), self._machine.oscillator.start_its_ns))
+        return Pulse(self._sequence, clocks.system_ns, clocks.raw_ns, clocks.monotonic)
+
+    def skip(self, count: int = 1) -> None:
+        """Edges that the kernel counted and nobody took."""
+        self._sequence = (self._sequence + count) & 0xFFFFFFFF
