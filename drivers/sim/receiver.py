@@ -154,7 +154,11 @@ class Receiver:
     def _is_due(self, message: str, count: int) -> bool:
         rate = self.memory.value(f"CFG-MSGOUT-{message}_{self._port}")
         is_ubx = message.startswith("UBX")
-        return bool(rate) and count % rate == 0 and (not is_ubx or self.habits.speaks_ubx)
+        if message == "UBX_TIM_TP":
+            is_said = self.sky.has_marks
+        else:
+            is_said = self.sky.has_epochs or (is_ubx and message != "UBX_NAV_PVT")
+        return is_said and bool(rate) and count % rate == 0 and (not is_ubx or self.habits.speaks_ubx)
 
     @property
     def _port(self) -> str:

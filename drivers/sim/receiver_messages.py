@@ -5,10 +5,10 @@ import time
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from board.time import Carrier, FixKind
+from board.time import GPS_EPOCH, Carrier, FixKind
 from drivers.sim.track import Motion
 from drivers.wire import nmea
-from drivers.wire.gnss_time import GPS_EPOCH, WEEK, Leap
+from drivers.wire.gnss_time import WEEK, Leap
 from drivers.wire.ubx_health import MonRf, RfBlock, SecSig
 from drivers.wire.ubx_messages import NavPvt, NavStatus
 from drivers.wire.ubx_time import NavTimeLs, TimTp
@@ -16,11 +16,17 @@ from drivers.wire.ubx_time import NavTimeLs, TimTp
 
 @dataclass(frozen=True)
 class Sky:
-    """What surrounds the antenna; one is put in place of another while the receiver runs.
+    """What surrounds the antenna, and what time is made of it; one is put in place of another while the receiver runs.
 
     jamming, spoofing  as SEC-SIG has them: 1 none, 2 and 3 ever worse.
     antenna            as MON-RF has it: 2 ok, 3 short circuit, 4 open.
     offset             1e-7 degree that the position is wrong to the north.
+    has_epochs         False: NAV-PVT and the sentences of NMEA are left out.
+    epoch_error_s      that the second in them is ahead of the true one.
+    has_marks          False: TIM-TP is left out.
+    mark_error_s       that the second in it is ahead.
+    is_locked          False: pulses do not follow the satellites, and TIM-TP says so.
+    time_accuracy_ns   as NAV-PVT has it once time is resolved.
     """
 
     satellites: int = 28
@@ -28,6 +34,12 @@ class Sky:
     spoofing: int = 1
     antenna: int = 2
     offset: int = 0
+    has_epochs: bool = True
+    epoch_error_s: int = 0
+    has_marks: bool = True
+    mark_error_s: int = 0
+    is_locked: bool = True
+    time_accuracy_ns: int = 22
 
 
 class Civil(NamedTuple):
@@ -67,6 +79,11 @@ class Moment(NamedTuple):
         return self.gps_ms % (WEEK * 1000)
 
     @property
+    def told(self) -> "Moment":
+        """The moment that epochs have it for."""
+        return self._replace(gps_ms=self.gps_ms + self.sky.epoch_error_s * 1000)
+
+    @property
     def counted(self) -> Leap:
         """Leap seconds as the receiver counts them."""
         return self.leap if self.is_resolved else Leap(self.default_leap)
@@ -80,6 +97,7 @@ def civil(gps: int, leap: Leap) -> Civil:
 
 
 def nav_pvt(moment: Moment) -> NavPvt:
+    moment = moment.told
     seconds, milli = divmod(moment.gps_ms, 1000)
     when = civil(seconds, moment.counted)
     has_fix = moment.kind in (FixKind.FLAT, FixKind.FULL)
@@ -89,7 +107,7 @@ def nav_pvt(moment: Moment) -> NavPvt:
         moment.itow_ms,
         *when,
         valid=0x07 if moment.is_resolved else 0x03,
-        time_accuracy_ns=22 if moment.is_resolved else 1_000_000_000,
+        time_accuracy_ns=moment.sky.time_accuracy_ns if moment.is_resolved else 1_000_000_000,
         # The receiver's clock is a little early: the second of the epoch is still ahead.
         nano=milli * 1_000_000 - 412,
         fix_type=moment.kind,
@@ -147,12 +165,12 @@ def nav_timels(moment: Moment) -> NavTimeLs:
 
 def tim_tp(moment: Moment, is_utc: bool, repeats: bool) -> TimTp:
     """The next pulse. repeats: whether the leap second has the number of the second before it, not of that behind."""
-    gps, leap = moment.gps_ms // 1000 + 1, moment.counted
+    gps, leap = moment.gps_ms // 1000 + 1 + moment.sky.mark_error_s, moment.counted
     is_leap_second = leap.change > 0 and gps == leap.event
     count = gps
     if is_utc:
         count = leap.unix(gps) - GPS_EPOCH + (is_leap_second and not repeats)
-    is_locked = moment.kind is not FixKind.NONE
+    is_locked = moment.kind is not FixKind.NONE and moment.sky.is_locked
     flags = (0x03 if is_utc else 0x02) | (0 if is_locked else 0x20)
     # The error of the pulse by the grid of a 125 MHz clock walks through 8 ns.
     quantisation_ps = gps * 1733 % 8000 - 4000
@@ -172,6 +190,7 @@ def sec_sig(moment: Moment) -> SecSig:
 
 def sentences(moment: Moment) -> dict[str, bytes]:
     """NMEA of a moment, by formatter."""
+    moment = moment.told
     seconds, milli = divmod(moment.gps_ms, 1000)
     when = civil(seconds, moment.counted)
     clock = f"{when.hour:02}{when.minute:02}{when.second:02}.{milli // 10:02}"
