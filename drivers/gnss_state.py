@@ -3,7 +3,8 @@
 import logging
 
 from board.journal import Journal
-from drivers.wire.gnss_time import GPS_EPOCH, Leap, civil_ns, leap_of
+from board.time import GPS_EPOCH
+from drivers.wire.gnss_time import Leap, civil_ns, leap_of
 from drivers.wire.ubx_health import MonRf, SecSig
 from drivers.wire.ubx_messages import CORRECTION_AGE_S, Message, NavPvt, NavStatus, RxmRtcm
 from drivers.wire.ubx_time import NavTimeLs

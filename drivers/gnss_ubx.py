@@ -5,7 +5,7 @@ import logging
 from board.errors import InterfaceError, ProtocolError, RequestError
 from board.journal import REPEATS, Journal
 from board.machine import Machine
-from board.time import TimeMark
+from board.time import GPS_LEAD, TimeMark
 from drivers.gnss_bringup import Bringup
 from drivers.gnss_bus import BusLine
 from drivers.gnss_conversation import Conversation
@@ -18,7 +18,7 @@ from drivers.wire import ubx
 from drivers.wire.garbage import Garbage
 from drivers.wire.gnss_fix import fix_of
 from drivers.wire.gnss_stream import GnssStream
-from drivers.wire.gnss_time import Pulses
+from drivers.wire.gnss_time import Pulses, counted
 from drivers.wire.ubx_health import MonVer
 from drivers.wire.ubx_messages import CfgRst, NavPvt, decode, encode
 from drivers.wire.ubx_time import TimTp
@@ -171,11 +171,12 @@ class UbxReceiver:
 
     def _mark(self, message: TimTp, now: float) -> None:
         """Tell of a pulse, once: at ten epochs a second it is announced ten times."""
-        pulse = self._pulses.pulse(message, self._state.leap, now)
+        pvt, leap = self._state.pvt, self._state.leap
+        pulse = self._pulses.pulse(message, leap, now, None if pvt is None else counted(pvt))
         if pulse.gps == self._last_second and pulse.gps is not None:
             return
         self._last_second = pulse.gps
-        pvt = self._state.pvt
+        is_dated = pvt is not None and pvt.is_date_valid and pvt.is_time_valid
         is_resolved = pvt is not None and pvt.is_fully_resolved and pvt.is_confirmed
         is_fresh = pvt is not None and pvt.fix_type >= 2 and now - self._epoch_at <= FRESH_S
         is_whole = message.tow_ms % 1000 == 0 and message.tow_fraction == 0
@@ -186,6 +187,8 @@ class UbxReceiver:
                 pvt.time_accuracy_ns if pvt is not None else UNKNOWN_NS,
                 message.quantisation_ps if message.is_quantisation_valid else None,
                 message.is_locked and is_whole and is_fresh and is_resolved and pulse.unix is not None,
-                self._state.leap.seconds if self._state.leap else None,
+                leap.seconds if leap is not None else None,
+                pulse.gps - GPS_LEAD if is_dated and pulse.gps is not None else None,
+                leap.announced if leap is not None else None,
             )
         )

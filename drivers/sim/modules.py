@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from board.address import Address, address
 from board.loop import Loop, Timer
-from board.time import LEAPS
+from board.time import GPS_EPOCH, GPS_LEAPS, LEAPS
 from drivers.sim.machine import SimulatedDevice, SimulatedInterface, SimulatedMachine
 from drivers.sim.neighbours import NeighboursOptions
 from drivers.sim.radio import VARIABLE, Control
@@ -18,9 +18,6 @@ RECEIVER, RADIO, MODEM = "1546:01a9", "0525:a4a2", "1e0e:9001"
 
 # From power to USB, s. A radio and a modem of flesh and blood take 30 and 18: nobody who tries a demo waits for that.
 RADIO_BOOT_S, MODEM_BOOT_S = 0.2, 1.0
-
-GPS_EPOCH = 315_964_800  # 1980-01-06T00:00:00Z as Unix time
-LEAPS_BEFORE = 13  # seconds that were inserted between 1980 and 2004; those after stand in board/time.py
 
 
 class Module(NamedTuple):
@@ -57,7 +54,7 @@ def receiver(loop: Loop, place: Place) -> Module:
         port = SimulatedInterface(0, "cdc_acm", path)
         place.plug(SimulatedDevice("1546", "01a9", (port,), "u-blox AG", "u-blox GNSS receiver"))
 
-    gps_s = round(time.time()) - GPS_EPOCH + LEAPS_BEFORE + len(LEAPS)
+    gps_s = round(time.time()) - GPS_EPOCH + GPS_LEAPS + len(LEAPS)
     made = Receiver(loop, Habits(gps_s=gps_s), appeared=appeared, vanished=place.unplug)
     return Module(made, made.power)
 

@@ -3,7 +3,7 @@
 from math import cos, hypot, radians
 
 from board.time import Carrier, Fix, FixKind
-from drivers.wire.gnss_time import utc_ns
+from drivers.wire.gnss_time import WEEK, utc_ns
 from drivers.wire.ubx_messages import NavPvt
 
 METRES = 0.0111319  # of 1e-7 degree on a great circle, WGS84 equator
@@ -13,10 +13,11 @@ def fix_of(pvt: NavPvt, now: float) -> Fix:
     """NAV-PVT as a Fix. Without gnssFixOK it has a time at most: such a position is outside its own limits."""
     utc = utc_ns(pvt)
     accuracy = pvt.time_accuracy_ns if utc is not None else None
+    tow = pvt.itow_ms if pvt.is_time_valid and pvt.itow_ms < WEEK * 1000 else None
     kind = FixKind(pvt.fix_type) if pvt.fix_type <= max(FixKind) and pvt.is_fix_ok else FixKind.NONE
     if kind in (FixKind.NONE, FixKind.TIME_ONLY) or pvt.is_position_invalid:
         kind = FixKind.TIME_ONLY if kind is FixKind.TIME_ONLY else FixKind.NONE
-        return Fix(now, kind, satellites=pvt.satellites, utc_ns=utc, utc_accuracy_ns=accuracy)
+        return Fix(now, kind, satellites=pvt.satellites, utc_ns=utc, utc_accuracy_ns=accuracy, tow_ms=tow)
     is_flat = kind is FixKind.FLAT
     return Fix(
         now,
@@ -34,6 +35,7 @@ def fix_of(pvt: NavPvt, now: float) -> Fix:
         carrier=Carrier(min(pvt.carrier, Carrier.FIXED)),
         utc_ns=utc,
         utc_accuracy_ns=accuracy,
+        tow_ms=tow,
     )
 
 

@@ -1,18 +1,19 @@
 """Time as satellites have it: weeks and seconds of GPS, leap seconds, and what a receiver's messages make of them.
 
 GPS time counts all seconds since 1980-01-06T00:00:00Z; Unix time leaves leap seconds out, and repeats the second
-before one (board/time.py). Source: IS-GPS-200N, clause 20.3.3.5.2.4.
+before one. ITS time, too, counts all seconds (board/time.py). Source: IS-GPS-200N, clause 20.3.3.5.2.4.
 """
 
 import calendar
 from typing import NamedTuple
 
+from board.time import GPS_EPOCH, GPS_LEAD, LeapEvent
 from drivers.wire.ubx_messages import NavPvt
 from drivers.wire.ubx_time import NavTimeLs, TimTp
 
-GPS_EPOCH = 315_964_800  # Unix time of 1980-01-06T00:00:00Z
 WEEK = 604_800  # s
 DAY = 86_400  # s
+MOST_LEAPS = 127  # NAV-TIMELS has an octet for them, with a sign
 
 # A satellite says its week in ten bits; the rest is the firmware's guess, which is 1024 weeks too early once the
 # firmware is that old. No receiver that we talk to was made before 2016: what it says of earlier years is that.
@@ -41,6 +42,11 @@ class Leap(NamedTuple):
             seconds += self.change
         return GPS_EPOCH + gps - seconds
 
+    @property
+    def announced(self) -> LeapEvent | None:
+        """The event in ITS time."""
+        return None if self.event is None else LeapEvent(self.event - GPS_LEAD, self.change)
+
 
 def leap_of(message: NavTimeLs, unix_now: int | None) -> Leap | None:
     """Leap seconds of a NAV-TIMELS; None while they are the firmware's default.
@@ -56,6 +62,15 @@ def leap_of(message: NavTimeLs, unix_now: int | None) -> Leap | None:
     # however the message numbers days: BeiDou's begin with another one than those of GPS.
     midnight = round((unix_now - GPS_EPOCH + message.to_event_s) / DAY) * DAY
     return Leap(leap.seconds, midnight + leap.seconds - (message.change < 0), message.change)
+
+
+def counted(pvt: NavPvt) -> int | None:
+    """Leap seconds as the receiver counts them at an epoch, be they its firmware's guess: it says one and the same
+    moment as GPS time of week and as time of day. None where these are not of one moment.
+    """
+    of_day_s = pvt.hour * 3600 + pvt.minute * 60 + pvt.second
+    seconds = round((pvt.itow_ms * 10**6 - pvt.nano) / 10**9 - of_day_s) % DAY
+    return seconds if pvt.is_date_valid and pvt.is_time_valid and seconds <= MOST_LEAPS else None
 
 
 def resolved(unix: int) -> int:
@@ -107,17 +122,21 @@ class Pulses:
         self._slack = epoch_s / 2
         self._last: tuple[int, float] | None = None  # GPS time of a pulse, and when it was first announced
 
-    def pulse(self, message: TimTp, leap: Leap | None, now: float) -> Pulse:
-        """The second of an announced pulse, now in seconds of a monotonic clock."""
+    def pulse(self, message: TimTp, leap: Leap | None, now: float, guess: int | None = None) -> Pulse:
+        """The second of an announced pulse.
+
+        now    in seconds of a monotonic clock.
+        guess  leap seconds as the receiver counts them while they are not known: enough for GPS time of its UTC.
+        """
         # An announced event stands in weeks that were put back, so the count has to as well.
         count = resolved(GPS_EPOCH + message.week * WEEK + round(message.tow_ms / 1000)) - GPS_EPOCH
         if not message.is_utc:
             # GLONASS and BeiDou count from elsewhere; no receiver is configured to follow them.
             gps = count if message.system in (GPS, GALILEO) else None
-        elif leap is None:
-            gps = None
-        else:
+        elif leap is not None:
             gps = self._of_utc(count, leap, now)
+        else:
+            gps = self._of_guess(count, guess, now)
         if gps is None:
             self._last = None
             return Pulse(None, None)
@@ -131,5 +150,14 @@ class Pulses:
             return before
         if before > leap.event + 2:
             return after
-        expected = None if self._last is None else self._last[0] + int(now - self._last[1] + self._slack)
+        expected = self._expected(now)
         return expected if expected in (before, after) else None
+
+    def _of_guess(self, count: int, guess: int | None, now: float) -> int | None:
+        """A guess is followed by another one, or by what satellites say, at any moment: then pulses do not go on."""
+        if guess is None:
+            return None
+        return count + guess if self._expected(now) in (None, count + guess) else None
+
+    def _expected(self, now: float) -> int | None:
+        return None if self._last is None else self._last[0] + int(now - self._last[1] + self._slack)

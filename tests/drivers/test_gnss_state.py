@@ -7,8 +7,9 @@ import time
 import pytest
 
 from board.journal import Journal
+from board.time import GPS_EPOCH
 from drivers.gnss_state import LATE_S, ReceiverState
-from drivers.wire.gnss_time import GPS_EPOCH, Leap
+from drivers.wire.gnss_time import Leap
 from drivers.wire.ubx import Frame, Kind
 from drivers.wire.ubx_messages import NavPvt, decode
 from drivers.wire.ubx_time import NavTimeLs

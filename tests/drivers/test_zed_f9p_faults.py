@@ -7,11 +7,11 @@ from itertools import pairwise
 import pytest
 
 from board.errors import InterfaceError, RequestError
-from board.time import FixKind
+from board.time import GPS_EPOCH, GPS_LEAD, FixKind
 from drivers.reason import Reason
 from drivers.sim import receiver_messages as says
 from drivers.sim.receiver_habits import Habits
-from drivers.wire.gnss_time import GPS_EPOCH, Leap
+from drivers.wire.gnss_time import Leap
 from tests.drivers.gnss import UTC
 
 UART = Habits(port="uart1")
@@ -63,6 +63,7 @@ def test_from_a_cold_start_no_second_is_named_before_leap_seconds_come_from_sate
     assert one.host.fixes[-1].utc_ns is None
     mark = one.host.time_marks[-1]
     assert (mark.utc_s, mark.is_locked, mark.leap_seconds) == (None, False, None)
+    assert mark.its_s == int(one.gps_s()) + 1 - GPS_LEAD
     details = one.details()
     assert (details["leap_source"], details["leap_seconds"], details["utc_resolved"]) == ("firmware", None, False)
     loop.run_until(lambda: one.host.time_marks[-1].is_locked)
@@ -70,6 +71,8 @@ def test_from_a_cold_start_no_second_is_named_before_leap_seconds_come_from_sate
     assert round(one.host.fixes[-1].utc_ns / 1e9) == UTC + int(one.gps_s() - one.receiver.habits.gps_s)
     assert one.details()["leap_source"] == "gps"
     assert all(mark.utc_s is None or mark.is_locked for mark in one.host.time_marks)
+    seconds = [mark.its_s for mark in one.host.time_marks if mark.its_s is not None]
+    assert seconds == list(range(seconds[0], seconds[0] + len(seconds)))
 
 
 @pytest.mark.parametrize("repeats", [False, True])
@@ -88,7 +91,48 @@ def test_across_a_leap_second_each_pulse_and_each_epoch_has_its_second(make_rece
     epochs = [round(fix.utc_ns / 1e9 - MIDNIGHT, 3) for fix in one.host.fixes]
     steps = {round(later - earlier, 3) for earlier, later in pairwise(epochs)}
     assert steps <= {round(1 / rate_hz, 3), round(1 / rate_hz - 1, 3)}
-    assert one.host.time_marks[-1].leap_seconds == 18
+    last = one.host.time_marks[-1]
+    assert (last.leap_seconds, last.leap_event) == (18, None)
+    assert one.host.time_marks[0].leap_event == (EVENT - GPS_LEAD, 1)
+    counted = [mark.its_s + GPS_LEAD - EVENT for mark in one.host.time_marks]
+    assert counted == list(range(seconds[0], seconds[0] + len(seconds)))
+
+
+@pytest.mark.parametrize("rate_hz", [1, 5])
+def test_a_second_that_is_left_out_is_left_out_of_utc_and_not_of_its_time(make_receiver, loop, rate_hz):
+    event = says.gps_of(2027, 6, 30, 23, 59, 59)
+    one = make_receiver(Habits(gps_s=event - 9, leap=Leap(18, event, -1), fix_s=1.0, leap_s=1.0), rate_hz=rate_hz).up()
+    loop.run_for(1.5)
+    del one.host.time_marks[:]
+    loop.run_until(lambda: one.gps_s() > event + 3.5)
+    assert [mark.its_s + GPS_LEAD - event for mark in one.host.time_marks] == list(range(-4, 5))
+    midnight = calendar.timegm((2027, 7, 1, 0, 0, 0))
+    assert [mark.utc_s - midnight for mark in one.host.time_marks] == [*range(-5, -1), *range(5)]
+    assert all(mark.is_locked for mark in one.host.time_marks)
+    assert one.host.time_marks[0].leap_event == (event - GPS_LEAD, -1)
+
+
+def test_a_sky_may_say_wrong_seconds_or_leave_words_out(make_receiver, loop):
+    one = make_receiver().up()
+    loop.run_for(0.5)  # between two epochs
+    quiet = one.receiver.sky
+    for sky in (replace(quiet, mark_error_s=1), replace(quiet, epoch_error_s=-1), quiet):
+        one.receiver.sky = sky
+        loop.run_for(1.0)
+        mark, fix = one.host.time_marks[-1], one.host.fixes[-1]
+        assert mark.its_s + GPS_LEAD == int(one.gps_s()) + 1 + sky.mark_error_s
+        assert fix.tow_ms == (int(one.gps_s()) + sky.epoch_error_s) % 604_800 * 1000
+        assert round(fix.utc_ns / 1e9) == GPS_EPOCH + int(one.gps_s()) - 18 + sky.epoch_error_s
+    one.receiver.sky = replace(quiet, is_locked=False, time_accuracy_ns=3_000_000)
+    loop.run_for(1.0)
+    assert (one.host.time_marks[-1].is_locked, one.host.time_marks[-1].accuracy_ns) == (False, 3_000_000)
+    marks, fixes = len(one.host.time_marks), len(one.host.fixes)
+    one.receiver.sky = replace(quiet, has_marks=False)
+    loop.run_for(1.0)
+    assert (len(one.host.time_marks), len(one.host.fixes)) == (marks, fixes + 1)
+    one.receiver.sky = replace(quiet, has_epochs=False)
+    loop.run_for(1.0)
+    assert (len(one.host.time_marks), len(one.host.fixes)) == (marks + 1, fixes + 1)
 
 
 def test_across_the_end_of_a_week_seconds_go_on(make_receiver, loop):

@@ -28,10 +28,12 @@ def test_an_epoch_becomes_a_fix():
     assert (fix.latitude, fix.longitude, fix.altitude) == motion[:3]
     assert (fix.speed, fix.heading, fix.horizontal) == (13_900, motion.heading, 14)
     assert (fix.utc_ns, fix.utc_accuracy_ns) == (UTC_NS + 10**9 - 412, 22)
+    assert fix.tow_ms == (GPS_S + 1) % 604_800 * 1000
 
 
-def test_before_leap_seconds_are_known_a_fix_has_no_utc():
+def test_before_leap_seconds_are_known_a_fix_has_no_utc_but_a_time_of_week():
     fix = fix_of(says.nav_pvt(moment(is_resolved=False)), 0.0)
+    assert fix.tow_ms == GPS_S % 604_800 * 1000
     assert (fix.utc_ns, fix.utc_accuracy_ns) == (None, None)
     assert fix.latitude is not None
 
@@ -49,7 +51,12 @@ def test_before_leap_seconds_are_known_a_fix_has_no_utc():
 def test_what_is_outside_the_receivers_own_limits_has_no_position_but_a_time(fields, kind):
     fix = fix_of(says.nav_pvt(moment())._replace(**fields), 0.0)
     assert (fix.kind, fix.latitude, fix.speed, fix.carrier) == (kind, None, None, Carrier.NONE)
-    assert fix.utc_ns == UTC_NS - 412
+    assert (fix.utc_ns, fix.tow_ms) == (UTC_NS - 412, GPS_S % 604_800 * 1000)
+
+
+@pytest.mark.parametrize("fields", [{"valid": 0}, {"valid": 1}, {"itow_ms": 604_800_000}, {"itow_ms": 0xFFFF_FFFF}])
+def test_a_time_of_week_with_any_doubt_is_none(fields):
+    assert fix_of(says.nav_pvt(moment())._replace(**fields), 0.0).tow_ms is None
 
 
 def test_a_flat_fix_has_no_altitude():

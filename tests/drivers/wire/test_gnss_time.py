@@ -4,14 +4,15 @@ import calendar
 
 import pytest
 
+from board.time import GPS_EPOCH
 from drivers.wire.gnss_time import (
     EARLIEST,
-    GPS_EPOCH,
     ROLLOVER,
     WEEK,
     Leap,
     Pulses,
     civil_ns,
+    counted,
     leap_of,
     resolved,
     utc_ns,
@@ -146,6 +147,45 @@ def test_a_pulse_of_utc_without_leap_seconds_is_not_known():
 def test_a_pulse_of_gps_without_leap_seconds_has_no_unix_time():
     count = NOW - GPS_EPOCH
     assert Pulses(1.0).pulse(tim_tp(count, 2, 0), None, 0.0) == (count, None)
+
+
+def test_a_receiver_shows_which_leap_seconds_it_counts_whether_it_knows_them_or_guesses():
+    assert counted(pvt(itow_ms=(8 * 3600 + 16) * 1000)) == 16
+    assert counted(pvt(itow_ms=(86_400 + 8 * 3600 + 18) * 1000, nano=-123_456)) == 18
+    assert counted(pvt(itow_ms=(8 * 3600 + 18) * 1000 + 200, nano=200_000_412)) == 18
+    assert counted(pvt(itow_ms=17_000, hour=0)) == 17
+
+
+def test_the_leap_seconds_that_are_counted_change_behind_the_leap_second_and_at_the_end_of_a_week():
+    assert counted(pvt(itow_ms=17_000, hour=23, minute=59, second=60)) == 17
+    assert counted(pvt(itow_ms=18_000, hour=0)) == 18
+    assert counted(pvt(itow_ms=0, hour=23, minute=59, second=42)) == 18
+
+
+@pytest.mark.parametrize("doubt", [{"itow_ms": 0}, {"valid": 1}, {"valid": 2}, {"valid": 0}])
+def test_an_epoch_that_says_two_moments_or_none_counts_no_leap_seconds(doubt):
+    assert counted(pvt(**{"itow_ms": (8 * 3600 + 16) * 1000, **doubt})) is None
+
+
+@pytest.mark.parametrize("guess", [0, 13, 16, 18])
+def test_a_guess_of_leap_seconds_is_enough_for_gps_time_of_a_pulse_and_not_for_unix_time(guess):
+    gps = NOW - GPS_EPOCH + 18
+    assert Pulses(1.0).pulse(tim_tp(gps - guess), None, 0.0, guess) == (gps, None)
+
+
+def test_a_pulse_that_the_receiver_counts_by_a_newer_guess_than_ours_is_not_known():
+    pulses, gps = Pulses(1.0), NOW - GPS_EPOCH + 18
+    said = [(16, 16), (16, 16), (18, 16), (18, 18), (18, 18)]  # as the receiver counts, and as its last epoch did
+    found = [
+        pulses.pulse(tim_tp(gps + at - theirs), None, at + 0.03, ours).gps for at, (theirs, ours) in enumerate(said)
+    ]
+    assert found == [gps, gps + 1, None, gps + 3, gps + 4]
+
+
+@pytest.mark.parametrize("leap", [Leap(18), LEAP_2016, Leap(18, EVENT, -1)])
+def test_an_announced_change_is_told_in_its_time(leap):
+    event = leap.announced
+    assert event == (None if leap.event is None else (leap.event - 756_950_413, leap.change))
 
 
 @pytest.mark.parametrize("flags", [UTC | UTC_AVAILABLE, UTC_AVAILABLE])
