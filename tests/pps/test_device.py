@@ -1,0 +1,450 @@
+"""A PPS device: octets as linux/pps.h has them, and a thread that hands edges over, whatever the kernel does."""
+
+import errno
+import os
+import subprocess
+import threading
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from board.errors import InterfaceError
+from pps.device import DEPTH, FDATA, OLDEST_NS, PPS_FETCH, PPS_GETCAP, PPS_GETPARAMS, WAIT_NS, Device, number
+from pps.pulse import Clocks, Pulse
+from tests.pps import kernel as linux
+from tests.pps.above import Told
+from tests.pps.kernel import CANWAIT, CAPTUREASSERT, CAPTURECLEAR, GPIO, PATIENCE_S, Kernel
+from tests.virtual import VirtualLoop
+
+SECOND = 10**9
+T = 1_700_000_000 * SECOND  # a moment of the system's clock
+LATE_NS = 40_000  # after the edge the thread wakes up
+
+
+@pytest.fixture
+def loop():
+    # Edges come from a thread: real time is what bounds a failure.
+    with closing(VirtualLoop(patience_s=2.0)) as loop:
+        yield loop
+
+
+@pytest.fixture
+def told():
+    return Told()
+
+
+@pytest.fixture
+def path(tmp_path):
+    path = tmp_path / "pps0"
+    path.touch()
+    return path
+
+
+class Bench:
+    """A device, the kernel that is played to it, and clocks: the system's is `system_ns`, raw is 5 s less."""
+
+    def __init__(self, loop, path, told, **options):
+        self.loop = loop
+        self.path = path
+        self.told = told
+        self.system_ns = T
+        self.kernel = Kernel(**{key: options.pop(key) for key in ("can", "does") if key in options})
+        self.device = Device(loop, path, told, ioctl=self.kernel, clocks=self.clocks, **options)
+
+    def clocks(self):
+        return Clocks(self.system_ns, self.system_ns - 5 * SECOND, (self.system_ns - T) / 1e9)
+
+    def edge(self, stamp_ns, late_ns=LATE_NS, **how):
+        """An edge while the thread waits for it."""
+        self.kernel.wait()
+        self.system_ns = stamp_ns + late_ns
+        self.kernel.pulse(stamp_ns, **how)
+
+    def hear(self, words):
+        """Turn the loop until so much was told."""
+        self.loop.run_until(lambda: len(self.told.all) >= words)
+
+    def rest(self):
+        """Turn the loop for as long as there is something to do: no thread is in between any more."""
+        self.loop.patience_s = 0.0
+        self.loop.run_for(10.0)
+
+    def end(self):
+        threads = [thread for thread in threading.enumerate() if thread.name == self.path.name]
+        self.device.stop()
+        self.kernel.fail(errno.ENODEV, times=len(threads))
+        for thread in threads:
+            thread.join(PATIENCE_S)
+            assert not thread.is_alive()
+
+
+@pytest.fixture
+def make(loop, path, told):
+    made = []
+
+    def make(**options):
+        made.append(Bench(loop, path, told, **options))
+        return made[-1]
+
+    yield make
+    for bench in made:
+        bench.end()
+
+
+@pytest.fixture
+def bench(make):
+    bench = make()
+    bench.device.start()
+    return bench
+
+
+def descriptors():
+    return len(os.listdir("/proc/self/fd"))
+
+
+# Octets.
+
+HEADER = r"""
+#include <linux/pps.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <string.h>
+
+int main(void) {
+    struct pps_fdata f;
+    printf("%lx %lx %lx\n", (unsigned long)PPS_GETPARAMS, (unsigned long)PPS_GETCAP, (unsigned long)PPS_FETCH);
+    printf("%zu %zu %zu\n", sizeof(struct pps_kparams), sizeof(struct pps_fdata), sizeof(struct pps_fdata_compat));
+    printf("%zu %zu %zu %zu %zu %zu\n", offsetof(struct pps_fdata, info.clear_sequence),
+        offsetof(struct pps_fdata, info.assert_tu), offsetof(struct pps_fdata, info.clear_tu),
+        offsetof(struct pps_fdata, info.current_mode), offsetof(struct pps_fdata, timeout),
+        offsetof(struct pps_kparams, mode));
+    printf("%x %x %x\n", PPS_CAPTUREASSERT, PPS_CAPTURECLEAR, PPS_CANWAIT);
+    if (fread(&f, sizeof f, 1, stdin) != 1) return 1;
+    printf("%u %u %lld %d %lld %d %d %lld %d %u\n", f.info.assert_sequence, f.info.clear_sequence,
+        (long long)f.info.assert_tu.sec, f.info.assert_tu.nsec, (long long)f.info.clear_tu.sec, f.info.clear_tu.nsec,
+        f.info.current_mode, (long long)f.timeout.sec, f.timeout.nsec, f.timeout.flags);
+    memset(&f, 0, sizeof f);
+    f.info.assert_sequence = 0xfedcba98; f.info.clear_sequence = 7;
+    f.info.assert_tu.sec = -2; f.info.assert_tu.nsec = 3; f.info.assert_tu.flags = 4;
+    f.info.clear_tu.sec = 5000000000; f.info.clear_tu.nsec = 6; f.info.clear_tu.flags = 8;
+    f.info.current_mode = 9; f.timeout.sec = 10; f.timeout.nsec = 11; f.timeout.flags = 12;
+    for (size_t i = 0; i < sizeof f; i++) printf("%02x", ((unsigned char *)&f)[i]);
+    return 0;
+}
+"""
+
+
+@pytest.fixture(scope="module")
+def header(tmp_path_factory):
+    """What a C program with linux/pps.h says, line by line, of one struct that is ours."""
+    folder = tmp_path_factory.mktemp("pps")
+    (folder / "pps.c").write_text(HEADER)
+    subprocess.run(["gcc", "-o", folder / "pps", folder / "pps.c"], check=True)
+    ours = FDATA.pack(2**32 - 1, 4, T // SECOND, 999_999_999, 0, -5, 123, 6, 0x1151, 1, 500_000_000, 1)
+    return subprocess.run([folder / "pps"], input=ours, capture_output=True, check=True).stdout.decode().splitlines()
+
+
+def test_the_numbers_are_those_of_the_kernels_header(header):
+    assert [int(word, 16) for word in header[0].split()] == [PPS_GETPARAMS, PPS_GETCAP, PPS_FETCH]
+    assert [int(word, 16) for word in header[3].split()] == [CAPTUREASSERT, CAPTURECLEAR, CANWAIT]
+
+
+def test_structs_are_laid_out_as_in_the_kernels_header(header):
+    assert header[1] == f"{linux.KPARAMS.size} {FDATA.size} 60"
+    assert header[2] == "4 8 24 40 48 4"
+
+
+def test_a_struct_of_ours_is_read_by_c_as_it_is_meant(header):
+    assert header[4] == f"{2**32 - 1} 4 {T // SECOND} 999999999 -5 123 {0x1151} 1 500000000 1"
+
+
+def test_a_struct_of_c_is_read_as_it_is_meant(header):
+    octets = bytes.fromhex(header[5])
+    fields = (0xFEDCBA98, 7, -2, 3, 4, 5_000_000_000, 6, 8, 9, 10, 11, 12)
+    assert FDATA.unpack(octets) == fields
+    assert FDATA.pack(*fields) == octets
+    assert linux.FDATA.pack(*fields) == octets
+
+
+def test_a_program_of_32_bits_has_other_numbers():
+    # The kernel's compat_ioctl, and every kernel of 32 bits: the macros name the size of a pointer.
+    assert [number(2, 0xA1, 4), number(2, 0xA3, 4), number(3, 0xA4, 4)] == [0x800470A1, 0x800470A3, 0xC00470A4]
+
+
+# Edges.
+
+
+def test_an_edge_is_told_with_when_it_was_by_each_clock(bench, told):
+    bench.edge(T + 123)
+    bench.hear(1)
+    assert told.all == [Pulse(1, T + 123, T + 123 - 5 * SECOND, pytest.approx(123e-9, abs=1e-12))]
+
+
+def test_edges_are_told_in_their_order(bench, told):
+    for count in range(1, 5):
+        bench.edge(T + count * SECOND)
+        bench.hear(count)
+    assert [pulse.sequence for pulse in told.all] == [1, 2, 3, 4]
+    assert bench.device.tally.taken == 4
+
+
+def test_edges_of_before_the_start_are_none_of_ours(make, told):
+    bench = make()
+    bench.kernel.pulse(T - SECOND, count=41)
+    bench.device.start()
+    bench.edge(T)
+    bench.hear(1)
+    assert [pulse.sequence for pulse in told.all] == [42]
+
+
+@pytest.mark.parametrize(("edge", "which"), [("assert", 0), ("clear", 1)])
+def test_the_other_edge_is_not_told(make, told, edge, which):
+    bench = make(edge=edge, can=GPIO | CAPTURECLEAR, does=CAPTUREASSERT | CAPTURECLEAR)
+    bench.device.start()
+    bench.edge(T, which=1 - which)
+    bench.edge(T + SECOND // 2, which=which)
+    bench.hear(1)
+    bench.edge(T + SECOND, which=1 - which)
+    bench.edge(T + 3 * SECOND // 2, which=which)
+    bench.hear(2)
+    assert [(pulse.sequence, pulse.system_ns - T) for pulse in told.all] == [(1, SECOND // 2), (2, 3 * SECOND // 2)]
+
+
+def test_edges_that_the_kernel_counted_and_nobody_saw_are_missed(bench, told):
+    bench.edge(T)
+    bench.hear(1)
+    bench.edge(T + 5 * SECOND, count=5)
+    bench.hear(3)
+    assert (told.gaps, [pulse.sequence for pulse in told.pulses]) == ([4], [1, 6])
+    assert bench.device.tally.missed == 4
+
+
+def test_the_kernels_count_wraps(make, told):
+    bench = make()
+    bench.kernel.pulse(T, count=2**32 - 1)
+    bench.device.start()
+    bench.edge(T + SECOND)
+    bench.edge(T + 2 * SECOND)
+    bench.hear(2)
+    assert [pulse.sequence for pulse in told.all] == [0, 1]
+
+
+def test_a_loop_that_is_held_up_gets_the_newest_edges_and_how_many_are_missing(bench, told):
+    for count in range(DEPTH + 5):
+        bench.edge(T + count * SECOND)
+    bench.kernel.wait()
+    bench.hear(DEPTH + 1)
+    assert told.all[0] == 5
+    assert [pulse.sequence for pulse in told.pulses] == list(range(6, DEPTH + 6))
+
+
+@pytest.mark.parametrize("late_ns", [-1, OLDEST_NS + 1], ids=["back", "forth"])
+def test_an_edge_after_which_the_systems_clock_was_stepped_is_missed(bench, told, late_ns):
+    bench.edge(T, late_ns=late_ns)
+    bench.edge(T + 3 * SECOND)
+    bench.hear(2)
+    assert told.all[0] == 1
+    assert [pulse.sequence for pulse in told.pulses] == [2]
+
+
+def test_an_edge_that_comes_while_another_is_taken_is_had_by_a_call_that_does_not_wait(bench):
+    bench.edge(T)
+    bench.kernel.wait()
+    # Start, the thread's first look, the wait that the edge ended, another look, and it waits again.
+    assert bench.kernel.waits_ns == [0, 0, WAIT_NS, 0, WAIT_NS]
+
+
+def test_in_a_storm_of_edges_the_thread_rests_and_the_newest_is_had(bench, told, monkeypatch):
+    fetcher = bench.device._fetcher
+    rested = []
+
+    def rest(seconds):
+        rested.append(seconds)
+        bench.kernel.pulse(bench.system_ns, count=1000)
+        bench.system_ns += SECOND  # and this was the last of them
+
+    monkeypatch.setattr(fetcher._leaves, "wait", rest)
+    bench.edge(T)
+    bench.edge(T + 1_000_000)
+    bench.hear(4)
+    bench.kernel.wait()
+    assert rested == [0.05]
+    assert [what if isinstance(what, int) else what.sequence for what in told.all] == [1, 2, 999, 1002]
+
+
+# Trouble.
+
+
+def test_a_time_out_is_no_trouble_as_long_as_the_device_is_there(bench, told):
+    bench.kernel.expire()
+    bench.kernel.expire()
+    bench.edge(T)
+    bench.hear(1)
+    assert len(told.pulses) == 1
+
+
+def test_a_signal_is_no_trouble(bench, told):
+    bench.kernel.wait()
+    bench.kernel.fail(errno.EINTR)
+    bench.edge(T)
+    bench.hear(1)
+    assert len(told.pulses) == 1
+
+
+@pytest.mark.parametrize("number", [errno.ENODEV, errno.EIO])
+def test_a_device_that_ends_is_told_once_and_may_be_started_again(bench, told, number):
+    bench.kernel.wait()
+    bench.kernel.fail(number)
+    bench.hear(1)
+    (error,) = told.all
+    assert str(error).startswith(f"{bench.path}: {os.strerror(number)}")
+    assert error.hint
+    bench.device.start()
+    bench.edge(T)
+    bench.hear(2)
+    assert len(told.pulses) == 1
+
+
+def test_a_device_that_is_gone_is_told_though_its_calls_only_time_out(bench, told):
+    bench.kernel.wait()
+    bench.path.unlink()
+    bench.kernel.expire()
+    bench.hear(1)
+    assert "it is gone" in str(told.errors[0])
+
+
+def test_a_device_that_went_and_came_back_is_another(bench, told):
+    bench.kernel.wait()
+    bench.path.rename(bench.path.with_name("pps0-before"))
+    bench.path.touch()
+    bench.kernel.expire()
+    bench.hear(1)
+    assert "it is gone" in str(told.errors[0])
+
+
+def test_an_edge_before_the_end_is_told_first(bench, told):
+    bench.edge(T)
+    bench.kernel.wait()
+    bench.kernel.fail(errno.ENODEV)
+    bench.hear(2)
+    assert isinstance(told.all[0], Pulse)
+    assert isinstance(told.all[1], InterfaceError)
+
+
+@pytest.mark.parametrize(("options", "words", "hint"), [
+    ({"can": 0x1150}, "stamps no assert edges (capabilities 0x1150)", "stamps nothing"),
+    ({"edge": "clear"}, "stamps no clear edges (capabilities 0x1151)", "take the edge assert"),
+    ({"can": 0x1051}, "nobody can wait for its edges (capabilities 0x1051)", "pps-gpio"),
+    ({"does": 0}, "assert edges are switched off (mode 0x0)", "PPS_SETPARAMS"),
+])  # fmt: skip
+def test_a_device_that_cannot_do_what_is_needed_is_refused(make, options, words, hint):
+    bench = make(**options)
+    before = descriptors()
+    with pytest.raises(InterfaceError) as refused:
+        bench.device.start()
+    assert refused.value.message == f"{bench.path}: {words}"
+    assert hint in refused.value.hint
+    assert descriptors() == before
+
+
+@pytest.mark.parametrize(("path", "words", "hint"), [
+    ("/dev/no-such-pps", "No such file or directory", "dtoverlay=pps-gpio"),
+    ("/dev/null", "Inappropriate ioctl for device", "/sys/class/pps"),
+])  # fmt: skip
+def test_a_path_that_is_no_device_is_refused_by_the_kernel_itself(loop, told, path, words, hint):
+    with pytest.raises(InterfaceError, match=f"{path}: {words}") as refused:
+        Device(loop, Path(path), told).start()
+    assert hint in refused.value.hint
+
+
+@pytest.mark.parametrize(("number", "hint"), [
+    (errno.EACCES, "udev rule"), (errno.EPERM, "udev rule"), (errno.ENODEV, "dtoverlay"), (errno.EBUSY, "dmesg"),
+])  # fmt: skip
+def test_a_device_that_cannot_be_opened_is_refused_with_what_to_do(make, monkeypatch, number, hint):
+    def refuse(*_):
+        raise OSError(number, os.strerror(number))
+
+    bench = make()
+    monkeypatch.setattr(os, "open", refuse)
+    with pytest.raises(InterfaceError, match=os.strerror(number)) as refused:
+        bench.device.start()
+    assert hint in refused.value.hint
+
+
+def test_a_thread_that_ends_by_a_bug_ends_the_loop(bench, monkeypatch):
+    seen = []
+    monkeypatch.setattr(threading, "excepthook", seen.append)
+    bench.kernel.wait()
+    bench.kernel.fail(ValueError("a bug"))
+    with pytest.raises(RuntimeError, match="its thread has ended"):
+        bench.hear(1)
+    assert [hook.exc_type for hook in seen] == [ValueError]
+
+
+# The end.
+
+
+def test_stopping_does_not_wait_for_the_thread_and_nothing_is_told_after_it(bench, told):
+    bench.edge(T)
+    bench.kernel.wait()
+    bench.device.stop()
+    bench.kernel.pulse(T + SECOND)
+    bench.end()
+    bench.rest()
+    assert told.all == []
+
+
+def test_stopping_twice_is_stopping_once_and_starting_twice_starting_once(bench, told):
+    bench.device.start()
+    bench.edge(T)
+    bench.hear(1)
+    bench.device.stop()
+    bench.device.stop()
+    assert len(told.all) == 1
+
+
+def test_a_device_may_be_started_again_while_the_thread_of_before_still_waits(bench, told):
+    bench.kernel.wait()
+    bench.device.stop()
+    bench.device.start()
+    bench.edge(T)
+    bench.hear(1)
+    bench.edge(T + SECOND)
+    bench.hear(2)
+    assert [pulse.sequence for pulse in told.all] == [1, 2]
+
+
+@pytest.mark.parametrize("count", [1, 4], ids=["at a pulse", "at missed ones"])
+def test_whoever_hears_may_stop_it(bench, told, count):
+    told.then = bench.device.stop
+    bench.edge(T, count=count)
+    bench.kernel.wait()
+    bench.edge(T + SECOND)
+    bench.hear(1)
+    bench.end()
+    bench.rest()
+    assert len(told.all) == 1
+
+
+def test_whoever_hears_of_the_end_may_start_it_again(bench, told):
+    told.then = bench.device.start
+    bench.kernel.wait()
+    bench.kernel.fail(errno.ENODEV)
+    bench.hear(1)
+    bench.edge(T)
+    bench.hear(2)
+    assert isinstance(told.all[1], Pulse)
+
+
+def test_no_descriptor_is_left_behind(make):
+    before = descriptors()
+    bench = make()
+    for _ in range(3):
+        bench.device.start()
+        bench.kernel.wait()
+        bench.device.stop()
+        bench.kernel.pulse(T)
+    bench.device.start()
+    bench.end()
+    assert descriptors() == before
