@@ -1,0 +1,94 @@
+"""In the guest: does what the bench asks for, a line of JSON each, and says what its programs say.
+
+Asked by {"do": WORD, ...} for: clocks; step, the system's clock by ns; write, a file; start, a program; run, one that
+ends soon; stop, a program. Says {"answer": ...} to each, in their order, and by itself {"program": NAME, "line": TEXT}
+for each line of a program, and {"program": NAME, "ended": STATUS}.
+"""
+
+import json
+import os
+import selectors
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from pps.pulse import read_clocks
+
+BATCH = 65_536
+RUN_S = 30.0  # of a program that is waited for
+
+
+class Agent:
+    """At one port, with the programs that it has started."""
+
+    def __init__(self, port: str) -> None:
+        self._port = os.open(port, os.O_RDWR)
+        self._selector = selectors.DefaultSelector()
+        self._selector.register(self._port, selectors.EVENT_READ, self._hear)
+        self._programs: dict[str, subprocess.Popen[bytes]] = {}
+        self._heard = b""
+        self._doings = {
+            "clocks": read_clocks,
+            "step": self._step,
+            "write": self._write,
+            "start": self._start,
+            "run": self._run,
+            "stop": lambda name: self._programs[name].terminate(),
+        }
+
+    def serve(self) -> None:
+        """For ever: the bench takes the power away."""
+        self._say({"answer": sys.version})
+        while True:
+            for key, _ in self._selector.select():
+                key.data()
+
+    def _hear(self) -> None:
+        *lines, self._heard = (self._heard + os.read(self._port, BATCH)).split(b"\n")
+        for line in lines:
+            asked = json.loads(line)
+            do = self._doings[asked.pop("do")]
+            try:
+                self._say({"answer": do(**asked)})
+            except (OSError, subprocess.SubprocessError) as error:
+                self._say({"answer": None, "error": str(error)})
+
+    def _step(self, ns: int) -> None:
+        time.clock_settime_ns(time.CLOCK_REALTIME, time.time_ns() + ns)
+
+    def _write(self, path: str, text: str) -> None:
+        Path(path).write_text(text)
+
+    def _start(self, name: str, words: Sequence[str]) -> None:
+        program = subprocess.Popen(words, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+        self._programs[name] = program
+        assert program.stdout is not None
+        out = program.stdout.fileno()
+        self._selector.register(out, selectors.EVENT_READ, lambda: self._pass_on(name, program, out))
+
+    def _pass_on(self, name: str, program: "subprocess.Popen[bytes]", out: int) -> None:
+        # Whole lines: each program says one at once, and shorter ones than a pipe takes in one piece.
+        octets = os.read(out, BATCH)
+        for line in octets.decode(errors="replace").splitlines():
+            self._say({"program": name, "line": line})
+        if not octets:
+            self._selector.unregister(out)
+            self._say({"program": name, "ended": program.wait()})
+
+    def _run(self, words: Sequence[str]) -> str:
+        ran = subprocess.run(
+            words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=RUN_S, check=False
+        )
+        return ran.stdout
+
+    def _say(self, what: dict[str, Any]) -> None:
+        octets = json.dumps(what).encode() + b"\n"
+        while octets:
+            octets = octets[os.write(self._port, octets) :]
+
+
+if __name__ == "__main__":
+    Agent(sys.argv[1]).serve()

@@ -1,0 +1,168 @@
+"""A guest: QEMU's arm64 machine on the bench's loop, with an agent in it that does what it is asked for."""
+
+import json
+import os
+import socket
+import subprocess
+from collections import deque
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from board.loop import Loop
+from pps.pulse import Clocks
+from tests.clock.truth import Ruler, host_ns
+
+PROJECT = Path(__file__).resolve().parents[2]
+MADE = PROJECT / "build/clock"
+BATCH = 65_536
+URGENT = -15  # as nice(2) has it
+
+Answered = Callable[[Any], None]
+
+
+@dataclass(frozen=True)
+class Made:
+    """What a guest is made of.
+
+    root  a directory, or the image of an ext4 file system; it has Python, chronyd and, for captain from its sources,
+          the locked packages. initrd: .ci/clock's, with modules of this kernel.
+    """
+
+    kernel: Path = MADE / "vmlinuz"
+    initrd: Path = MADE / "initrd"
+    device_tree: Path = MADE / "pps.dtb"
+    root: Path = MADE / "root"
+
+
+class Guest:
+    """A running guest.
+
+    monitor      path of its QMP socket.
+    ruler        lays its oscillator on the host's clock; clocks() feeds it.
+    told         by name: what is called with each line of a program in it.
+    is_up        its agent answers. trouble: what it or QEMU complained of.
+    """
+
+    def __init__(self, loop: Loop, made: Made, name: str, folder: Path, date: str, devices: Sequence[str] = ()) -> None:
+        """Supply it. date: of its real-time clock, UTC. devices: further words for QEMU."""
+        self.name = name
+        self.monitor = folder / f"{name}.qmp"
+        self.console = MADE / f"console-{name}.log"
+        self.ruler = Ruler()
+        self.told: dict[str, Callable[[str], None]] = {}
+        self.is_up = False
+        self.is_gone = False
+        self.trouble: list[str] = []
+        self._loop = loop
+        self._heard = b""
+        self._asked: deque[tuple[int, Answered]] = deque([(0, self._greeted)])
+        self._socket, far = socket.socketpair()
+        with far, (MADE / f"qemu-{name}.log").open("wb") as complaints:
+            words = _command(made, self.monitor, self.console, date, devices)
+            self._process = subprocess.Popen(words, stdin=far, stdout=far, stderr=complaints)
+        loop.add(self)
+
+    # A source of the loop
+
+    def fileno(self) -> int:
+        return self._socket.fileno()
+
+    def ready(self, events: int) -> None:
+        try:
+            octets = self._socket.recv(BATCH)
+        except OSError:
+            octets = b""
+        at_ns = host_ns()
+        if not octets:
+            self.is_gone = True
+            self._loop.remove(self)
+            return
+        *lines, self._heard = (self._heard + octets).split(b"\n")
+        for line in lines:
+            self._take(json.loads(line), at_ns)
+
+    def _take(self, said: dict[str, Any], at_ns: int) -> None:
+        if "answer" in said:
+            asked_ns, answered = self._asked.popleft()
+            if "error" in said:
+                self.trouble.append(said["error"])
+            if asked_ns:
+                clocks = Clocks(*said["answer"])
+                self.ruler.after(asked_ns, clocks.raw_ns)
+                self.ruler.before(at_ns, clocks.raw_ns)
+            answered(said["answer"])
+        elif "line" in said:
+            self.told.get(said["program"], lambda line: None)(said["line"])
+        else:
+            self.trouble.append(f"{said['program']} has ended with {said['ended']}")
+
+    # What is asked for
+
+    def clocks(self, answered: Callable[[Clocks], None]) -> None:
+        """The guest's clocks, at a moment between this and the call; the ruler has learnt of both."""
+        asked_ns = host_ns()
+        self._ask({"do": "clocks"}, lambda answer: answered(Clocks(*answer)), asked_ns)
+
+    def step(self, ns: int) -> None:
+        """Put the system's clock wrong."""
+        self._ask({"do": "step", "ns": ns})
+
+    def write(self, path: str, text: str) -> None:
+        self._ask({"do": "write", "path": path, "text": text})
+
+    def start(self, name: str, *words: str) -> None:
+        self._ask({"do": "start", "name": name, "words": words})
+
+    def run(self, words: Sequence[str], answered: Callable[[str], None]) -> None:
+        """A program to its end, a short one: the agent does nothing else meanwhile."""
+        self._ask({"do": "run", "words": words}, answered)
+
+    def kill(self) -> None:
+        """Take away its power; idempotent."""
+        if not self.is_gone:
+            self.is_gone = True
+            self._loop.remove(self)
+        self._process.kill()
+        self._process.wait()
+        self._socket.close()
+
+    def hurry(self) -> None:
+        """Let it come before what else this machine does, where that is permitted: its interrupts are measured."""
+        with suppress(PermissionError):
+            for thread in Path(f"/proc/{self._process.pid}/task").iterdir():
+                os.setpriority(os.PRIO_PROCESS, int(thread.name), URGENT)
+
+    def last_words(self) -> str:
+        """Of its console."""
+        return self.console.read_text(errors="replace")[-2000:] if self.console.exists() else ""
+
+    def _ask(self, what: dict[str, Any], answered: Answered = lambda answer: None, asked_ns: int = 0) -> None:
+        self._asked.append((asked_ns, answered))
+        if not self.is_gone:
+            self._socket.sendall(json.dumps(what).encode() + b"\n")
+
+    def _greeted(self, version: str) -> None:
+        self.is_up = True
+
+
+def _command(made: Made, monitor: Path, console: Path, date: str, devices: Sequence[str]) -> list[str]:
+    shares = {"bench": PROJECT} | ({"root": made.root} if made.root.is_dir() else {})
+    drive = ["-drive", f"file={made.root},format=raw,if=virtio,snapshot=on"] if made.root.is_file() else []
+    given = ["console=ttyAMA0", "quiet", "panic=-1", f"ROOT={'/dev/vda' if drive else ''}"]
+    words = [
+        *("qemu-system-aarch64", "-nodefaults", "-no-user-config", "-display", "none", "-no-reboot"),
+        *("-M", "virt,acpi=off", "-cpu", "cortex-a72", "-smp", "1", "-m", "1024", "-accel", "tcg,thread=multi"),
+        *("-dtb", str(made.device_tree), "-kernel", str(made.kernel), "-initrd", str(made.initrd)),
+        *("-append", " ".join(given), "-serial", f"file:{console}", "-rtc", f"base={date}"),
+        *("-qmp", f"unix:{monitor},server=on,wait=off"),
+        *("-device", "virtio-serial-pci", "-chardev", "stdio,id=agent,signal=off"),
+        *("-device", "virtserialport,chardev=agent,name=bench"),
+        *drive,
+    ]
+    for tag, path in shares.items():
+        shared = f"local,path={path},mount_tag={tag},security_model=none,readonly=on,multidevs=remap"
+        words += ["-virtfs", shared]
+    return [*words, *devices, *(() if "-netdev" in devices else ("-nic", "none"))]
