@@ -1,24 +1,14 @@
 """GPIO lines of the Pi as outputs: active or inactive, whatever voltage that is."""
 
 import contextlib
-import errno
-import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
 from board.description import LineDescription
 from board.errors import InterfaceError
+from board.gpiochip import DEV, library, place, request, told
 from board.loop import Loop, Timer
-
-DEV = Path("/dev")
-
-HINTS = {
-    errno.EBUSY: "`gpioinfo` lists lines and their users",
-    errno.EACCES: "add the user to the group gpio: `sudo adduser USER gpio`",
-    errno.EPERM: "add the user to the group gpio: `sudo adduser USER gpio`",
-    errno.EINVAL: "`gpioinfo` shows what the chip has: offset, and whether it can do open drain",
-}
 
 
 class Line(Protocol):
@@ -44,29 +34,21 @@ class OutputLine:
 
     def __init__(self, description: LineDescription, dev: Path = DEV) -> None:
         """Raises InterfaceError when the line is absent, taken or not permitted."""
-        self._gpiod = _gpiod()
+        self._gpiod = library()
         self._values = (self._gpiod.line.Value.INACTIVE, self._gpiod.line.Value.ACTIVE)
         self._description = description
         self._is_driven = description.initial != "keep"
-        self.where = description.line or f"{_named(description, dev)}, line {description.offset}"
+        self.where = place(description, dev)
         settings = self._output(description.initial == "active") if self._is_driven else self._as_found()
-        with self._told(), _opened(self._gpiod, description, dev) as (chip, offset):
-            self._offset = offset
-            try:
-                self._request = chip.request_lines({offset: settings}, consumer="captain")
-            except OSError as error:
-                if error.errno == errno.EBUSY:
-                    user = chip.get_line_info(offset).consumer or "somebody unnamed"
-                    raise InterfaceError(f"{self.where}: in use by {user}", HINTS[errno.EBUSY]) from error
-                raise
+        self._request, self._offset = request(description, dev, settings)
 
     @property
     def is_active(self) -> bool:
-        with self._told():
+        with told(self.where):
             return bool(self._request.get_value(self._offset) == self._values[True])
 
     def set(self, is_active: bool) -> None:
-        with self._told():
+        with told(self.where):
             if self._is_driven:
                 self._request.set_value(self._offset, self._values[is_active])
             else:
@@ -99,18 +81,6 @@ class OutputLine:
     def _is_held(self, is_active: bool) -> bool:
         """Whether we drive the level: of open drain the low one alone, the other is for anybody to pull down."""
         return not self._description.open_drain or is_active == self._description.active_low
-
-    @contextlib.contextmanager
-    def _told(self) -> Iterator[None]:
-        """Errors of gpiod as ours."""
-        try:
-            yield
-        except (OSError, ValueError) as error:
-            text, hint = str(error), HINTS[errno.EINVAL]
-            if isinstance(error, OSError):
-                text = os.strerror(error.errno) if error.errno else text
-                hint = HINTS.get(error.errno or 0, "`gpiodetect` lists chips, `gpioinfo` their lines")
-            raise InterfaceError(f"{self.where}: {text}", hint) from error
 
 
 class Lines:
@@ -206,50 +176,3 @@ class Blinker:
             done(None)
         else:
             self._timer = self._loop.after(durations_s[place], lambda: self._step(durations_s, place + 1, done))
-
-
-def _gpiod() -> Any:
-    """libgpiod v2: 49 ms that a station without lines saves."""
-    try:
-        import gpiod
-        import gpiod.line
-    except ImportError as error:
-        hint = "`pip install gpiod`; the python3-libgpiod of Debian 12 is version 1 under the same name"
-        raise InterfaceError(f"libgpiod version 2 is needed for GPIO lines: {error}", hint) from error
-    return gpiod
-
-
-def _named(description: LineDescription, dev: Path) -> str:
-    """A chip that is given by name or path has a path; any other word is a label."""
-    chip = description.chip
-    return str(dev / chip) if chip.startswith(("/", "gpiochip")) else chip
-
-
-@contextlib.contextmanager
-def _opened(gpiod: Any, description: LineDescription, dev: Path) -> Iterator[tuple[Any, int]]:
-    """The chip that has the line, and the line's offset in it; closed when the request is made."""
-    named = _named(description, dev)
-    if named.startswith("/"):
-        with gpiod.Chip(named) as chip:
-            yield chip, description.offset
-        return
-    # Numbers of chips change from boot to boot; a link to a chip (Raspberry Pi OS has gpiochip4 -> gpiochip0) is none.
-    for path in sorted(path for path in dev.glob("gpiochip*") if not path.is_symlink()):
-        with gpiod.Chip(str(path)) as chip:
-            offset = _offset_in(chip, description)
-            if offset is not None:
-                yield chip, offset
-                return
-    line = description.line
-    what = f"no line of any GPIO chip is named {line}" if line else f"no GPIO chip is labelled {named}"
-    raise InterfaceError(what, "`gpioinfo` lists chips with their labels, and the names of lines")
-
-
-def _offset_in(chip: Any, description: LineDescription) -> int | None:
-    """Offset of the described line, where this chip has it."""
-    if description.chip:
-        return description.offset if chip.get_info().label == description.chip else None
-    try:
-        return int(chip.line_offset_from_id(description.line))
-    except (OSError, ValueError):
-        return None

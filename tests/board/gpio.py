@@ -1,4 +1,4 @@
-"""gpiod as far as board/line.py needs it, for machines without GPIO: chips in a directory, and what befalls lines.
+"""gpiod as far as board/line.py and board/edges.py need it, for machines without GPIO: chips in a directory, and what befalls lines.
 
 What it raises is what gpiod 2.5 raises for the same.
 """
@@ -6,6 +6,7 @@ What it raises is what gpiod 2.5 raises for the same.
 import errno
 import os
 import sys
+from collections import deque
 from enum import Enum
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -18,6 +19,7 @@ class Value(Enum):
 
 class Direction(Enum):
     AS_IS = 1
+    INPUT = 2
     OUTPUT = 3
 
 
@@ -26,12 +28,23 @@ class Drive(Enum):
     OPEN_DRAIN = 2
 
 
+class Edge(Enum):
+    RISING = 2
+    FALLING = 3
+
+
+class Clock(Enum):
+    MONOTONIC = 1
+    REALTIME = 2
+
+
 class FakeChip:
     """A chip: labels, names of lines, who has which, and the levels at its pins.
 
     outside  levels that something else forces upon a line.
     changes  what was asked of the kernel, in order: (offset, direction, drive, level).
     failure  raised by the next calls.
+    inputs   lines whose edges are stamped: offset -> request.
     """
 
     def __init__(self, label, names=(), count=58):
@@ -43,8 +56,13 @@ class FakeChip:
         self.outside = {}
         self.changes = []
         self.failure = None
+        self.inputs = {}
         self.clock = lambda: 0.0
         self.times = []
+
+    def edge(self, offset, monotonic_ns, count=1):
+        """Edges of a line, all at the same moment; of more than the kernel keeps, the newest are had."""
+        self.inputs[offset].happen(monotonic_ns, count)
 
 
 class Gpio:
@@ -54,7 +72,7 @@ class Gpio:
         self.dev = dev
         self.chips: dict[str, FakeChip] = {}
         gpiod, line = ModuleType("gpiod"), ModuleType("gpiod.line")
-        line.Value, line.Direction, line.Drive = Value, Direction, Drive
+        line.Value, line.Direction, line.Drive, line.Edge, line.Clock = Value, Direction, Drive, Edge, Clock
         gpiod.LineSettings = SimpleNamespace
         gpiod.line, line.__name__ = line, "gpiod.line"
         gpiod.__path__ = []
@@ -93,13 +111,15 @@ class _Opened:
             raise _error(errno.ENOENT)
         return self._chip.names.index(name)
 
-    def request_lines(self, config, consumer):
+    def request_lines(self, config, consumer, event_buffer_size=None):
         ((offset, settings),) = config.items()
         if offset >= self._chip.count:
             raise ValueError("line offset of out range")
         if offset in self._chip.users:
             raise _error(errno.EBUSY)
         self._chip.users[offset] = consumer
+        if settings.direction is Direction.INPUT:
+            return _Input(self._chip, offset, settings, event_buffer_size)
         return _Request(self._chip, offset, settings)
 
 
@@ -138,6 +158,46 @@ class _Request:
 
     def release(self):
         self._chip.users.pop(self._offset, None)
+
+
+class _Input:
+    """A line whose edges are stamped, with a descriptor that is ready while there are some."""
+
+    def __init__(self, chip, offset, settings, buffer):
+        self._chip, self._offset = chip, offset
+        self.settings = settings
+        self.fd = os.eventfd(0, os.EFD_NONBLOCK)
+        self._events = deque(maxlen=buffer)
+        self._sequence = 0
+        chip.inputs[offset] = self
+
+    def happen(self, monotonic_ns, count):
+        assert self.settings.event_clock is Clock.MONOTONIC
+        for _ in range(count):
+            self._sequence += 1
+            self._events.append(SimpleNamespace(line_seqno=self._sequence, timestamp_ns=monotonic_ns))
+        os.eventfd_write(self.fd, 1)
+
+    def read_edge_events(self, most):
+        if self._chip.failure is not None:
+            raise self._chip.failure
+        if not self._events:
+            raise _error(errno.EAGAIN)
+        read = [self._events.popleft() for _ in range(min(most, len(self._events)))]
+        if not self._events:
+            os.eventfd_read(self.fd)
+        return read
+
+    def get_value(self, offset):
+        assert offset == self._offset
+        if self._chip.failure is not None:
+            raise self._chip.failure
+        return Value.INACTIVE
+
+    def release(self):
+        if self._chip.inputs.get(self._offset) is self:
+            del self._chip.inputs[self._offset], self._chip.users[self._offset]
+            os.close(self.fd)
 
 
 def _error(number):
