@@ -17,15 +17,12 @@ from typing import Literal, NamedTuple
 
 from board.errors import InterfaceError
 from board.loop import Loop
-from pps.pulse import REST_S, STORM_NS, Above, Clocks, Pulse, Tally, pulse_at, read_clocks
+from pps.pulse import OLDEST_NS, REST_S, STORM_NS, Above, Clocks, Pulse, Tally, pulse_at, read_clocks
 
 WAIT_NS = (
     1_500_000_000  # in one call: half a second more than between two pulses, and how long a thread outlives stop()
 )
 DEPTH = 8  # edges that wait for the loop; of more, the newest
-
-# A stamp that is older when it is taken, or of the future: the system's clock was stepped since.
-OLDEST_NS = 1_000_000_000
 
 # Mode bits of linux/pps.h.
 CANWAIT = 0x100

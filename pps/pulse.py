@@ -10,6 +10,10 @@ from board.errors import InterfaceError
 TIGHT_NS = 5_000
 MORE_READINGS = 3
 
+# A stamp that is older when it is taken is of no use: the clocks of now do not tell what the others were then, since
+# they are steered against each other (at 100 ppm it would be 25 us). One of the future: the clock was stepped since.
+OLDEST_NS = 250_000_000
+
 EXTRA_NS = 500_000_000  # two pulses of a receiver are never nearer to each other
 
 # Edges that follow each other so soon come from a wire that bounces or from something else than seconds: after each
@@ -36,7 +40,8 @@ class Pulse(NamedTuple):
     """An edge that begins a second, by each clock.
 
     sequence   the kernel's count of edges; it wraps at 2**32.
-    system_ns  as the kernel stamped it. raw_ns, monotonic: found from it when the edge was taken.
+    The kernel has stamped it by one of the clocks: system_ns (pps.device) or monotonic (pps.edges). The others are
+    found from that when the edge is taken.
     """
 
     sequence: int
