@@ -21,6 +21,7 @@ LEAPS = (
     1_435_708_800,  # 2015-07-01
     1_483_228_800,  # 2017-01-01
 )
+LEAPS_END = 1_782_604_800  # 2026-06-28, until which the list of Bulletin C 70 says that these are all
 
 # GPS time begins with 1980-01-06T00:00:00Z, here as Unix time, and leaves no second out (IS-GPS-200N, clause
 # 20.3.3.5.2.4). In 2004 it was 13 s ahead of UTC: GPS time of a moment less its ITS time is the same for ever.
@@ -36,14 +37,17 @@ _MAX_ITS_MS = 2**42 - 1  # TimestampIts is INTEGER (0..4398046511103)
 
 
 def leap_seconds(utc_s: float) -> int:
-    """Leap seconds inserted between 2004-01-01 and a moment in Unix time: 5 since 2017-01-01."""
+    """Leap seconds inserted between 2004-01-01 and a moment in Unix time: 5 since 2017-01-01.
+
+    Of the table built in; board/leaps.py has that by which the station goes.
+    """
     if utc_s >= LEAPS[-1]:
         return len(LEAPS)
     return sum(utc_s >= leap for leap in LEAPS)
 
 
 def leap_seconds_its(its_ms: int) -> int:
-    """Leap seconds inserted between 2004-01-01 and a moment in ITS time.
+    """Leap seconds inserted between 2004-01-01 and a moment in ITS time, of the table built in.
 
     A leap second counts from its own first millisecond on: Unix time, which has no number for it, repeats the
     second before it, as the Linux kernel does.

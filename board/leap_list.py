@@ -1,0 +1,127 @@
+"""leap-seconds.list, as the IERS publishes it and tzdata has it: comments, stamps, leap seconds, and a hash of them.
+
+Source: the comments of the list itself, of the IERS and of NIST; ntp's ntpd/ntp_leapsec.c for the order of the hash.
+"""
+
+import hashlib
+import os
+import re
+import stat
+import time
+from typing import NamedTuple
+
+from board.errors import ConfigurationError
+from board.time import EPOCH, TAI_LEAD
+
+MOST = 65_536  # octets; the lists of the IERS and of NIST have 5000 to 11 000
+
+NTP_EPOCH = 2_208_988_800  # the list counts seconds since 1900-01-01; here to 1970
+DAY = 86_400
+
+# `#$` when it was made, `#@` when it expires, and `#h` its SHA-1 in five words, which may lack leading zeros.
+UPDATED, EXPIRES, HASH = "#$", "#@", "#h"
+_STAMP = re.compile(r"\d{10,11}", re.ASCII)
+_WORDS = re.compile(r"[0-9a-f]{1,8}(\s+[0-9a-f]{1,8}){4}", re.ASCII | re.IGNORECASE)
+_ROW = re.compile(r"(\d{10,11})\s+(\d{1,3})\s*(#.*)?", re.ASCII)
+
+HINT = "a list that is intact comes with the package tzdata; without one a receiver tells, or what is built in"
+
+
+class LeapList(NamedTuple):
+    """What a list says.
+
+    changes  since 2004: Unix time of the midnight behind each leap second, and 1 or -1.
+    expires  Unix time.
+    """
+
+    changes: tuple[tuple[int, int], ...]
+    expires: int
+
+
+def read_list(path: str) -> LeapList:
+    """A list, its hash verified. Raises ConfigurationError where it cannot be read, is damaged or says nonsense."""
+    stamps: dict[str, str] = {}
+    rows: list[tuple[int, int]] = []
+    hashed = hashlib.sha1(usedforsecurity=False)
+    for number, line in enumerate(map(str.strip, _text(path).split("\n")), 1):
+        kind = line[:2]
+        if kind in (UPDATED, EXPIRES, HASH):
+            if kind in stamps:
+                raise _wrong(path, number, f"a second line that begins with {kind}")
+            stamps[kind] = line[2:].strip()
+            if kind != HASH:
+                hashed.update(stamps[kind].encode())
+        elif line and not line.startswith("#"):
+            row = _ROW.fullmatch(line)
+            if row is None:
+                raise _wrong(path, number, f"neither a comment nor a leap second: {line[:60]!r}")
+            rows.append((int(row[1]) - NTP_EPOCH, int(row[2])))
+            hashed.update((row[1] + row[2]).encode())
+    expires = _expires(path, stamps, hashed.hexdigest())
+    return LeapList(_changes(path, rows, expires), expires)
+
+
+def day(unix_s: int) -> str:
+    """The day of a Unix time: 2026-06-28."""
+    return time.strftime("%Y-%m-%d", time.gmtime(unix_s))
+
+
+def _text(path: str) -> str:
+    try:
+        # What is no file may have no end, or none that ever comes.
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+        with open(descriptor, "rb") as file:
+            octets = file.read(MOST + 1) if stat.S_ISREG(os.fstat(descriptor).st_mode) else None
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise ConfigurationError(f"{path}: the list of leap seconds cannot be read: {reason}", HINT) from None
+    if octets is None:
+        raise ConfigurationError(f"{path}: the list of leap seconds is not a file", HINT)
+    if len(octets) > MOST:
+        raise ConfigurationError(f"{path}: too long for a list of leap seconds: more than {MOST} octets", HINT)
+    try:
+        return octets.decode()
+    except UnicodeDecodeError as error:
+        raise ConfigurationError(f"{path}: octet {error.start}: not UTF-8", HINT) from None
+
+
+def _expires(path: str, stamps: dict[str, str], digest: str) -> int:
+    for kind in (UPDATED, EXPIRES, HASH):
+        if kind not in stamps:
+            raise ConfigurationError(f"{path}: no line that begins with {kind}", HINT)
+        if not (_WORDS if kind == HASH else _STAMP).fullmatch(stamps[kind]):
+            raise ConfigurationError(f"{path}: {kind} {stamps[kind][:60]!r} is not {_FORMS[kind]}", HINT)
+    said = "".join(word.zfill(8) for word in stamps[HASH].lower().split())
+    if said != digest:
+        raise ConfigurationError(f"{path}: its SHA-1 is {digest}, and it says {said}: it was changed", HINT)
+    if int(stamps[EXPIRES]) <= int(stamps[UPDATED]):
+        raise ConfigurationError(f"{path}: it expires before it was made", HINT)
+    return int(stamps[EXPIRES]) - NTP_EPOCH
+
+
+def _changes(path: str, rows: list[tuple[int, int]], expires: int) -> tuple[tuple[int, int], ...]:
+    changes: list[tuple[int, int]] = []
+    before: tuple[int, int] | None = None
+    for midnight, tai in rows:
+        if midnight % DAY:
+            raise ConfigurationError(
+                f"{path}: a leap second that is not before a midnight: {midnight + NTP_EPOCH}", HINT
+            )
+        if before is not None and (midnight <= before[0] or abs(tai - before[1]) != 1):
+            raise ConfigurationError(f"{path}: {tai} s on {day(midnight)} cannot follow {before[1]} s", HINT)
+        if before is not None and midnight > EPOCH:
+            changes.append((midnight, tai - before[1]))
+        before = (midnight, tai)
+    then = [tai for midnight, tai in rows if midnight <= EPOCH]
+    if then[-1:] != [TAI_LEAD - EPOCH]:
+        raise ConfigurationError(f"{path}: it does not have the {TAI_LEAD - EPOCH} s of 2004", HINT)
+    if before is not None and before[0] > expires:
+        raise ConfigurationError(f"{path}: it expires before its last leap second, on {day(expires)}", HINT)
+    return tuple(changes)
+
+
+def _wrong(path: str, number: int, what: str) -> ConfigurationError:
+    return ConfigurationError(f"{path}: line {number}: {what}", HINT)
+
+
+_FORMS = {UPDATED: "seconds since 1900", EXPIRES: "seconds since 1900", HASH: "five hexadecimal words"}
