@@ -3,15 +3,10 @@
 from bisect import bisect_right
 from collections.abc import Callable
 
-from board.time import EPOCH, leap_seconds_its
+from board.leaps import BUILT_IN
 from pps.pulse import Clocks
 
 from .oscillator import Oscillator
-
-
-def unix_ns(its_ns: int) -> int:
-    """Unix time of a true time, by the built-in leap seconds."""
-    return its_ns + (EPOCH - leap_seconds_its(its_ns // 1_000_000)) * 1_000_000_000
 
 
 class Machine:
@@ -25,7 +20,7 @@ class Machine:
 
     def __init__(self, oscillator: Oscillator, system_error_ns: int = 0, monotonic_s: float = 5.0) -> None:
         self.oscillator = oscillator
-        start_ns = unix_ns(oscillator.start_its_ns) + system_error_ns
+        start_ns = BUILT_IN.unix_ns(oscillator.start_its_ns) + system_error_ns
         self._raws = [oscillator.start_raw_ns]  # since when the entries of the other two hold
         self._systems = [(start_ns, monotonic_s, 0.0)]  # system's and loop's clock then, ppb they are slewed by
 
@@ -51,7 +46,7 @@ class Machine:
 
     def system_offset_ns(self, its_ns: int) -> int:
         """True time less the system's clock: what TimeQuality.offset_ns is an estimate of."""
-        return unix_ns(its_ns) - self.clocks(its_ns).system_ns
+        return BUILT_IN.unix_ns(its_ns) - self.clocks(its_ns).system_ns
 
     def _steer(self, its_ns: int, by_ns: int, ppb: Callable[[float], float]) -> None:
         clocks = self.clocks(its_ns)

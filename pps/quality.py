@@ -1,0 +1,99 @@
+"""What time it is, and how well that is known: by pulses, by their memory, by messages, by the system's word."""
+
+from board.leaps import BUILT_IN, Leaps
+from board.time import Fix, LeapEvent, Lock, TimeQuality
+from pps.messages import Messages
+from pps.model import LATENCY_NS, Model
+from pps.pulse import Clocks
+from pps.timemark import Second
+
+# Without pulses for so long the oscillator holds the time: two may be missed, and the next one is known of when the
+# receiver has confirmed it.
+HOLDOVER_S = 3.6
+
+# LOCKED is better than the resolution of any ITS time stamp, which is 1 ms.
+LOCKED_NS = 1_000_000
+
+# A system's clock may be off by this more for each second since it spoke: RFC 5905, PHI.
+SYSTEM_PPM = 15
+
+
+class Estimator:
+    """The station's idea of the time. Sans-I/O: all that it is told has its moment by the raw clock.
+
+    latency_ns  the most that an ordinary stamp of a pulse is late.
+    leaps       may be set anew at any time.
+    source      interface of the receiver.
+    """
+
+    def __init__(self, latency_ns: int = LATENCY_NS, leaps: Leaps = BUILT_IN, source: str = "") -> None:
+        self.leaps = leaps
+        self.source = source
+        self.model = Model(latency_ns)
+        self._messages = Messages()
+        self._system: tuple[int, int, int] | None = None
+        self._leap: LeapEvent | None = None
+
+    @property
+    def surprises(self) -> int:
+        """Times that pulses came back and the estimate was further off than had been stated."""
+        return self.model.surprises
+
+    def second(self, second: Second) -> None:
+        """A pulse and its second, in the order of time."""
+        self.model.second(second)
+        self._leap = second.leap_event
+
+    def fix(self, fix: Fix, clocks: Clocks) -> None:
+        """A message of the receiver that came lately; what has no time says nothing."""
+        if fix.utc_ns is not None:
+            ago_ns = round((clocks.monotonic - fix.monotonic) * 1e9)
+            self._messages.message(self.leaps.its_ns(fix.utc_ns), clocks.raw_ns - ago_ns)
+
+    def system(self, offset_ns: int, uncertainty_ns: int, raw_ns: int) -> None:
+        """What the system says of its clock, by sources other than this estimator: true less system's time."""
+        self._system = (offset_ns, uncertainty_ns, raw_ns)
+
+    def estimate(self, raw_ns: int) -> tuple[int, int] | None:
+        """True time (ITS ns) by pulses at a moment of the raw clock, and how far off it may be; None without any."""
+        return self.model.estimate(raw_ns)
+
+    def quality(self, clocks: Clocks) -> TimeQuality:
+        """How well the time is known now, by the source that knows it best."""
+        said = self._by_pulses(clocks) + self._by_messages(clocks) + self._by_system(clocks)
+        if not said:
+            return TimeQuality(source=self.source)
+        state, offset_ns, uncertainty_ns = min(said, key=lambda word: word[2])
+        model = self.model
+        if model.line is None:
+            return TimeQuality(state, offset_ns, uncertainty_ns, source=self.source)
+        return TimeQuality(
+            state=state,
+            offset_ns=offset_ns,
+            uncertainty_ns=uncertainty_ns,
+            jitter_ns=round(model.jitter_ns) if model.is_settled else None,
+            frequency_ppb=-model.line.rate_ppb,
+            skew_ppb=model.line.skew_ppb,
+            age_s=model.age_s(clocks.raw_ns),
+            leap=self._leap,
+            source=self.source,
+        )
+
+    def _by_pulses(self, clocks: Clocks) -> list[tuple[Lock, int, int]]:
+        known = self.model.estimate(clocks.raw_ns)
+        if known is None:
+            return []
+        state = Lock.LOCKED if known[1] <= LOCKED_NS and not self.model.is_settling else Lock.SETTLING
+        if self.model.age_s(clocks.raw_ns) > HOLDOVER_S:
+            state = Lock.HOLDOVER
+        return [(state, self.leaps.unix_ns(known[0]) - clocks.system_ns, known[1])]
+
+    def _by_messages(self, clocks: Clocks) -> list[tuple[Lock, int, int]]:
+        known = self._messages.estimate(clocks.raw_ns)
+        return [(Lock.COARSE, self.leaps.unix_ns(known[0]) - clocks.system_ns, known[1])] if known else []
+
+    def _by_system(self, clocks: Clocks) -> list[tuple[Lock, int, int]]:
+        if self._system is None:
+            return []
+        offset_ns, uncertainty_ns, raw_ns = self._system
+        return [(Lock.SYSTEM, offset_ns, uncertainty_ns + abs(clocks.raw_ns - raw_ns) * SYSTEM_PPM // 1_000_000)]

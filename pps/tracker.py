@@ -1,0 +1,81 @@
+"""A straight line through noisy readings that bends: one with a memory, and several among which the readings choose.
+
+Each is an alpha-beta filter with the gains of a least-squares line through its last readings (Kalata; Bar-Shalom, Li,
+Kirubarajan: Estimation with Applications to Tracking and Navigation, chapter 6): they grow from the first reading on up
+to its memory. A long memory is quiet, a short one follows a clock that wanders. Which is better here and now shows in
+how far off each foretold the reading that came.
+"""
+
+# Readings that a line remembers. Below 8 an interrupt's jitter is all there is to see; beyond 512 no uncompensated
+# crystal holds its frequency well enough to gain.
+MEMORIES = (8, 16, 32, 64, 128, 256, 512)
+
+# The longest memory whose squared error is within this factor of the least is taken: between neighbours there is less
+# than that in white noise.
+TOLERANCE = 1.06
+
+# Errors are remembered for so many readings when memories are compared.
+COMPARED = 40
+
+
+class Tracker:
+    """A line: `phase` at the last reading, and `rate`, its change per second.
+
+    memory  readings that it remembers when it has seen so many. cost: mean square of how far off it foretold.
+    """
+
+    __slots__ = ("alpha", "beta", "cost", "count", "memory", "phase", "rate")
+
+    def __init__(self, memory: int) -> None:
+        self.memory = memory
+        self.begin(0.0, 0.0, 0)
+
+    def begin(self, phase: float, rate: float, count: int) -> None:
+        """Start anew from a line that stands for so many readings."""
+        self.phase, self.rate, self.count, self.cost = phase, rate, 0, 0.0
+        self._learn(min(count, self.memory))
+
+    def reading(self, elapsed_s: float, value: float) -> float:
+        """Take the reading of so many seconds after the last one. Returns by how much it was above the line."""
+        error = value - self.phase - self.rate * elapsed_s
+        if self.count < self.memory:
+            self._learn(self.count + 1)
+        self.phase = value - error * (1 - self.alpha)
+        self.rate += self.beta * error / elapsed_s
+        self.cost += (error * error - self.cost) / COMPARED
+        return error
+
+    def _learn(self, count: int) -> None:
+        self.count = count
+        n = max(count, 1)
+        self.alpha = 2 * (2 * n - 1) / (n * (n + 1))
+        self.beta = 6 / (n * (n + 1)) if n > 1 else 0.0
+
+
+class Trackers:
+    """Lines of several memories over the same readings; `best` is the one to believe."""
+
+    def __init__(self) -> None:
+        self.lines = [Tracker(memory) for memory in MEMORIES]
+        self.best = self.lines[0]
+
+    def begin(self, phase: float, rate: float, count: int, cost: float) -> None:
+        """Start anew from a line that stands for so many readings, which are off it by so much squared."""
+        for line in self.lines:
+            line.begin(phase, rate, count)
+            line.cost = cost
+        self.best = self.lines[0]
+
+    def reading(self, elapsed_s: float, value: float) -> float:
+        """Take a reading. Returns by how much it was above the best line."""
+        best = self.best
+        above = value - best.phase - best.rate * elapsed_s
+        least = float("inf")
+        for line in self.lines:
+            line.reading(elapsed_s, value)
+            least = min(line.cost, least)
+        limit = least * TOLERANCE
+        for line in self.lines:
+            if line.cost <= limit:
+                self.best = line
+        return above
