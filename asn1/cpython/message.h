@@ -46,9 +46,10 @@ captain_status decode_octets(const captain_type *type, void *value, const octets
 /* A value in memory to bytes; NULL and EncodeError. */
 PyObject *encoded(const captain_type *type, const void *value);
 
-/* Methods: of message.c, describe.c and tree.c. */
+/* Methods: of message.c, reader.c, describe.c and tree.c. */
 PyObject *message_decode(PyObject *self, PyObject *source);
 PyObject *message_view(PyObject *self, PyObject *source);
+PyObject *message_reader(PyObject *self, PyObject *paths);
 PyObject *message_encode(PyObject *self, PyObject *value);
 PyObject *message_validate(PyObject *self, PyObject *value);
 PyObject *message_to_json(PyObject *self, PyObject *source);
@@ -56,6 +57,7 @@ PyObject *message_from_json(PyObject *self, PyObject *text);
 PyObject *message_text(PyObject *self, PyObject *source);
 PyObject *message_explain(PyObject *self, PyObject *source);
 PyObject *message_type_tree(PyObject *self, PyObject *unused);
+bool readers_add(void);
 bool describe_add(PyObject *module);
 bool tree_add(PyObject *module);
 

@@ -6,6 +6,7 @@
 static PyMethodDef METHODS[] = {
     {"decode", message_decode, METH_O, "Octets to a dict. Raises DecodeError."},
     {"view", message_view, METH_O, "Octets to a view, whose values are made when they are touched. Raises DecodeError."},
+    {"reader", message_reader, METH_VARARGS, "Paths to a function from octets, or a view, to a tuple of the values there. Raises ValueError."},
     {"encode", message_encode, METH_O, "A dict or view to octets. Raises EncodeError."},
     {"validate", message_validate, METH_O, "Every constraint of the standard on a dict, view or octets. Raises ValidateError."},
     {"to_json", message_to_json, METH_O, "Octets to JSON (X.697). Raises DecodeError."},

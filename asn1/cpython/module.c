@@ -15,7 +15,7 @@ PyMODINIT_FUNC PyInit_captain_messages(void)
 {
     PyObject *module = PyModule_Create(&MODULE);
     if (module != NULL
-        && !(dicts_look() && integers_keep() && errors_add(module) && views_add(module) && describe_add(module) && tree_add(module)
+        && !(dicts_look() && integers_keep() && errors_add(module) && views_add(module) && readers_add() && describe_add(module) && tree_add(module)
              && messages_add(module)))
         Py_CLEAR(module);
     return module;

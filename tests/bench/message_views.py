@@ -1,4 +1,4 @@
-"""What a program reads from a view: five fields of each message of the benchmark, as timeit takes a statement."""
+"""What a program reads of a message: five fields of each one of the benchmark, from a view and by a reader."""
 
 import json
 from pathlib import Path
@@ -8,11 +8,12 @@ VECTORS = Path(__file__).resolve().parents[2] / "firmware" / "vectors.json"
 
 
 class Case(NamedTuple):
-    """A real message, and the statement that reads five of its fields from a view."""
+    """A real message, the statement that reads five of its fields from a view, as timeit takes it, and their paths."""
 
     name: str
     octets: bytes
     read: str
+    paths: tuple[str, ...]
 
 
 CAM = """
@@ -77,6 +78,51 @@ management.stationType
 position.latitude
 position.longitude
 """
+HEADER = "header.stationID"
+PATHS = {
+    CAM: (
+        HEADER,
+        "cam.generationDeltaTime",
+        "cam.camParameters.basicContainer.stationType",
+        "cam.camParameters.basicContainer.referencePosition.latitude",
+        "cam.camParameters.basicContainer.referencePosition.longitude",
+    ),
+    DENM: (
+        HEADER,
+        "denm.management.detectionTime",
+        "denm.management.eventPosition.latitude",
+        "denm.management.eventPosition.longitude",
+        "denm.situation.eventType.causeCode",
+    ),
+    SPATEM: (
+        HEADER,
+        "spat.intersections[0].id.id",
+        "spat.intersections[0].revision",
+        "spat.intersections[0].states[0].signalGroup",
+        "spat.intersections[0].states[0].state-time-speed[0].eventState",
+    ),
+    MAPEM: (
+        HEADER,
+        "map.intersections[0].id.id",
+        "map.intersections[0].refPoint.lat",
+        "map.intersections[0].refPoint.long",
+        "map.intersections[0].laneSet[0].laneID",
+    ),
+    IVIM: (
+        HEADER,
+        "ivi.mandatory.iviIdentificationNumber",
+        "ivi.mandatory.iviStatus",
+        "ivi.mandatory.serviceProviderId.countryCode",
+        "ivi.mandatory.serviceProviderId.providerIdentifier",
+    ),
+    CPM: (
+        HEADER,
+        "cpm.generationDeltaTime",
+        "cpm.cpmParameters.managementContainer.stationType",
+        "cpm.cpmParameters.managementContainer.referencePosition.latitude",
+        "cpm.cpmParameters.managementContainer.referencePosition.longitude",
+    ),
+}
 READS = (
     ("cam-1.4.1", 46, CAM),
     ("cam-1.4.1", 143, CAM),
@@ -92,5 +138,6 @@ READS = (
 def cases() -> list[Case]:
     vectors = [(vector["octets"], bytes.fromhex(vector["hex"])) for vector in json.loads(VECTORS.read_text())]
     return [
-        Case(name, next(octets for count, octets in vectors if count == wanted), read) for name, wanted, read in READS
+        Case(name, next(octets for count, octets in vectors if count == wanted), read, PATHS[read])
+        for name, wanted, read in READS
     ]
