@@ -1,0 +1,168 @@
+"""What a receiver has said of late, and which pulse it can have meant.
+
+TIM-TP announces the pulse that comes next, NAV-PVT is of an epoch that has been. When they come is all that a time of
+arrival says, and it bounds what they can mean from one side: nobody announces a pulse before the one ahead of it, or
+knows an epoch that is still to come. From the other side nothing binds them: a line may be slow, and a loop stalled.
+So what is asked of a statement depends on what is known: with seconds counted, its second, and that it was possible
+then; without, that it came in time as well.
+"""
+
+from collections import deque
+from typing import NamedTuple
+
+from board.time import EPOCH, GPS_LEAD, GPS_LEAPS, Fix, TimeMark
+from pps.pulse import Pulse
+from pps.refused import Why
+
+# u-blox F9P, UBX-22008968: the time pulse is within 60 ns in 99 % of cases; a receiver that says 1 us has lost it.
+LIMIT_NS = 1_000
+
+WEEK_S = 604_800
+
+KEPT = 64  # statements of each kind: as many seconds of a stalled loop
+
+# What a word may be earlier than it can be, by the loop's clock: chronyd slews that too, by 8.3 % at most, and a pulse
+# is stamped by another thread.
+SLACK_S = 0.1
+# From an epoch to NAV-PVT: 30 ms at 10 Hz over USB, 300 ms at 38,400 Bd behind all else that is said. A message that
+# comes in the last third of a second may be one that is late by a whole one.
+IN_TIME_S = 0.7
+
+# iTOW is rounded, and the clock of some receivers runs free: an epoch may be said to be just before its second.
+_EARLY_MS = 5
+_UTC_NS = 100_000_000  # what UTC and GPS time of an epoch may differ by: far less than the second that is looked for
+_EVENT_S = 2  # seconds around a leap second in which UTC says nothing: firmware differs in how it counts there
+
+
+class Epoch(NamedTuple):
+    """A Fix as a statement of time. tow_s: its second of the week; after_s: how far within that it was."""
+
+    fix: Fix
+    monotonic: float
+    tow_s: int
+    after_s: float
+    is_good: bool
+
+
+class Statements:
+    """The last ones, in the order in which they came. limit_ns: what accuracy a receiver must claim for its time."""
+
+    def __init__(self, limit_ns: int = LIMIT_NS) -> None:
+        self._limit_ns = limit_ns
+        self._marks: deque[TimeMark] = deque(maxlen=KEPT)
+        self._epochs: deque[Epoch] = deque(maxlen=KEPT)
+
+    def mark(self, mark: TimeMark) -> None:
+        """Hear an announcement."""
+        self._marks.append(mark)
+
+    def fix(self, fix: Fix) -> bool:
+        """Hear of an epoch. Returns whether it says anything new of time: the first good one of a second does."""
+        if fix.tow_ms is None:
+            return False
+        tow_s, after_ms = divmod(fix.tow_ms + _EARLY_MS, 1000)
+        is_good = fix.utc_ns is not None and fix.utc_accuracy_ns is not None and fix.utc_accuracy_ns <= self._limit_ns
+        epochs = self._epochs
+        if epochs and epochs[-1].tow_s == tow_s and fix.monotonic - epochs[-1].monotonic < IN_TIME_S:
+            if epochs[-1].is_good or not is_good:
+                return False
+            epochs.pop()
+        epochs.append(Epoch(fix, fix.monotonic, tow_s, (after_ms - _EARLY_MS) / 1000, is_good))
+        return True
+
+    def announced(self, pulse: Pulse, its_s: int) -> TimeMark | None:
+        """The last good announcement of a second that can have been made for the pulse; it may have come late."""
+        possible = pulse.monotonic - 1 - SLACK_S
+        for mark in reversed(self._marks):
+            if mark.monotonic < possible:
+                break
+            if mark.its_s == its_s and self._objection(mark) is None:
+                return mark
+        return None
+
+    def confirmed(self, pulse: Pulse, its_s: int, mark: TimeMark) -> Fix | None:
+        """The good epoch of a second that can have been known after the pulse, and whose UTC goes with the mark's."""
+        tow_s, possible = (its_s + GPS_LEAD) % WEEK_S, pulse.monotonic - SLACK_S
+        for epoch in reversed(self._epochs):
+            if epoch.monotonic < possible:
+                break
+            is_it = epoch.tow_s == tow_s and epoch.is_good and epoch.monotonic >= possible + epoch.after_s
+            if is_it and is_of_utc(epoch, its_s, mark):
+                return epoch.fix
+        return None
+
+    def claim(self, pulse: Pulse) -> tuple[int, TimeMark, Fix] | None:
+        """The second that both name for a pulse, going by when they came; None where one is missing or no good."""
+        mark, epoch = self._mark_before(pulse), self._epoch_after(pulse)
+        if mark is None or epoch is None or self.objection(pulse, mark, epoch) is not None:
+            return None
+        assert mark.its_s is not None
+        return mark.its_s, mark, epoch.fix
+
+    def why(self, pulse: Pulse, its_s: int | None) -> tuple[Why, str]:
+        """What is wrong with what was said of a pulse. its_s: the second that it should be; None: nobody knows."""
+        mark, epoch = self._mark_before(pulse), self._epoch_after(pulse)
+        if its_s is not None:
+            tow_s, possible = (its_s + GPS_LEAD) % WEEK_S, pulse.monotonic - SLACK_S
+            marks = (one for one in reversed(self._marks) if one.its_s == its_s and one.monotonic >= possible - 1)
+            epochs = (one for one in reversed(self._epochs) if one.tow_s == tow_s and one.monotonic >= possible)
+            mark, epoch = next(marks, mark), next(epochs, epoch)
+            if mark is not None and self._objection(mark) is None and mark.its_s != its_s:
+                return Why.OTHER_SECOND, f"announced as second {mark.its_s}; {its_s} has come"
+        return self.objection(pulse, mark, epoch) or (Why.LATE, f"second {its_s}")
+
+    def objection(self, pulse: Pulse, mark: TimeMark | None, epoch: Epoch | None) -> tuple[Why, str] | None:
+        """What speaks against a mark and an epoch being of one second."""
+        if mark is None:
+            return Why.UNANNOUNCED, f"nothing announced in the second before {pulse.monotonic:.3f} s"
+        objection = self._objection(mark)
+        if objection is not None:
+            return objection
+        assert mark.its_s is not None
+        if epoch is None:
+            return Why.UNCONFIRMED, f"announced as second {mark.its_s}, and no epoch of it came"
+        fix = epoch.fix
+        if fix.utc_ns is None or fix.utc_accuracy_ns is None:
+            return Why.UNRESOLVED, f"epoch of second {epoch.tow_s} of the week"
+        if not epoch.is_good:
+            return Why.CONFIRMED_BADLY, f"{fix.utc_accuracy_ns} ns, limit {self._limit_ns} ns"
+        tow_s = (mark.its_s + GPS_LEAD) % WEEK_S
+        if epoch.tow_s != tow_s:
+            return Why.DISAGREE, f"announced as second {tow_s} of the week, the epoch is of {epoch.tow_s}"
+        if not is_of_utc(epoch, mark.its_s, mark):
+            return Why.UTC, f"second {mark.its_s} with {mark.leap_seconds} leap seconds, Unix time {fix.utc_ns} ns"
+        return None
+
+    def _objection(self, mark: TimeMark) -> tuple[Why, str] | None:
+        if mark.its_s is None:
+            return Why.NO_SECOND, f"announced at {mark.monotonic:.3f} s"
+        if not mark.is_locked or mark.leap_seconds is None:
+            return Why.UNLOCKED, f"announced as second {mark.its_s}"
+        if mark.accuracy_ns > self._limit_ns:
+            return Why.ANNOUNCED_BADLY, f"{mark.accuracy_ns} ns, limit {self._limit_ns} ns"
+        return None
+
+    def _mark_before(self, pulse: Pulse) -> TimeMark | None:
+        """The last announcement that came between the pulse before and this one; a good one, if there is any."""
+        latest, earliest = pulse.monotonic, pulse.monotonic - 1 - SLACK_S
+        found = [mark for mark in reversed(self._marks) if earliest <= mark.monotonic <= latest]
+        return next((mark for mark in found if self._objection(mark) is None), found[0] if found else None)
+
+    def _epoch_after(self, pulse: Pulse) -> Epoch | None:
+        """The first epoch from the pulse on that was told in time; a good one, if there is any."""
+        first = pulse.monotonic
+        found = [epoch for epoch in self._epochs if -SLACK_S <= epoch.monotonic - first - epoch.after_s <= IN_TIME_S]
+        return next((epoch for epoch in found if epoch.is_good), found[0] if found else None)
+
+
+def is_of_utc(epoch: Epoch, its_s: int, mark: TimeMark) -> bool:
+    """Whether UTC of an epoch is that of its ITS second, by the leap seconds of a mark."""
+    assert mark.leap_seconds is not None
+    assert epoch.fix.utc_ns is not None
+    event, leaps = mark.leap_event, mark.leap_seconds
+    if event is not None:
+        if abs(its_s - event.its_s) <= _EVENT_S:
+            return True
+        leaps += event.change * (its_s > event.its_s)
+    unix_s = its_s + EPOCH + GPS_LEAPS - leaps
+    return abs(epoch.fix.utc_ns - unix_s * 1_000_000_000 - epoch.after_s * 1e9) <= _UTC_NS
