@@ -1,0 +1,94 @@
+"""Pulses of a receiver that is not there: what a simulated board has in place of a PPS device."""
+
+from collections.abc import Callable
+
+from board.loop import Loop, Timer
+from pps.pulse import Above, Clocks, Pulse, Tally, read_clocks
+
+SECOND_NS = 10**9
+
+
+def system_is_right(clocks: Clocks) -> int:
+    """The truth where nobody says another."""
+    return clocks.system_ns
+
+
+def no_latency() -> int:
+    """An interrupt that is served at once."""
+    return 0
+
+
+class Simulated:
+    """A pulse at each whole second of a simulated receiver, told on the loop, stamped exactly: a timer only wakes.
+
+    truth       the receiver's time in ns, of what the clocks show; only the fraction of its second counts.
+    latency_ns  called for each pulse: how long after the second its stamp is.
+
+    What may be changed at any time: is_silent, there are no pulses; late_ns, all are so much later; double_ns, so long
+    after each comes another (0: none).
+    """
+
+    where = "simulated pulses"
+
+    def __init__(
+        self,
+        loop: Loop,
+        above: Above,
+        *,
+        truth: Callable[[Clocks], int] = system_is_right,
+        latency_ns: Callable[[], int] = no_latency,
+        clocks: Callable[[], Clocks] = read_clocks,
+    ) -> None:
+        self.tally = Tally(above)
+        self.is_silent = False
+        self.late_ns = self.double_ns = 0
+        self._loop = loop
+        self._truth = truth
+        self._latency_ns = latency_ns
+        self._clocks = clocks
+        self._sequence = 0
+        self._shift_ns = 0  # of the next pulse, after the whole second
+        self._timers: list[Timer] = []
+
+    def start(self) -> None:
+        """Tell pulses above from now on; nothing while started."""
+        if not self._timers:
+            self.tally.begin(self._sequence)
+            self._wait()
+
+    def stop(self) -> None:
+        """Tell no more; idempotent."""
+        for timer in self._timers:
+            timer.cancel()
+        self._timers.clear()
+        self.tally.end()
+
+    def _wait(self) -> None:
+        """For the next second: two pulses are at least half a one apart, however their latencies differ."""
+        self._shift_ns = self.late_ns + self._latency_ns()
+        left_ns = SECOND_NS - self._since_ns(self._clocks())
+        self._wake(left_ns if left_ns >= SECOND_NS // 2 else left_ns + SECOND_NS)
+
+    def _wake(self, left_ns: int) -> None:
+        self._timers = [self._loop.after(left_ns / 1e9, self._look)]
+
+    def _since_ns(self, now: Clocks) -> int:
+        """How long ago the last pulse was due."""
+        return (self._truth(now) - self._shift_ns) % SECOND_NS
+
+    def _look(self) -> None:
+        now = self._clocks()
+        since_ns = self._since_ns(now)
+        if since_ns >= SECOND_NS // 2:  # too early, or the truth was changed meanwhile
+            self._wake(SECOND_NS - since_ns)
+            return
+        self._wait()
+        if not self.is_silent:
+            if self.double_ns:
+                self._timers.append(self._loop.after(self.double_ns / 1e9, lambda: self._tell(self._clocks(), 0)))
+            self._tell(now, since_ns)
+
+    def _tell(self, now: Clocks, ago_ns: int) -> None:
+        self._sequence = (self._sequence + 1) % 2**32
+        stamp = (now.system_ns - ago_ns, now.raw_ns - ago_ns, now.monotonic - ago_ns / 1e9)
+        self.tally.take(Pulse(self._sequence, *stamp))
