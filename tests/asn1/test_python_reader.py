@@ -5,40 +5,17 @@ import sys
 import pytest
 
 from tests.asn1.codec import CAM, CAM_OCTETS, IDS, REAL, captain_messages, real
+from tests.asn1.paths import is_readable, paths
 
 PLACE = "cam.camParameters.basicContainer.referencePosition"
 MAPEM = captain_messages.find("mapem-2.1.1")
 MAPEM_OCTETS = real("mapem-2.1.1", 536)
 
 
-def leaves(value, path=""):
-    """Every path of what decode gives, with the value there; what no edition knows has none."""
-    yield path, value
-    if isinstance(value, dict):
-        for name, inner in value.items():
-            if not name.startswith("["):
-                yield from leaves(inner, f"{path}.{name}" if path else name)
-    elif isinstance(value, list):
-        for index, inner in enumerate(value):
-            yield from leaves(inner, f"{path}[{index}]")
-    elif isinstance(value, tuple) and isinstance(value[0], str) and not value[0].startswith("["):
-        yield from leaves(value[1], f"{path}.{value[0]}")
-
-
-def is_readable(message, path):
-    """Whether a path does not lead through an open type, at which it has to end."""
-    try:
-        message.reader(path)
-    except ValueError as error:
-        assert "has no components" in str(error)
-        return False
-    return True
-
-
 @pytest.mark.parametrize(("name", "octets"), REAL, ids=IDS)
 def test_a_reader_gives_what_decode_gives_at_every_path(name, octets):
     message = captain_messages.find(name)
-    there = {path: value for path, value in leaves(message.decode(octets)) if path}
+    there = dict(paths(message.decode(octets)))
     readable = {path: value for path, value in there.items() if is_readable(message, path)}
     assert len(readable) > 0.9 * len(there)
     read = message.reader(*readable)

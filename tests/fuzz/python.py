@@ -5,6 +5,7 @@ choose; without it for every input, so what --every=N has found shows again with
 """
 
 import contextlib
+import itertools
 import json
 import sys
 import zlib
@@ -12,6 +13,10 @@ from typing import Any
 
 import atheris
 import captain_messages as messages
+
+from tests.asn1.paths import is_readable, paths
+
+MOST_PATHS = 40  # of one input that a reader reads
 
 ALL = sorted(messages.all(), key=lambda message: message.name)
 OPTION = "--every="  # libFuzzer leaves alone what begins with two hyphens
@@ -44,6 +49,14 @@ def by_octets(message: Any, octets: bytes) -> None:
         comes_back(message, message.from_json(message.to_json(octets)), value, encoded)
         message.text(octets)
         message.explain(octets)
+        reads_alike(message, octets, value)
+
+
+def reads_alike(message: Any, octets: bytes, value: Any) -> None:
+    """A reader gives what decode gives."""
+    there = {path: one for path, one in itertools.islice(paths(value), MOST_PATHS) if is_readable(message, path)}
+    if there:
+        assert message.reader(*there)(octets) == tuple(there.values())
 
 
 def comes_back(message: Any, again: bytes, value: Any, encoded: bytes) -> None:
@@ -72,6 +85,12 @@ def by_json(message: Any, octets: bytes) -> None:
         message.from_json(octets.decode("utf-8", "surrogateescape"))
 
 
+def by_path(message: Any, octets: bytes) -> None:
+    """Any text as a path: a reader, or a ValueError."""
+    with contextlib.suppress(ValueError):
+        message.reader(octets.decode("utf-8", "surrogateescape"))
+
+
 def by_value(message: Any, octets: bytes) -> None:
     try:
         value = json.loads(octets)
@@ -83,7 +102,7 @@ def by_value(message: Any, octets: bytes) -> None:
         assert error.reason
 
 
-WAYS = (by_octets, by_json, by_value)
+WAYS = (by_octets, by_json, by_value, by_path)
 
 if __name__ == "__main__":
     # The module is C, which counts by itself. Python is not instrumented: all of it was, for 10 s at the start and half of each input.
