@@ -104,9 +104,7 @@ def _changes(path: str, rows: list[tuple[int, int]], expires: int) -> tuple[tupl
     before: tuple[int, int] | None = None
     for midnight, tai in rows:
         if midnight % DAY:
-            raise ConfigurationError(
-                f"{path}: a leap second that is not before a midnight: {midnight + NTP_EPOCH}", HINT
-            )
+            raise ConfigurationError(f"{path}: {midnight + NTP_EPOCH} is no midnight", HINT)
         if before is not None and (midnight <= before[0] or abs(tai - before[1]) != 1):
             raise ConfigurationError(f"{path}: {tai} s on {day(midnight)} cannot follow {before[1]} s", HINT)
         if before is not None and midnight > EPOCH:
