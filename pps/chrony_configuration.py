@@ -1,0 +1,87 @@
+"""What chronyd is configured with: one line beside a system's own configuration, or the whole of it for the image."""
+
+from board.errors import ConfigurationError
+from pps.chrony import MAX_PATH
+
+# Debian's AppArmor profile lets chronyd make `@{run}/chrony.*.sock` and what is in /run/chrony, which is closed to all
+# but chronyd's own user (RuntimeDirectoryMode=0700 of its unit).
+SOCKET = "/run/chrony.captain.sock"
+LEAP_LIST = "/usr/share/zoneinfo/leap-seconds.list"  # tzdata of Debian 13; right/UTC has gone to tzdata-legacy there
+
+# How late a pulse's stamp may be all the time, which no pulse can show: 4.4 us were found on a Pi 4. chronyd counts
+# half of a source's delay as what it cannot see.
+LATE_NS = 5_000
+
+_REFCLOCK = """\
+# A complete sample of each second that the receiver has confirmed.
+# poll 2, filter 4: the median part of 4 samples every 4 s, so that a late pulse is left out.
+# delay: half of it is in the stated error, for what is late in every pulse.
+# prefer, not trust: servers that agree with each other may outvote a receiver that is lied to.
+refclock SOCK {path} refid PPS poll 2 filter 4 delay {delay_s:.1e} prefer
+"""
+
+_WHOLE = """\
+# Written by captain for the image.
+{refclock}
+# Without a battery the clock starts anywhere: it is stepped while nobody leans on it, and slewed from then on.
+makestep 0.1 3
+maxupdateskew 100
+
+# The kernel's state says "synchronised" only with this, for systemd's time-sync.target and for who asks adjtimex(2);
+# that there is no clock to copy the time to does no harm.
+rtcsync
+
+# TAI for CLOCK_TAI, and leap seconds that no receiver has announced; one that a receiver announces needs no list.
+{leaps}
+
+driftfile {state}/chrony.drift
+dumpdir {state}
+
+# No NTP for others. Commands on loopback alone, where chronyc may ask without rights and change nothing.
+port 0
+bindcmdaddress 127.0.0.1
+bindcmdaddress ::1
+"""
+
+_ACCESS = """\
+# chronyd makes the socket as root and for root alone, at each of its starts.
+[Service]
+ExecStartPost=+/bin/chgrp {group} {path}
+ExecStartPost=+/bin/chmod 0620 {path}
+"""
+
+
+def refclock(path: str = SOCKET, late_ns: int = LATE_NS) -> str:
+    """For /etc/chrony/conf.d/captain.conf, beside a chrony.conf that stays as it is.
+
+    path     of the socket, as in [time] chrony of captain.toml; raises ConfigurationError where it cannot be one.
+    late_ns  that a stamp may be late in every pulse.
+    """
+    octets = len(path.encode())
+    if not path.startswith("/") or octets > MAX_PATH or any(mark in path for mark in " \t\n:"):
+        # Options of the driver come after a colon.
+        raise ConfigurationError(
+            f"time.chrony: {path!r}: chronyd cannot make a socket there",
+            f"an absolute path of at most {MAX_PATH} octets, without blanks and colons, such as {SOCKET}",
+        )
+    return _REFCLOCK.format(path=path, delay_s=2 * late_ns / 1e9)
+
+
+def configuration(
+    path: str = SOCKET, late_ns: int = LATE_NS, leaps: str = LEAP_LIST, state: str = "/var/lib/chrony"
+) -> str:
+    """The whole chrony.conf of the image.
+
+    leaps  a leap-seconds.list (chronyd 4.6 and later), or a timezone that holds leap seconds, such as right/UTC.
+    state  directory of chronyd's user: what it has learned of the oscillator.
+    """
+    directive = "leapseclist" if leaps.startswith("/") else "leapsectz"
+    return _WHOLE.format(refclock=refclock(path, late_ns), leaps=f"{directive} {leaps}", state=state)
+
+
+def access(group: str, path: str = SOCKET) -> str:
+    """For /etc/systemd/system/chrony.service.d/captain.conf where the station does not run as root.
+
+    group  of the station's user: it may write to the socket, and nobody else.
+    """
+    return _ACCESS.format(group=group, path=path)
