@@ -3,6 +3,7 @@
 from enum import Enum, IntEnum
 from typing import NamedTuple
 
+from board.time import TimeQuality
 from drivers.reason import Reason
 
 ITS_HEADER = 6  # octets: protocolVersion, messageID, stationID (TS 102 894-2, ItsPduHeader)
@@ -113,8 +114,14 @@ class MessageType(NamedTuple):
     traffic_class: int = 2
 
 
+UNKNOWN_TIME = TimeQuality()
+
+
 class Indication(NamedTuple):
-    """A PDU that came from an interface."""
+    """A PDU that came from an interface.
+
+    quality  of received_ns as a time: of the second in which it came.
+    """
 
     kind: MessageType
     pdu: bytes
@@ -122,6 +129,7 @@ class Indication(NamedTuple):
     received_ns: int  # Unix time, from the kernel where it stamps
     monotonic: float  # the loop's clock, when the station took it
     rx: RxInfo
+    quality: TimeQuality = UNKNOWN_TIME
 
 
 class Request(NamedTuple):

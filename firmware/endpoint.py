@@ -12,7 +12,7 @@ from firmware.drops import Drops
 from firmware.inlet import Inlet
 from firmware.publisher import Publisher
 from firmware.question import Commands
-from firmware.report import CONFIRM, STATUS, Report
+from firmware.report import CONFIRM, INDICATION, STATUS, TOPICS, Report
 from firmware.router import Router
 from firmware.tables import EndpointOptions
 from firmware.topics import Topics
@@ -26,7 +26,7 @@ class Endpoint:
     """All of them, opened at once.
 
     local     own position for localInfo; None leaves it out.
-    status    makes the status object; refresh brings the counters in it up to date.
+    status    makes the status object, time_status its part about time; refresh brings the counters in it up to date.
     commands  of the control socket.
 
     Raises StationError when one cannot be had, and has then closed the others.
@@ -42,6 +42,7 @@ class Endpoint:
         local: Callable[[], Ego] | None,
         status: Callable[[], dict[str, object]],
         refresh: Callable[[], None],
+        time_status: Callable[[], dict[str, object]],
         commands: Commands,
     ) -> None:
         self.context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
@@ -54,10 +55,8 @@ class Endpoint:
 
         try:
             self.users = Users(loop, self.context, at(options.to_users), topics, drops, local)
-            self._reports = Publisher(
-                loop, self.context, at(options.report), "report", drops, (CONFIRM, STATUS), self._interest
-            )
-            self.report = Report(loop, self._reports, status, refresh)
+            self._reports = Publisher(loop, self.context, at(options.report), "report", drops, TOPICS, self._interest)
+            self.report = Report(loop, self._reports, status, refresh, time_status)
             self.inlets = [
                 Inlet(loop, self.context, kind, at(port), name, topics, router, kind == zmq.PULL, options.strict)
                 for kind, port, name in (
@@ -114,5 +113,9 @@ class Endpoint:
     def _interest(self, topic: bytes, is_wanted: bool) -> None:
         if topic == CONFIRM:
             self._router.is_confirm_wanted = is_wanted
-        else:
+        elif topic == INDICATION:
+            self._router.observe = self.report.observe if is_wanted else None
+        elif topic == STATUS:
             self.report.status_interest(is_wanted)
+        else:
+            self.report.time_interest(is_wanted)

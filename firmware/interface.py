@@ -7,7 +7,7 @@ from typing import Protocol
 from board.errors import RequestError, StationError
 from board.journal import Journal
 from board.loop import Loop
-from board.time import Fix, TimeMark
+from board.time import Fix, TimeMark, TimeQuality
 from drivers.contract import Can, Driver, Sent
 from drivers.message import (
     ITS_HEADER,
@@ -37,6 +37,7 @@ class Above(Protocol):
     """What an interface needs of the station."""
 
     is_confirm_wanted: bool
+    quality: TimeQuality
 
     def indicate(self, indication: Indication) -> None: ...
     def confirm(self, confirm: Confirm) -> None: ...
@@ -118,7 +119,7 @@ class Interface:
         now = self._clock()
         self._heard(who, now, rssi_dbm)
         # tuple.__new__ is what Indication() comes to, at half the price.
-        self._indicate(_new(Indication, (kind, pdu, self.name, received_ns, now, rx)))
+        self._indicate(_new(Indication, (kind, pdu, self.name, received_ns, now, rx, self._above.quality)))
 
     def heard(self, mac: bytes, rssi_dbm: int | None) -> None:
         self.neighbours.heard(mac, self.loop.clock(), rssi_dbm)

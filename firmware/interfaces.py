@@ -6,6 +6,7 @@ from typing import TypeAlias
 import zmq
 
 from board.loop import Loop
+from board.time import Fix, TimeMark
 from drivers import DRIVERS
 from drivers.contract import Driver, Shared
 from firmware.config import Config
@@ -17,6 +18,7 @@ from firmware.router import Router
 from firmware.simulation import Simulation
 from firmware.supervisor import Supervised
 from firmware.tables import QueueOptions
+from firmware.timekeeper import Timekeeper
 from firmware.timeline import Timeline
 from firmware.topics import Topics
 
@@ -24,14 +26,24 @@ Context: TypeAlias = zmq.Context[zmq.Socket[bytes]]
 
 
 class Interfaces:
-    """Makes them; each is known to the router afterwards, and tells place and time line what it has to tell."""
+    """Makes them; each is known to the router afterwards, and tells place, time and time line what it has to tell."""
 
-    def __init__(self, loop: Loop, router: Router, topics: Topics, drops: Drops, place: Place, timeline: Timeline):
+    def __init__(
+        self,
+        loop: Loop,
+        router: Router,
+        topics: Topics,
+        drops: Drops,
+        place: Place,
+        timekeeper: Timekeeper,
+        timeline: Timeline,
+    ) -> None:
         self._loop = loop
         self._router = router
         self._topics = topics
         self._drops = drops
         self._place = place
+        self._timekeeper = timekeeper
         self._timeline = timeline
 
     def make(self, config: Config, simulation: Simulation, context: Context) -> dict[str, Supervised]:
@@ -46,8 +58,16 @@ class Interfaces:
 
     def _supervised(self, name: str, driver: Driver, options: QueueOptions) -> Supervised:
         interface = Interface(name, driver, options, self._loop, self._router, self._topics, self._drops)
-        interface.on_fix = lambda fix: self._place.fix(name, fix)
-        interface.on_time_mark = lambda mark: self._place.time_mark(name, mark)
+
+        def fix(fix: Fix) -> None:
+            self._place.fix(name, fix)
+            self._timekeeper.fix(name, fix)
+
+        def time_mark(mark: TimeMark) -> None:
+            self._place.time_mark(name, mark)
+            self._timekeeper.time_mark(name, mark)
+
+        interface.on_fix, interface.on_time_mark = fix, time_mark
         interface.on_link = lambda is_up, why: self._timeline.note(name, f"{'up' if is_up else 'down'}: {why}")
         self._router.add(interface)
         return Supervised(self._loop, interface)

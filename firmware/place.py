@@ -31,8 +31,8 @@ class Place:
     """
 
     def __init__(self, clock: Callable[[], float], configured: PlaceOptions | None, is_mobile: bool) -> None:
+        self.time = OwnTime(clock)
         self._clock = clock
-        self._time = OwnTime(clock)
         self._is_mobile = is_mobile
         is_configured = configured is not None
         self._fallback = Fallback(_position(configured), is_configured, "configured" if is_configured else "")
@@ -44,7 +44,7 @@ class Place:
 
     def fix(self, source: str, fix: Fix) -> None:
         """A receiver's solution; source is the interface that it is on."""
-        self._time.fix(fix)
+        self.time.fix(fix)
         if not _is_usable(fix):
             return
         self._fixes[source] = fix
@@ -58,7 +58,7 @@ class Place:
 
     def time_mark(self, source: str, mark: TimeMark) -> None:
         """What a receiver says of its next pulse; the last one is kept."""
-        self._time.time_mark(mark)
+        self.time.time_mark(mark)
         self._marks[source] = mark
         self._marked = source
 
@@ -81,9 +81,9 @@ class Place:
         """
         best = self._best
         if best is None or not self._is_fresh(best):
-            its_ms = self._time.its_ms(self._clock())
+            its_ms = self.time.its_ms(self._clock())
             return Ego(its_ms or 0, self._fallback.position, self._fallback.is_known and its_ms is not None)
-        its_ms = self._time.its_ms(best.monotonic)
+        its_ms = self.time.of_fix(best)
         if its_ms is None:
             return Ego(0, _place(best), False)
         speed, heading = round((best.speed or 0) / 10), round((best.heading or 0) / 10_000) % 3600

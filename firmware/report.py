@@ -1,4 +1,8 @@
-"""What the station says about itself, as JSON: `status.` once a second, `confirm.<type>.` for every request."""
+"""What the station says about itself, as JSON.
+
+`status.` and `time.` once a second, `confirm.<type>.` for every request, `indication.<type>.` for every message that an
+interface has brought.
+"""
 
 import json
 import os
@@ -7,7 +11,7 @@ import time
 from collections.abc import Callable
 
 from board.loop import Loop
-from drivers.message import ITS_HEADER, Confirm
+from drivers.message import ITS_HEADER, NO_MAC, Confirm, Indication
 from drivers.reason import MEANING
 from firmware import VERSION
 from firmware.interface import Interface
@@ -15,15 +19,19 @@ from firmware.publisher import Publisher
 
 CONFIRM = b"confirm."
 STATUS = b"status."
+TIME = b"time."
+INDICATION = b"indication."
+TOPICS = (CONFIRM, STATUS, TIME, INDICATION)
 PERIOD_S = 1.0
 AT_ONCE_S = 0.1  # the least time between two of them, however many subscribe
+DIGEST = 16  # hexadecimal digits of a SHA-256: 8 octets tell the messages of a year apart
 PAGE_KB = resource.getpagesize() // 1024
 
 
 class Report:
-    """Publishes confirms as they come and the status once a second; builds neither when nobody listens.
+    """Publishes confirms and indications as they come, status and time once a second; builds none when nobody listens.
 
-    status   makes the status object.
+    status   makes the status object; time that part of it that is about time.
     refresh  brings counters up to date that the kernel keeps; called once a second, whoever listens.
     """
 
@@ -33,12 +41,15 @@ class Report:
         publisher: Publisher,
         status: Callable[[], dict[str, object]],
         refresh: Callable[[], None],
+        time_status: Callable[[], dict[str, object]],
     ) -> None:
         self._loop = loop
         self._publisher = publisher
         self._status = status
         self._refresh = refresh
+        self._time_status = time_status
         self._is_status_wanted = False
+        self._is_time_wanted = False
         self._said = loop.clock()
 
     def start(self) -> None:
@@ -50,8 +61,14 @@ class Report:
         if is_wanted and self._loop.clock() >= self._said + AT_ONCE_S:
             self._say()
 
+    def time_interest(self, is_wanted: bool) -> None:
+        """As status_interest(), but the first comes with the next second."""
+        self._is_time_wanted = is_wanted
+
     def _tick(self) -> None:
         self._refresh()
+        if self._is_time_wanted:
+            self._publisher.publish(TIME, json.dumps(self._time_status()).encode())
         if self._is_status_wanted:
             self._say()
 
@@ -80,6 +97,29 @@ class Report:
             "time": time.time(),
         }
         self._publisher.publish(b"confirm.%s." % request.kind.name.encode(), json.dumps(said).encode())
+
+    def observe(self, indications: list[Indication]) -> None:
+        """Publish what is known of messages as interfaces have brought them: those that came twice, twice."""
+        from hashlib import sha256  # with OpenSSL, which nobody else needs
+
+        said = []
+        for one in indications:
+            pdu, rx, quality = one.pdu, one.rx, one.quality
+            told = {
+                "type": one.kind.name,
+                "station_id": int.from_bytes(pdu[2:ITS_HEADER], "big"),
+                "octets": len(pdu),
+                "digest": sha256(pdu).hexdigest()[:DIGEST],
+                "interface": one.interface,
+                "received_ns": one.received_ns,
+                "monotonic": one.monotonic,
+                "btp_port": rx.btp_port,
+                "rssi_dbm": rx.rssi_dbm,
+                "source": rx.source or (rx.source_mac.hex(":") if rx.source_mac != NO_MAC else ""),
+                "quality": {"state": quality.state.name.lower(), "error_ns": quality.error_ns},
+            }
+            said.append((INDICATION + one.kind.name.encode() + b".", json.dumps(told).encode()))
+        self._publisher.publish_all(said)
 
 
 def memory_kb() -> int:

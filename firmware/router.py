@@ -4,8 +4,9 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from board.loop import Loop
+from board.time import TimeQuality
 from drivers.contract import Can
-from drivers.message import Confirm, Ego, Indication, MessageType, Outcome, Request
+from drivers.message import UNKNOWN_TIME, Confirm, Ego, Indication, MessageType, Outcome, Request
 from drivers.reason import Reason
 from firmware.drops import Drops
 from firmware.interface import Interface
@@ -25,6 +26,8 @@ class Router:
 
     publish         gives indications to the users; one that they cannot take is its business.
     report          gives a confirm to those who listen.
+    observe         shows indications as they come, before any stage; None while nobody looks.
+    quality         of the time, of this second; indications have it.
     ego             own time and position.
     stages          what indications pass on their way; each returns what goes on, having said why the rest does not.
     request_stages  what a request passes after the policy; each returns what goes on, or the reason against it.
@@ -40,6 +43,8 @@ class Router:
         self.request_stages: Sequence[RequestStage] = ()
         self.publish: Callable[[list[Indication]], None] = lambda indications: None
         self.report: Callable[[Confirm, tuple[Interface, ...]], None] = lambda confirm, targets: None
+        self.observe: Callable[[list[Indication]], None] | None = None
+        self.quality: TimeQuality = UNKNOWN_TIME
         self.ego = ego
         self.policy = Policy((), topics, self)
         self.requests = 0
@@ -79,6 +84,8 @@ class Router:
         burst = self._burst
         if burst:
             self._burst = []
+            if self.observe is not None:
+                self.observe(burst)
             for stage in self.stages:
                 burst = stage(burst)
             self.publish(burst)

@@ -1,6 +1,8 @@
 """What plays the world for a board file that asks for it: stations in the neighbourhood, and the board's own parts."""
 
 import os
+import random
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +13,11 @@ from firmware.board_file import Board
 
 if TYPE_CHECKING:
     from drivers.sim.board import SimulatedBoard as Playing
+    from pps.pulse import Above, Clocks, Pulses
+
+# Of interrupts on a Pi 4, ns: as PPS-Client has found them.
+LATE_NS, JITTER_NS, LEAST_LATE_NS = 4_400, 600, 2_000
+SEED = 6
 
 
 class Simulation:
@@ -21,6 +28,7 @@ class Simulation:
     """
 
     def __init__(self, loop: Loop, board: Board) -> None:
+        self._loop = loop
         self.machine: Machine = REAL
         self.worker = "board"
         self.board: Playing | None = None
@@ -31,6 +39,27 @@ class Simulation:
 
             self.board = SimulatedBoard(loop, board, air)
             self.machine, self.worker = self.board.machine, "sim-board"
+
+    def pulses(self, above: "Above", clocks: "Callable[[], Clocks]") -> "Pulses":
+        """Those of the simulated receiver: with an interrupt's latency, by seeded chance."""
+        from pps.simulated import Simulated
+
+        board, chance = self.board, random.Random(SEED)
+        assert board is not None  # who reads board files has seen to it
+
+        def truth(now: "Clocks") -> int:
+            return board.receiver.gps_ns(now.monotonic) if board.receiver else 0
+
+        def late_ns() -> int:
+            return max(LEAST_LATE_NS, round(chance.gauss(LATE_NS, JITTER_NS)))
+
+        made = Simulated(self._loop, above, truth=truth, latency_ns=late_ns, clocks=clocks)
+
+        def silence(is_silent: bool) -> None:
+            made.is_silent = is_silent
+
+        board.silence = silence
+        return made
 
     @property
     def neighbours_at(self) -> str:

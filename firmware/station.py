@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from board.errors import StationError
 from board.loop import Loop
-from board.time import EPOCH
+from board.time import EPOCH, TimeQuality
 from drivers.contract import Answer, Can, Parting
 from drivers.reason import Reason
 from firmware import bearers
@@ -28,6 +28,7 @@ from firmware.router import Router
 from firmware.simulation import Simulation
 from firmware.supervisor import Supervised
 from firmware.tables import Tables
+from firmware.timekeeper import Timekeeper
 from firmware.timeline import Timeline
 from firmware.topics import Topics, TypeRow
 
@@ -64,6 +65,10 @@ class Station:
         self.place = Place(loop.clock, tables.station.position, tables.station.is_mobile)
         self.timeline = Timeline(loop.clock)
         self.router = Router(loop, self.topics, self.drops, self.place.ego)
+        self._simulation = Simulation(loop, config.board)
+        self.timekeeper = Timekeeper(
+            loop, tables.time, config.board.pulse, self.place.time, self._time_is, self._simulation
+        )
         window_s = 0.0 if is_legacy else tables.reception.duplicate_window_s
         self.duplicates = Duplicates(window_s, self.drops, self.topics)
         self.router.set_policy(Policy(tables.policy, self.topics, self.router))
@@ -79,14 +84,13 @@ class Station:
             local,
             self.status,
             self._refresh,
+            self.timekeeper.status,
             self._commands(),
         )
-        self._simulation = Simulation(loop, config.board)
-        interfaces = Interfaces(loop, self.router, self.topics, self.drops, self.place, self.timeline)
+        interfaces = Interfaces(loop, self.router, self.topics, self.drops, self.place, self.timekeeper, self.timeline)
         self._interfaces |= interfaces.make(config, self._simulation, self.endpoint.context)
-        hearing = [one for one in self.router.interfaces.values() if Can.RECEIVE in one.driver.capabilities.can]
         # Where there is one way in, nothing comes by two.
-        if self.duplicates.window_s and len(hearing) > 1:
+        if self.duplicates.window_s and len(self._with(Can.RECEIVE)) > 1:
             self.router.stages = (self.duplicates,)
         self._carrier = self._made_carrier(config.board)
         bearers.join(self._interfaces)
@@ -100,6 +104,7 @@ class Station:
         if self._carrier is not None:
             self._carrier.start()
         self.endpoint.start()
+        self.timekeeper.start(self._with(Can.TIMEMARK))
         # What is there now stays: the collector need not look at it again.
         gc.collect()
         gc.freeze()
@@ -144,6 +149,7 @@ class Station:
     def close(self) -> None:
         """Close everything, whatever state it is in: after stop() or in the middle of a failure."""
         self.endpoint.close_inlets()
+        self.timekeeper.stop()
         for interface in self._interfaces.values():
             interface.interface.outlet.drop_all(Reason.STOPPED)
             interface.stop()
@@ -168,6 +174,7 @@ class Station:
             "profile": self.config.tables.station.profile,
             **process_status(self._started, self.loop.clock()),
             "is_clock_set": time.time() >= EPOCH,
+            "clock": self.timekeeper.status(),
             "position": self.place.status(),
             "interfaces": {name: entry.status() for name, entry in self._interfaces.items()},
             **({"board": self._carrier.status()} if self._carrier else {}),
@@ -183,6 +190,13 @@ class Station:
         self.duplicates.expire(self.loop.clock())
         for interface in self._interfaces.values():
             interface.refresh()
+
+    def _with(self, ability: Can) -> list[str]:
+        """Names of the interfaces that have it."""
+        return [one.name for one in self.router.interfaces.values() if ability in one.driver.capabilities.can]
+
+    def _time_is(self, quality: TimeQuality) -> None:
+        self.router.quality = quality
 
     def _slot_of(self, name: str) -> str:
         return self._interfaces[name].interface.slot
@@ -209,6 +223,7 @@ class Station:
                 "status": lambda _: {"status": self.status()},
                 "reload": lambda _: done(self.reload_policy),
                 "stop": lambda _: done(self.stop),
+                "time": lambda _: {"clock": self.timekeeper.status(), "history": self.timekeeper.history()},
                 **self._operator.now,
             },
             self._operator.later,

@@ -16,6 +16,7 @@ from drivers.sim.machine import SimulatedMachine
 from drivers.sim.modules import MODULES, Module, Place, Radio
 from drivers.sim.neighbours import NeighboursOptions
 from drivers.sim.radio import VARIABLE
+from drivers.sim.receiver import Receiver
 from drivers.sim.trouble import Door, Troubles
 
 # How often it is looked at what was switched: a module then boots for a second.
@@ -30,6 +31,7 @@ class SimulatedBoard:
     modules  by slot: those whose ids one of them has.
     world    what the chips measure, and how they fail.
     troubles that it can be given, also from outside.
+    silence  told, again and again, whether its receiver gives no pulses.
     """
 
     def __init__(self, loop: Loop, hardware: Hardware, air: NeighboursOptions | None = None) -> None:
@@ -44,6 +46,7 @@ class SimulatedBoard:
         _plant(self.machine.sys, hardware)
         self.modules: dict[str, Module] = {}
         self.troubles = Troubles(loop, self, hardware)
+        self.silence: Callable[[bool], None] = lambda is_silent: None
         self._door: Door | None = None
         self._timer: Timer | None = None
 
@@ -55,6 +58,12 @@ class SimulatedBoard:
                 self._simulated.sit(slot.usb, self.modules[name].supplied, _missing(slot))
         self._door = Door(self._loop, self._scratch.path, self.troubles)
         self._poll()
+
+    @property
+    def receiver(self) -> Receiver | None:
+        """The one that drives the pulse: the first."""
+        players = (module.plays for module in self.modules.values())
+        return next((one for one in players if isinstance(one, Receiver)), None)
 
     @property
     def environment(self) -> dict[str, str]:
@@ -88,6 +97,7 @@ class SimulatedBoard:
     def _poll(self) -> None:
         self._timer = self._loop.after(POLL_S, self._poll)
         self._simulated.poll()
+        self.silence(self.receiver is None or not self.receiver.gives_pulses)
         for slot in self._slots.values():
             if slot.power:
                 self._simulated.supply(slot.usb, POWER, self.world.is_active(slot.power))

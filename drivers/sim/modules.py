@@ -54,8 +54,9 @@ def receiver(loop: Loop, place: Place) -> Module:
         port = SimulatedInterface(0, "cdc_acm", path)
         place.plug(SimulatedDevice("1546", "01a9", (port,), "u-blox AG", "u-blox GNSS receiver"))
 
-    gps_s = round(time.time()) - GPS_EPOCH + GPS_LEAPS + len(LEAPS)
-    made = Receiver(loop, Habits(gps_s=gps_s), appeared=appeared, vanished=place.unplug)
+    now = time.time()
+    gps_s = int(now) - GPS_EPOCH + GPS_LEAPS + len(LEAPS)
+    made = Receiver(loop, Habits(gps_s=gps_s, fraction_s=now % 1.0), appeared=appeared, vanished=place.unplug)
     return Module(made, made.power)
 
 

@@ -5,6 +5,7 @@ from collections import deque
 from collections.abc import Callable
 
 from board.loop import Loop, Timer
+from board.time import FixKind
 from drivers.sim import receiver_messages as says
 from drivers.sim.receiver_habits import Habits
 from drivers.sim.receiver_line import ReceiverLine
@@ -50,7 +51,7 @@ class Receiver:
         self._loop = loop
         self._track = track or Track()
         self._appeared, self._vanished = appeared, vanished
-        self._made = loop.clock()
+        self._made = loop.clock() - self.habits.fraction_s
         self._line = ReceiverLine(loop, self._hear, self._baud, self.habits.gadget)
         self._timer: Timer | None = None
         self._is_on = self._is_running = False
@@ -88,6 +89,17 @@ class Receiver:
     def gps_ms(self) -> int:
         """GPS time of now."""
         return self.habits.gps_s * 1000 + round((self._loop.clock() - self._made) * 1000)
+
+    def gps_ns(self, monotonic: float) -> int:
+        """GPS time of a moment of the loop's clock, as exact as that."""
+        return self.habits.gps_s * 10**9 + round((monotonic - self._made) * 1e9)
+
+    @property
+    def gives_pulses(self) -> bool:
+        """Whether its pulses follow the satellites: without, it is configured to give none."""
+        if not self._is_running or not self.sky.is_locked:
+            return False
+        return self._navigation.moment(self.gps_ms(), self.sky, self._loop.clock()).kind is not FixKind.NONE
 
     # Life
 

@@ -19,7 +19,7 @@ VERSION = MonVer(
 class Habits:
     """What a receiver is like.
 
-    gps_s         GPS time when it is made.
+    gps_s         GPS time when it is made; fraction_s is added.
     gadget        path of a USB gadget's tty (/dev/ttyGS0) that it speaks at, in place of a pty.
     port          that somebody is at: a USB device comes and goes; a UART, and what stands for an I2C bus, is
                   always there.
@@ -32,6 +32,7 @@ class Habits:
     """
 
     gps_s: int = says.gps_of(2026, 6, 1, 8, 0, 0)
+    fraction_s: float = 0.0
     port: Literal["usb", "uart1", "i2c"] = "usb"
     gadget: str = ""
     speaks_ubx: bool = True

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from board.errors import StationError
 from board.loop import Loop
 from drivers.contract import Can, Capabilities, Host, Sent
-from drivers.message import Confirm, Ego, Indication, MessageType, Outcome, Position, Request
+from drivers.message import UNKNOWN_TIME, Confirm, Ego, Indication, MessageType, Outcome, Position, Request
 from firmware.drops import Drops
 from firmware.interface import Interface
 from firmware.tables import QueueOptions
@@ -69,6 +69,7 @@ class NotingStation:
 
     def __init__(self, position: Position | None = None) -> None:
         self.is_confirm_wanted = True
+        self.quality = UNKNOWN_TIME
         self.indications: list[Indication] = []
         self.confirms: list[Confirm] = []
         self.link_changes = 0

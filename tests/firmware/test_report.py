@@ -21,13 +21,17 @@ class NotingPublisher:
     def publish(self, topic: bytes, body: bytes) -> None:
         self.said.append((topic, json.loads(body)))
 
+    def publish_all(self, messages: list[tuple[bytes, bytes]]) -> None:
+        for topic, body in messages:
+            self.publish(topic, body)
+
 
 class Bench:
     def __init__(self, loop: VirtualLoop) -> None:
         self.loop = loop
         self.publisher = NotingPublisher()
         self.made = self.refreshed = 0
-        self.report = Report(loop, self.publisher, self.status, self.refresh)
+        self.report = Report(loop, self.publisher, self.status, self.refresh, lambda: {"state": "locked"})
 
     def status(self) -> dict[str, object]:
         self.made += 1

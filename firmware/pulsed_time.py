@@ -1,0 +1,233 @@
+"""Time by a receiver and its pulses: seconds are paired, the estimate is made, chronyd is fed, refusals are counted."""
+
+import logging
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from board.journal import REPEATS, Journal
+from board.leaps import Leaps
+from board.loop import Loop, Timer
+from board.time import Fix, Lock, TimeMark, TimeQuality
+from firmware.pulse_input import PulseInput
+from firmware.time_history import Row, TimeHistory
+from pps.model import SHORTEST
+from pps.pulse import Above, Clocks, Pulse, Pulses
+from pps.quality import Estimator
+from pps.refused import MEANING, Refused, Why
+from pps.timemark import Acquired, Event, Pairing, Second
+
+if TYPE_CHECKING:
+    from pps.chrony import Refclock
+
+# Of the estimate in holdover: beyond, a receiver's messages or the system's clock are as good. A vehicle's position
+# and time belong together within 20 ms.
+USABLE_NS = 20_000_000
+
+SAME_S = 0.01  # two ways to one and the same age
+GAP_S = 1.5  # without a second for so long there is a row without one
+
+log = logging.getLogger("captain.time")
+
+
+class PulsedTime:
+    """One receiver's time.
+
+    receiver    the interface that it is on, whose fixes and marks are given here.
+    make        makes the source of its pulses; None: there are none, and messages alone tell the time.
+    latency_ns  how late stamps may be without any pulse showing it.
+    chrony      socket of chronyd; empty: none.
+    leaps       that are known before the receiver knows better.
+    """
+
+    def __init__(
+        self,
+        loop: Loop,
+        receiver: str,
+        make: Callable[[Above], Pulses] | None,
+        latency_ns: int,
+        chrony: str,
+        leaps: Leaps,
+        clocks: Callable[[], Clocks],
+    ) -> None:
+        self.receiver = receiver
+        self.leaps = leaps
+        self.seconds = self.late = 0
+        self.history = TimeHistory()
+        self._loop = loop
+        self._clocks = clocks
+        self._pairing = Pairing()
+        self._estimator = Estimator(latency_ns, leaps, receiver)
+        self._late_ns = round(latency_ns * (1 + SHORTEST) / 2)  # as the estimator takes off every stamp
+        self._input = PulseInput(loop, make, self.pulse) if make else None
+        self._journal = Journal(log, receiver or "pulses", loop.clock, REPEATS)
+        self._refclock = self._made_refclock(chrony)
+        self._timer: Timer | None = None
+        self._phase: tuple[int, int] | None = None  # ITS second and raw clock of the first pulse: where phases begin
+        self._state = Lock.UNKNOWN
+        self._recorded_at = -math.inf
+
+    def start(self) -> None:
+        if self._input is not None:
+            self._input.start()
+
+    def stop(self) -> None:
+        """Idempotent."""
+        if self._input is not None:
+            self._input.stop()
+        if self._timer is not None:
+            self._timer.cancel()
+        if self._refclock is not None:
+            self._refclock.close()
+
+    # What is heard
+
+    def mark(self, mark: TimeMark) -> None:
+        if mark.leap_seconds is not None and mark.its_s is not None:
+            self._learn(self.leaps.told(mark.leap_seconds, mark.leap_event, mark.its_s))
+        self._take(self._pairing.mark(mark))
+
+    def fix(self, fix: Fix) -> None:
+        self._estimator.fix(fix, self._clocks())
+        self._take(self._pairing.fix(fix))
+
+    def pulse(self, pulse: Pulse) -> None:
+        self._take(self._pairing.pulse(pulse))
+
+    # What is known
+
+    def its_ms(self, monotonic: float) -> int | None:
+        """ITS time of a moment of the loop's clock; None while pulses do not tell it, or too badly."""
+        now = self._clocks()
+        found = self._estimator.estimate(now.raw_ns - round((now.monotonic - monotonic) * 1e9))
+        is_usable = self._state in (Lock.LOCKED, Lock.HOLDOVER) and found is not None and found[1] <= USABLE_NS
+        return found[0] // 1_000_000 if is_usable and found is not None else None
+
+    def quality(self, word: tuple[int, int] | None = None) -> TimeQuality:
+        """Of now; once a second. word: offset and uncertainty of the system's clock in ns as chronyd has them."""
+        now = self._clocks()
+        if word is not None and self._refclock is None:  # what it has from here is no second opinion
+            self._estimator.system(*word, now.raw_ns)
+        quality = self._estimator.quality(now)
+        if quality.state is not self._state:
+            self._journal.say(logging.INFO, _sentence(self._state, quality), quality.state.name)
+            self._state = quality.state
+        if self._loop.clock() - self._recorded_at > GAP_S and quality.offset_ns is not None:
+            self._record(self.leaps.its_ns(now.system_ns + quality.offset_ns) / 1e9, math.nan, quality)
+        return quality
+
+    def status(self) -> dict[str, object]:
+        """What is said of pulses and chronyd, in the status."""
+        last = self._pairing.samples
+        refusals = [
+            {
+                "reason": why,
+                "meaning": MEANING[why],
+                "count": count,
+                "time": last[why].pulse.system_ns / 1e9,
+                "detail": last[why].detail,
+            }
+            for why, count in self._pairing.refused.items()
+        ]
+        pulse = self._input.status() if self._input else None
+        return {
+            "receiver": self.receiver,
+            "pulse": pulse and {**pulse, "seconds": self.seconds, "late": self.late, "refused": refusals},
+            "refclock": self._refclock.status() if self._refclock else None,
+        }
+
+    def leap_status(self) -> dict[str, object]:
+        """Whose leap seconds are used, until when they are known, and what is to come."""
+        leaps, now_ns = self.leaps, self.leaps.its_ns(self._clocks().system_ns)
+        event = leaps.next(now_ns)
+        return {
+            "table": leaps.source,
+            "expires": leaps.expires,
+            "doubt": leaps.doubt,
+            "seconds": leaps.leap_seconds(now_ns),
+            "event": event and {**event._asdict(), "utc": leaps.civil(event.its_s * 1_000_000_000)},
+        }
+
+    def _learn(self, leaps: Leaps) -> None:
+        if leaps is self.leaps:
+            return
+        if leaps.doubt and leaps.doubt != self.leaps.doubt:
+            log.warning("%s", leaps.doubt)
+        self.leaps = self._estimator.leaps = leaps
+
+    def _take(self, found: list[Event]) -> None:
+        for one in found:
+            match one:
+                case Second():
+                    self._second(one)
+                case Refused():
+                    self._refuse(one)
+                case Acquired():
+                    self._acquired(one)
+        self._wait()
+
+    def _wait(self) -> None:
+        """Look again when the pairing wants to."""
+        due = self._pairing.deadline()
+        if self._timer is not None and (due is None or self._timer.when != due):
+            self._timer.cancel()
+        if due is not None and (self._timer is None or not self._timer.is_pending):
+            self._timer = self._loop.after(due - self._loop.clock(), self._expire)
+
+    def _expire(self) -> None:
+        self._take(self._pairing.expire(self._loop.clock()))
+
+    def _second(self, second: Second) -> None:
+        self.seconds += 1
+        now, pulse = self._clocks(), second.pulse
+        self._estimator.second(second)
+        quality = self._estimator.quality(now)
+        # The last good pulse is as old as this one: it was not too late to be believed.
+        is_taken = quality.age_s is not None and quality.age_s - (now.raw_ns - pulse.raw_ns) / 1e9 < SAME_S
+        self.late += not is_taken
+        if self._refclock is not None and is_taken:
+            unix_ns = self.leaps.unix_ns(second.its_s * 1_000_000_000) + self._late_ns
+            self._refclock.sample(pulse, second.its_s, unix_ns, second.leap_event, now)
+        if self._phase is None:
+            self._phase = second.its_s, pulse.raw_ns
+        phase_ns = pulse.raw_ns - self._phase[1] - (second.its_s - self._phase[0]) * 1_000_000_000
+        self._record(second.its_s, phase_ns if is_taken else math.nan, quality)
+
+    def _record(self, its_s: float, phase_ns: float, quality: TimeQuality) -> None:
+        self._recorded_at = self._loop.clock()
+        known = (quality.offset_ns, quality.uncertainty_ns, quality.jitter_ns)
+        offset_ns, uncertainty_ns, jitter_ns = (math.nan if one is None else float(one) for one in known)
+        self.history.add(Row(its_s, offset_ns, uncertainty_ns, jitter_ns, phase_ns))
+
+    def _refuse(self, refused: Refused) -> None:
+        if refused.why is not Why.ACQUIRING:
+            # Before the first second a receiver seeks satellites, and what it gives is no pulse yet.
+            level = logging.WARNING if self.seconds else logging.INFO
+            text = f"a pulse is not taken: {MEANING[refused.why]} ({refused.detail})"
+            self._journal.say(level, text, refused.why)
+
+    def _acquired(self, acquired: Acquired) -> None:
+        if acquired.change_s:
+            change = f"{acquired.change_s:+d} s from what was counted: that was wrong, or the receiver is"
+            self._journal.say(logging.ERROR, f"the receiver is believed again: {change}", "acquired")
+
+    def _made_refclock(self, path: str) -> "Refclock | None":
+        if not path:
+            return None
+        from pps.chrony import Refclock
+
+        return Refclock(path, Journal(log, "chrony", self._loop.clock))
+
+
+def _sentence(before: Lock, quality: TimeQuality) -> str:
+    """A change of the state, for the journal."""
+    bound = "" if quality.uncertainty_ns is None else f", within {quality.uncertainty_ns / 1000:,.1f} us"
+    words = {
+        Lock.UNKNOWN: "nobody knows the time",
+        Lock.SYSTEM: "time is that of the system's clock",
+        Lock.COARSE: "time is that of the receiver's messages",
+        Lock.SETTLING: "pulses come; a few more are needed",
+        Lock.LOCKED: "time is that of the pulses",
+        Lock.HOLDOVER: "no good pulses: time goes on by the oscillator",
+    }
+    return f"{words[quality.state]}{bound} ({before.name.lower()} before)"

@@ -1,0 +1,93 @@
+"""How time was: of each second of the last hour, and of each minute of the last day, in a fixed room."""
+
+import math
+from array import array
+from base64 import b64encode
+from typing import NamedTuple
+
+SECONDS = 3600
+MINUTES = 1440
+MINUTE_S = 60
+
+
+class Row(NamedTuple):
+    """One second; NaN where something is not known.
+
+    its_s           of the pulse, or of the moment where there was none.
+    offset_ns       true time less the system's clock.
+    uncertainty_ns  of that, jitter_ns of pulses.
+    phase_ns        of the oscillator against the truth, by the pulse alone: from some zero, and without steering.
+    """
+
+    its_s: float
+    offset_ns: float
+    uncertainty_ns: float
+    jitter_ns: float
+    phase_ns: float
+
+
+class Rows:
+    """The last so many rows: 40 octets each, from the start on."""
+
+    def __init__(self, capacity: int) -> None:
+        self._capacity = capacity
+        self._width = len(Row._fields)
+        self._values = array("d", bytes(8 * capacity * self._width))
+        self._count = 0
+
+    def add(self, row: Row) -> None:
+        at = self._count % self._capacity * self._width
+        self._values[at : at + self._width] = array("d", row)
+        self._count += 1
+
+    def octets(self) -> bytes:
+        """All of them, the oldest first, as doubles of this machine."""
+        filled = min(self._count, self._capacity) * self._width
+        at = self._count % self._capacity * self._width if self._count > self._capacity else 0
+        return (self._values[at:filled] + self._values[:at]).tobytes()
+
+
+class TimeHistory:
+    """240 kB in all."""
+
+    def __init__(self) -> None:
+        self._seconds = Rows(SECONDS)
+        self._minutes = Rows(MINUTES)
+        self._minute: list[Row] = []
+
+    def add(self, row: Row) -> None:
+        """Rows come in the order of their seconds."""
+        if self._minute and row.its_s // MINUTE_S != self._minute[0].its_s // MINUTE_S:
+            self._minutes.add(_summed(self._minute))
+            self._minute.clear()
+        self._seconds.add(row)
+        if len(self._minute) < MINUTE_S:  # of a second that is said twice, the first
+            self._minute.append(row)
+
+    def told(self) -> dict[str, object]:
+        """As JSON: names of columns, and base64 of their doubles, row by row, little-endian as all our machines."""
+        return {
+            "columns": list(Row._fields),
+            "seconds": b64encode(self._seconds.octets()).decode(),
+            "minutes": b64encode(self._minutes.octets()).decode(),
+        }
+
+
+def _summed(rows: list[Row]) -> Row:
+    """A minute: offset and jitter on average, the largest uncertainty, the phase of the pulse that begins it.
+
+    So phases are evenly apart, or missing.
+    """
+    minute_s = rows[0].its_s // MINUTE_S * MINUTE_S
+    return Row(
+        minute_s,
+        _mean([row.offset_ns for row in rows]),
+        max((row.uncertainty_ns for row in rows if not math.isnan(row.uncertainty_ns)), default=math.nan),
+        _mean([row.jitter_ns for row in rows]),
+        rows[0].phase_ns if rows[0].its_s == minute_s else math.nan,
+    )
+
+
+def _mean(values: list[float]) -> float:
+    known = [value for value in values if not math.isnan(value)]
+    return sum(known) / len(known) if known else math.nan
