@@ -4,8 +4,6 @@ The client lives in a process of its own (mqtt_client.py): names, TCP and TLS bl
 What waits while the broker is away waits in the station's queue, with priorities and lifetimes.
 """
 
-import os
-import uuid
 from collections.abc import Callable, Mapping, Sequence
 from typing import ClassVar, NamedTuple
 
@@ -15,7 +13,7 @@ from board.worker import Worker
 from drivers.contract import BUSY, LATER, Can, Capabilities, Host, Sent, Shared
 from drivers.message import MAX_PDU, Ego, Request, RxInfo
 from drivers.mqtt_options import FileStamps, MqttOptions, check_files, file_stamps
-from drivers.mqtt_settings import MqttSettings
+from drivers.mqtt_settings import settings_of
 from drivers.wire import v2n_talk as wire
 
 METADATA = frozenset(("btp_port", "source"))
@@ -231,39 +229,6 @@ class Mqtt:
             about["bearer"] = self.bearer
         last_error = self._details.get("last_error") or self._last_error
         self._host.tell({**about, **self._details, "restarts": self._restarts, "last_error": last_error})
-
-
-def settings_of(options: MqttOptions, shared: Shared) -> MqttSettings:
-    """What the process needs to know, with what options leave out."""
-    name = os.uname().nodename
-    client_id = options.client_id or name
-    made_uuid = uuid.uuid5(uuid.NAMESPACE_URL, f"{shared.mac.hex()}/{client_id}")
-    return MqttSettings(
-        url=options.url,
-        profile=options.profile,
-        prefix=options.prefix,
-        ca=options.ca,
-        certificate=options.certificate,
-        key=options.key,
-        username=options.username,
-        password_file=options.password_file,
-        version=options.version,
-        keep_alive_s=options.keep_alive_s,
-        clean=options.clean,
-        session_expiry_s=options.session_expiry_s,
-        qos=options.qos,
-        device=options.device,
-        status_topic=options.status_topic,
-        depths=options.depths,
-        types=shared.types,
-        urgent=tuple(sorted(shared.lanes[0])) if shared.lanes else (),
-        client_id=client_id,
-        host=options.host or client_id,
-        station=options.station or int.from_bytes(shared.mac[2:]),
-        uuid=options.uuid or str(made_uuid),
-        has_bearer=bool(options.bearer),
-        in_flight=options.max_in_flight,
-    )
 
 
 def _message(request: Request) -> bytes:

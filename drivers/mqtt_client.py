@@ -15,10 +15,11 @@ from board.child import MAX_MESSAGE
 from board.errors import StationError
 from board.worker import jitter
 from drivers import mqtt_credentials, mqtt_profile
+from drivers.mqtt_broker import broker
 from drivers.mqtt_network import Network
 from drivers.mqtt_outbox import Outbox
 from drivers.mqtt_session import Session
-from drivers.mqtt_settings import MqttSettings, broker, settings_in
+from drivers.mqtt_settings import MqttSettings, settings_in
 from drivers.reason import Reason
 from drivers.wire import v2n_talk as talk
 from drivers.wire.v2n import Identity, Profile

@@ -8,7 +8,8 @@ from threading import Lock, Thread
 
 from board.errors import InterfaceError
 from drivers import mqtt_credentials, mqtt_trouble
-from drivers.mqtt_settings import MqttSettings, broker, is_loopback
+from drivers.mqtt_broker import broker, is_loopback
+from drivers.mqtt_settings import MqttSettings
 
 # Look-ups that hang cannot be ended: the C library gives up after half a minute. So many are waited for.
 MOST_HANGING = 4

@@ -7,8 +7,7 @@ import os
 import ssl
 
 from board.errors import InterfaceError
-from drivers.mqtt_options import check_file
-from drivers.mqtt_settings import MqttSettings
+from drivers.mqtt_options import MqttOptions, check_file
 
 MAX_PASSWORD = 65535  # octets: the length of a field of CONNECT
 MAX_KEY = 1 << 20  # octets that are looked at of a file that holds none
@@ -18,7 +17,7 @@ _CERTIFICATE = ("certificate", "x509", "BEGIN CERTIFICATE")
 _FORMS = {"ca": _CERTIFICATE, "certificate": _CERTIFICATE, "key": ("key", "pkey", "BEGIN PRIVATE KEY")}
 
 
-def context(settings: MqttSettings) -> ssl.SSLContext:
+def context(settings: MqttOptions) -> ssl.SSLContext:
     """TLS as the settings say it: 1.2 at least, a known authority, the host's name. Raises InterfaceError."""
     made = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     made.minimum_version = ssl.TLSVersion.TLSv1_2
@@ -32,7 +31,7 @@ def context(settings: MqttSettings) -> ssl.SSLContext:
     return made
 
 
-def password(settings: MqttSettings) -> bytes:
+def password(settings: MqttOptions) -> bytes:
     """The first line of the file. Raises InterfaceError."""
     path = settings.password_file
     check_file("password_file", path, is_secret=True)

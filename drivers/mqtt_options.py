@@ -9,10 +9,14 @@ from typing import Annotated, Literal
 
 from board.describe import Range, all_of, remedy
 from board.errors import BlockedError, ConfigurationError
+from drivers.mqtt_broker import broker
 from drivers.mqtt_profile import is_file, library_file, names
-from drivers.mqtt_settings import IN_FLIGHT, KEEP_ALIVE_S, SESSION_EXPIRY_S, broker
 from drivers.wire.quadkey import MAX_DEPTH
 from drivers.wire.v2n_message import MAX_SOURCE
+
+KEEP_ALIVE_S = 20  # mobile networks forget an idle TCP connection after 30 s and more
+SESSION_EXPIRY_S = 30  # of a session that is kept: what arrives late is passed on as if it were new
+IN_FLIGHT = 20  # publications without an acknowledgement
 
 MAX_DEVICE = 15  # characters of a network device's name: IFNAMSIZ of linux/if.h, less the 0 behind it
 OTHERS = 0o077  # permissions of group and others

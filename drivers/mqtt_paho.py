@@ -11,8 +11,9 @@ from paho.mqtt.properties import Properties
 
 from board.errors import ProtocolError
 from drivers import mqtt_credentials
+from drivers.mqtt_broker import broker
 from drivers.mqtt_line import Line
-from drivers.mqtt_settings import MqttSettings, broker
+from drivers.mqtt_options import MqttOptions
 from drivers.mqtt_window import Accepted
 from drivers.wire.mqtt_packets import CONNACK
 from drivers.wire.v2n import Publication
@@ -28,7 +29,7 @@ class Paho(PahoClient):
     is_clean  it starts without what an earlier one left, whatever the settings say.
     """
 
-    def __init__(self, line: Line, settings: MqttSettings, is_clean: bool = False) -> None:
+    def __init__(self, line: Line, settings: MqttOptions, is_clean: bool = False) -> None:
         self.is_5 = settings.version == 5
         self._is_clean = settings.clean or is_clean
         super().__init__(

@@ -12,9 +12,10 @@ from typing import Protocol
 from board.errors import RequestError
 from drivers.message import Ego, Position
 from drivers.mqtt_backoff import STEADY_S, Backoff
+from drivers.mqtt_broker import broker
 from drivers.mqtt_echo import Echoes
 from drivers.mqtt_report import Report
-from drivers.mqtt_settings import MqttSettings, broker
+from drivers.mqtt_settings import MqttSettings
 from drivers.mqtt_subscriptions import Subscriptions
 from drivers.mqtt_window import Accepted, Window
 from drivers.reason import Reason
@@ -101,7 +102,7 @@ class Session:
         self._device = ""  # of the bearer
         self._accepted = Accepted()
         self._echoes = Echoes() if settings.version != 5 else None  # of version 5 noLocal is a part
-        self._window = Window(self._publish, lambda: client.takes_more, self._report.tell, settings.in_flight)
+        self._window = Window(self._publish, lambda: client.takes_more, self._report.tell, settings.max_in_flight)
         self._subscriptions = Subscriptions(client, self._wanted)
         self._since = 0.0  # the phase
         self._retry_at = self._look_at = self._beat_at = math.inf
@@ -110,7 +111,7 @@ class Session:
 
     def start(self, now: float) -> None:
         self._beat_at = now + talk.BEAT_S
-        self._begin(not self._settings.has_bearer, now)
+        self._begin(not self._settings.bearer, now)
 
     def take(self, message: bytes, now: float) -> None:
         """A message of the station, but for the settings."""
@@ -121,7 +122,7 @@ class Session:
                 before, self._own = self._own, talk.parse_ego(message)
                 if self.phase in _CONNECTED:
                     self._look_at = min(self._look_at, now + LOOK_S if before.is_known else now)
-            case talk.BEARER if self._settings.has_bearer and self.phase is not Phase.CLOSED:
+            case talk.BEARER if self._settings.bearer and self.phase is not Phase.CLOSED:
                 # Another address, or none: a connection from the old one hears nothing any more.
                 self._client.drop()
                 self._window.close()

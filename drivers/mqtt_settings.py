@@ -1,131 +1,34 @@
-"""What the MQTT driver tells its process first: one JSON object, made and read here."""
+"""What the process with the MQTT client is told first: the options of its interface, made whole, and a little more."""
 
 import json
-from dataclasses import asdict, dataclass
-from ipaddress import ip_address
-from typing import Literal, NamedTuple
-from urllib.parse import SplitResult, urlsplit
+import os
+import re
+import uuid
+from dataclasses import asdict, dataclass, replace
 
 from board.describe import read
-from board.errors import ConfigurationError
-
-PORTS = {"mqtt": 1883, "mqtts": 8883}  # IANA's, for a URL without one
-
-KEEP_ALIVE_S = 20  # mobile networks forget an idle TCP connection after 30 s and more
-SESSION_EXPIRY_S = 30  # of a session that is kept: what arrives late is passed on as if it were new
-IN_FLIGHT = 20  # publications without an acknowledgement
+from drivers.contract import Shared
+from drivers.mqtt_options import KEEP_ALIVE_S, MqttOptions
 
 # A connection that a tunnel or another address has cut says nothing. Given up so soon, another one is there before TCP
 # would have tried again, and no octets arrive in it that were written much longer ago.
 STALL_S = 3.0
 
 
-class Broker(NamedTuple):
-    """Where a broker is."""
-
-    host: str
-    port: int
-    has_tls: bool
-
-    def __str__(self) -> str:
-        host = f"[{self.host}]" if ":" in self.host else self.host
-        return f"{'mqtts' if self.has_tls else 'mqtt'}://{host}:{self.port}"
-
-    @property
-    def is_loopback(self) -> bool:
-        """Whether it can only be this machine, whatever a name server says."""
-        return is_loopback(self.host) or self.host == "localhost"
-
-
-def is_loopback(host: str) -> bool:
-    """Whether it is an address of this machine alone; a name is none."""
-    try:
-        return ip_address(host).is_loopback
-    except ValueError:
-        return False
-
-
-def broker(url: str) -> Broker:
-    """The broker of `mqtts://host:port` or `mqtt://host:port`. Raises ConfigurationError."""
-    wanted = "write for example mqtts://broker.example:8883, or mqtt://localhost:1883 without TLS"
-    if "@" in url:  # and it is not shown: what is before that may be a password
-        raise ConfigurationError("url: names a user", "name it in username and password_file")
-    try:
-        parts = urlsplit(url)
-    except ValueError as error:
-        raise ConfigurationError(f'url: "{url}" has a host in brackets that is no IPv6 address', wanted) from error
-    if parts.scheme not in PORTS:
-        raise ConfigurationError(f'url: "{url}" begins with neither mqtts:// nor mqtt://', wanted)
-    if not parts.hostname or any(not "!" <= letter <= "~" for letter in url):
-        raise ConfigurationError(f'url: "{url}" names no host', wanted)
-    if parts.path.strip("/") or parts.query or parts.fragment:
-        raise ConfigurationError(f'url: "{url}" goes on after the port', wanted)
-    return Broker(parts.hostname, _port(parts) or PORTS[parts.scheme], parts.scheme == "mqtts")
-
-
-def _port(parts: SplitResult) -> int | None:
-    """None where there is none: the default is meant."""
-    try:
-        port = parts.port
-    except ValueError:
-        port = 0
-    if port == 0:
-        raise ConfigurationError(f'url: "{parts.geturl()}" has a port that is none', "a port is 1 to 65535")
-    return port
-
-
 @dataclass(frozen=True)
-class MqttSettings:
-    """What the process needs to know. Paths are absolute or of the station's working directory.
+class MqttSettings(MqttOptions):
+    """Options of which none is left open, and what is not for a user to say. Paths are as options have them.
 
-    url         of the broker, as broker() reads it.
-    profile     name of one that is there, or the path of a TOML file.
     types       names of the message types by their row; "" where one has none. ToSend.row is a place in it.
     urgent      messageIDs of what is dropped last on its way to the station.
-    client_id   unique per broker.
-    host        of vcaptain's payload and status, and {host} of the templates.
-    station     stationID, {station} of the templates. uuid and prefix: {uuid}, {prefix}.
-    ca          file of certificates that sign brokers; "": those of the system.
-    certificate, key    of this client, both or none.
-    username, password_file    both or none; the file is read at each connect.
-    version     of MQTT.
-    clean       start without what an earlier session left; else the broker keeps it for session_expiry_s, by 3.1.1
-                as long as it likes.
-    qos         instead of the profile's; None: the profile's.
-    device      that the connection is bound to (SO_BINDTODEVICE); "": the bearer's, or any without one.
-    has_bearer  whether BEARER messages will come: until the first says up, nothing is connected.
-    status_topic  instead of the profile's; "": the profile's.
-    depths      least and most quadkey levels instead of the profile's; () for the profile's.
-    in_flight   publications without an acknowledgement, at most.
     connect_s   limit of each of: name, TCP and TLS, CONNACK, SUBACK.
     stall_s     what was written and nobody's kernel has acknowledged for so long ends the connection.
     first_delay_s, longest_delay_s    of the back-off between two tries.
     """
 
-    url: str
-    profile: str = "vcaptain"
     types: tuple[str, ...] = ()
     urgent: tuple[int, ...] = (1,)
-    client_id: str = ""
-    host: str = ""
-    station: int = 0
-    uuid: str = ""
-    prefix: str = ""
-    ca: str = ""
-    certificate: str = ""
-    key: str = ""
-    username: str = ""
-    password_file: str = ""
-    version: Literal[5, "3.1.1"] = 5
-    keep_alive_s: int = KEEP_ALIVE_S
-    clean: bool = True
-    session_expiry_s: int = SESSION_EXPIRY_S
-    qos: int | None = None
-    device: str = ""
-    has_bearer: bool = False
-    status_topic: str = ""
-    depths: tuple[int, ...] = ()
-    in_flight: int = IN_FLIGHT
+    keep_alive_s: int = KEEP_ALIVE_S  # shorter than a user's may be, for those who cannot wait
     connect_s: float = 10.0
     stall_s: float = STALL_S
     first_delay_s: float = 0.5
@@ -140,3 +43,23 @@ class MqttSettings:
 def settings_in(message: bytes) -> MqttSettings:
     """The other way."""
     return read(MqttSettings, json.loads(message), "settings of the MQTT process")
+
+
+def settings_of(options: MqttOptions, shared: Shared) -> MqttSettings:
+    """The settings of an interface, with what its options leave out."""
+    client_id = options.client_id or _own_name()
+    made_uuid = uuid.uuid5(uuid.NAMESPACE_URL, f"{shared.mac.hex()}/{client_id}")
+    whole = replace(
+        options,
+        client_id=client_id,
+        host=options.host or client_id,
+        station=options.station or int.from_bytes(shared.mac[2:]),
+        uuid=options.uuid or str(made_uuid),
+    )
+    urgent = tuple(sorted(shared.lanes[0])) if shared.lanes else ()
+    return MqttSettings(**vars(whole), types=shared.types, urgent=urgent)
+
+
+def _own_name() -> str:
+    """This machine's, without what the kernel allows in one and a topic does not."""
+    return re.sub(r"[^A-Za-z0-9._-]", "-", os.uname().nodename)

@@ -5,7 +5,8 @@ import socket
 import ssl
 
 from board.errors import StationError
-from drivers.mqtt_settings import MqttSettings, broker
+from drivers.mqtt_broker import broker
+from drivers.mqtt_options import MqttOptions
 
 # X.509 verification, by X509_V_ERR_* of openssl/x509_vfy.h.
 _CERTIFICATE = {
@@ -121,7 +122,7 @@ def soon(words: str) -> str:
     return f"{words} soon after CONNACK: it was stopped, or another client has the same client_id; its log says which"
 
 
-def early(words: str, settings: MqttSettings) -> str:
+def early(words: str, settings: MqttOptions) -> str:
     """The same for a connection that was not accepted: brokers often close it without a reason."""
     if words != _CLOSED:
         return words

@@ -5,7 +5,7 @@ from collections.abc import Collection, Iterator
 
 from board.describe import remedy
 from board.errors import ConfigurationError
-from drivers.mqtt_settings import Broker, broker
+from drivers.mqtt_broker import Broker, broker
 from firmware.tables import EndpointOptions, PayloadMatch, PolicyRow, StationOptions, Tables, TypeConfig
 from firmware.topics import ROWS
 

@@ -8,9 +8,9 @@ from board.errors import StationError
 from drivers import DRIVERS
 from drivers.contract import Can, Shared
 from drivers.message import Ego, Position
-from drivers.mqtt import settings_of
+from drivers.mqtt_broker import broker
 from drivers.mqtt_options import MqttOptions, check_file
-from drivers.mqtt_settings import MqttSettings, broker
+from drivers.mqtt_settings import MqttSettings, settings_of
 from firmware.config import InterfaceConfig
 from firmware.lab import mqtt_reach, x509
 from firmware.lab.checks import Finding, Level

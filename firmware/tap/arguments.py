@@ -5,9 +5,8 @@ import os
 import socket
 
 from board.errors import ConfigurationError, UsageError
-from drivers.mqtt_options import MqttOptions, check_files
+from drivers.mqtt_options import KEEP_ALIVE_S, SESSION_EXPIRY_S, MqttOptions, check_files
 from drivers.mqtt_profile import names
-from drivers.mqtt_settings import KEEP_ALIVE_S, SESSION_EXPIRY_S, MqttSettings
 from firmware.user.arguments import integer
 
 
@@ -40,7 +39,7 @@ def add_broker(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--plaintext", action="store_true", help="without TLS even to another machine")
 
 
-def settings_of(arguments: argparse.Namespace) -> MqttSettings:
+def settings_of(arguments: argparse.Namespace) -> MqttOptions:
     """What add_broker() was given. Raises StationError for what does not go together or is not there."""
     expiry_s = arguments.session_expiry_s
     if expiry_s is not None and not arguments.client_id:
@@ -54,12 +53,14 @@ def settings_of(arguments: argparse.Namespace) -> MqttSettings:
         "keep_alive_s": arguments.keep_alive_s,
         "clean": expiry_s is None,
         "session_expiry_s": expiry_s or SESSION_EXPIRY_S,
+        "plaintext": arguments.plaintext,
     }
     try:
-        check_files(MqttOptions(**given, plaintext=arguments.plaintext))
+        options = MqttOptions(**given)
     except ConfigurationError as error:
         raise UsageError(error.message, error.hint) from error
-    return MqttSettings(**given)
+    check_files(options)
+    return options
 
 
 def _own_name() -> str:

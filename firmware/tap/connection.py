@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from board.errors import InterfaceError, StationError
 from drivers import mqtt_credentials, mqtt_trouble
-from drivers.mqtt_settings import MqttSettings, broker
+from drivers.mqtt_broker import broker
+from drivers.mqtt_options import MqttOptions
 from drivers.wire.v2n_message import Delivery
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ class Connection:
 
     def __init__(
         self,
-        settings: MqttSettings,
+        settings: MqttOptions,
         filters: Sequence[tuple[str, int]],
         take: Callable[[Delivery], None],
         say: Callable[[str], None],

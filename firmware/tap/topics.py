@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 from board.errors import ConfigurationError, RequestError
-from drivers.mqtt_settings import MqttSettings
+from drivers.mqtt_options import MqttOptions
 from drivers.wire.quadkey import from_digits
 from drivers.wire.v2n_description import Form, ProfileDescription, Row, SubscribeRow
 from drivers.wire.v2n_message import Identity
@@ -65,7 +65,7 @@ def shared(group: str, text: str) -> str:
     return f"$share/{group}/{text}" if group else text
 
 
-def identity(settings: MqttSettings) -> Identity:
+def identity(settings: MqttOptions) -> Identity:
     """Who a tap is to its profile: nobody who publishes, so that nothing is taken for its own echo."""
     name = settings.client_id
     return Identity(name, NO_STATION, name, settings.prefix)

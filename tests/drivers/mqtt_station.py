@@ -33,6 +33,7 @@ def settings(url: str, **how: Any) -> MqttSettings:
             "host": "vm",
             "station": 1337,
             "uuid": "u",
+            "plaintext": True,
             "first_delay_s": 0.05,
             "longest_delay_s": 0.2,
             "connect_s": 5.0,

@@ -2,6 +2,7 @@
 
 import os
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -57,7 +58,7 @@ def test_the_process_is_told_all_that_options_say_before_anything_else(start):
     assert (found.url, found.profile, found.types, found.urgent) == (URL, "vcaptain", ("cam", "denm"), (1,))
     assert (found.client_id, found.host, found.prefix, found.qos, found.version) == ("vm", "vm", "fleet", 0, "3.1.1")
     assert (found.keep_alive_s, found.clean, found.depths, found.device) == (7, False, (14, 18), "eth0")
-    assert not found.has_bearer
+    assert not found.bearer
 
 
 def test_what_options_leave_out_is_made_of_the_host_and_its_address(start):
@@ -67,6 +68,11 @@ def test_what_options_leave_out_is_made_of_the_host_and_its_address(start):
     assert len(found.uuid) == 36
     assert settings_in(start()[1].told[0]).uuid == found.uuid
     assert settings_in(start(client_id="another")[1].told[0]).uuid != found.uuid
+
+
+def test_a_machine_whose_name_no_topic_can_hold_has_another_there(start, monkeypatch):
+    monkeypatch.setattr(os, "uname", lambda: SimpleNamespace(nodename="my box/2#"))
+    assert settings_in(start()[1].told[0]).client_id == "my-box-2-"
 
 
 def test_a_session_that_is_kept_brings_nothing_that_is_old(start):
@@ -316,7 +322,7 @@ def test_it_follows_the_bearer_that_it_names_and_carries_no_network_itself(start
     assert isinstance(driver, Borne)
     assert driver.bearer == "modem"
     assert Can.BEARER not in driver.capabilities.can
-    assert settings_in(worker.told[0]).has_bearer
+    assert settings_in(worker.told[0]).bearer
 
 
 def test_without_its_bearer_it_is_down_whatever_the_process_says(start, host):

@@ -230,7 +230,7 @@ def test_one_that_does_not_answer_to_ping_is_given_up(start):
 
 def test_one_that_stops_reading_is_given_up_and_every_request_is_answered(start):
     with Mute(reads=1) as broker:
-        station = start(broker.port, keep_alive_s=1, in_flight=20, qos=0, profile="raw").up()
+        station = start(broker.port, keep_alive_s=1, max_in_flight=20, qos=0, profile="raw").up()
         for number in range(20):
             station.send(number, CAM + bytes(1400), lifetime=1.0)
         station.until(lambda: len(station.sent) == 20)
@@ -269,7 +269,7 @@ def test_what_was_told_expired_is_not_sent_when_the_broker_reads_again(start, qo
     deaf = Deaf()
     with Listener(deaf) as listener:
         listener._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, DEAF_BUFFER)  # of what it accepts, too
-        station = start(listener.port, profile="raw", qos=qos, in_flight=50, stall_s=60.0).up()
+        station = start(listener.port, profile="raw", qos=qos, max_in_flight=50, stall_s=60.0).up()
         for number in range(50):
             station.send(number, CAM + bytes(1400), lifetime=0.3)
         station.until(lambda: len(station.sent) == 50)
@@ -283,7 +283,7 @@ def test_what_the_socket_has_not_taken_in_its_lifetime_never_leaves(start):
     deaf = Deaf()
     with Listener(deaf) as listener:
         listener._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, DEAF_BUFFER)  # of what it accepts, too
-        station = start(listener.port, profile="raw", qos=0, in_flight=500, stall_s=60.0).up()
+        station = start(listener.port, profile="raw", qos=0, max_in_flight=500, stall_s=60.0).up()
         for number in range(500):
             station.send(number, CAM + bytes(50), lifetime=0.3)
         station.until(lambda: len(station.sent) == 500)
@@ -541,7 +541,7 @@ def test_it_ends_at_once_when_the_station_leaves(start, is_up):
 
 
 def test_a_profile_that_is_not_there_is_a_fault(turns):
-    station = Station(settings("mqtt://127.0.0.1:1", profile="vcaptian"))
+    station = Station(settings("mqtt://127.0.0.1:1", profile="absent/vcaptian.toml"))
     station.until(lambda: station.faults)
     assert "vcaptian" in station.faults[0][0]
     station.close()

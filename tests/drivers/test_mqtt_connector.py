@@ -40,7 +40,7 @@ def _kernel(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def tried(host: str, device: str = "", bearer: str = "") -> Connector:
-    connector = Connector(MqttSettings(url=f"mqtt://{host}", device=device), bearer)
+    connector = Connector(MqttSettings(url=f"mqtt://{host}", device=device, plaintext=True), bearer)
     assert select.select([connector], [], [], PATIENCE_S)[0]
     connector.close()
     return connector

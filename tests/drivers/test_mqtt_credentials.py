@@ -19,7 +19,12 @@ __all__ = ["certificates"]
 def settings(certificates) -> MqttSettings:
     certificate, key = certificates.client
     return MqttSettings(
-        "mqtts://a", ca=str(certificates.authority.certificate), certificate=str(certificate), key=str(key)
+        "mqtts://a",
+        ca=str(certificates.authority.certificate),
+        certificate=str(certificate),
+        key=str(key),
+        username="me",
+        password_file="absent",
     )
 
 

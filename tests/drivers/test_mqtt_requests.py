@@ -38,7 +38,7 @@ def test_what_the_broker_refuses_failed_in_its_words():
 
 
 def test_no_more_are_unacknowledged_than_the_window_holds():
-    bench = Bench(in_flight=3).accept()
+    bench = Bench(max_in_flight=3).accept()
     for number in range(6):
         bench.send(number)
     assert len(bench.client.published) == 3
@@ -57,7 +57,7 @@ def test_a_broker_that_takes_one_at_a_time_is_given_one_at_a_time():
 
 
 def test_what_a_station_sends_beyond_its_window_is_refused():
-    bench = Bench(in_flight=2)
+    bench = Bench(max_in_flight=2)
     for number in range(6):
         bench.send(number)
     assert bench.outcomes == {4: Reason.QUEUE_FULL, 5: Reason.QUEUE_FULL}
@@ -94,7 +94,7 @@ def test_a_request_that_comes_too_late_does_not_leave():
 
 
 def test_an_acknowledgement_after_the_deadline_changes_nothing_but_makes_room():
-    bench = Bench(in_flight=1).accept()
+    bench = Bench(max_in_flight=1).accept()
     bench.send(1, lifetime=1.0)
     bench.run(1.0)
     assert bench.outcomes == {1: Reason.EXPIRED}
@@ -206,7 +206,7 @@ STEPS = st.lists(
 
 @given(steps=STEPS, has_bearer=st.booleans(), room=st.integers(1, 5))
 def test_each_request_is_answered_once_and_at_its_deadline_at_the_latest(steps, has_bearer, room):
-    bench = Bench(has_bearer=has_bearer, in_flight=3)
+    bench = Bench(bearer="modem" * has_bearer, max_in_flight=3)
     deadlines: dict[int, float] = {}
     for what, how in steps:
         step(bench, what, how, deadlines, room)

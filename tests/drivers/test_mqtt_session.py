@@ -133,7 +133,7 @@ def test_its_link_is_down_when_the_position_is_lost_for_longer_than_a_moment():
 
 
 def test_nothing_is_connected_before_the_bearer_is_up():
-    bench = Bench(has_bearer=True)
+    bench = Bench(bearer="modem")
     bench.run(100.0)
     assert bench.client.calls == []
     bench.bearer(True)
@@ -141,7 +141,7 @@ def test_nothing_is_connected_before_the_bearer_is_up():
 
 
 def test_a_bearer_that_comes_up_ends_the_wait_for_the_next_try():
-    bench = Bench(has_bearer=True)
+    bench = Bench(bearer="modem")
     bench.bearer(True)
     for _ in range(6):
         bench.session.failed("no route", bench.now)
@@ -159,7 +159,7 @@ def test_a_bearer_that_comes_up_ends_the_wait_for_the_next_try():
 
 
 def test_another_address_makes_another_connection_and_what_was_unacknowledged_leaves_again():
-    bench = Bench(has_bearer=True)
+    bench = Bench(bearer="modem")
     bench.bearer(True)
     bench.accept()
     bench.send(1)
@@ -171,7 +171,7 @@ def test_another_address_makes_another_connection_and_what_was_unacknowledged_le
 
 
 def test_a_connection_goes_by_the_device_of_its_bearer():
-    bench = Bench(has_bearer=True)
+    bench = Bench(bearer="modem")
     bench.bearer(True, "wwan0")
     bench.bearer(True, "wwan1")
     bench.session.failed("refused", bench.now)
@@ -180,7 +180,7 @@ def test_a_connection_goes_by_the_device_of_its_bearer():
 
 
 def test_without_its_bearer_a_connection_is_gone_and_says_so():
-    bench = Bench(has_bearer=True)
+    bench = Bench(bearer="modem")
     bench.bearer(True)
     bench.accept()
     bench.bearer(False)
@@ -209,7 +209,7 @@ def test_a_bearer_that_nobody_asked_for_changes_nothing():
 
 
 def test_it_says_that_it_lives_once_a_second_when_it_has_nothing_else_to_say():
-    bench = Bench(has_bearer=True)
+    bench = Bench(bearer="modem")
     bench.run(10.0)
     assert 8 <= len(bench.all(talk.ALIVE)) <= 10
 

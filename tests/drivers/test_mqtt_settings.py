@@ -3,7 +3,8 @@
 import pytest
 
 from board.errors import ConfigurationError
-from drivers.mqtt_settings import broker, settings_in
+from drivers.mqtt_broker import broker
+from drivers.mqtt_settings import settings_in
 from tests.drivers.mqtt_model import Bench
 
 

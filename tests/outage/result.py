@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from drivers.mqtt_settings import IN_FLIGHT
+from drivers.mqtt_options import IN_FLIGHT
 from drivers.reason import Reason
 from firmware.user.table import Table
 from tests.chaos.run import Goal

@@ -6,7 +6,7 @@ from collections import Counter
 
 import pytest
 
-from drivers.mqtt_settings import IN_FLIGHT
+from drivers.mqtt_options import IN_FLIGHT
 from drivers.reason import Reason
 from tests.outage import messages, pattern, result
 from tests.outage.account import KEEP_S, Account

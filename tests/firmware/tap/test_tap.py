@@ -14,8 +14,8 @@ from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.reasoncodes import ReasonCode
 
 from board.errors import InterfaceError, StationError
+from drivers.mqtt_options import MqttOptions
 from drivers.mqtt_profile import load
-from drivers.mqtt_settings import MqttSettings
 from drivers.reason import Reason
 from drivers.wire.v2n import Profile
 from firmware import cli
@@ -165,7 +165,7 @@ def test_another_client_of_its_name_is_suspected(brokers: Brokers) -> None:
 
 
 def test_a_broker_that_names_the_other_client_ends_it_with_a_remedy() -> None:
-    settings = MqttSettings(url="mqtt://localhost", client_id="same")
+    settings = MqttOptions(url="mqtt://localhost", client_id="same")
     connection = Connection(settings, [("t", 0)], lambda delivery: None, lambda line: None)
     taken_over = ReasonCode(PacketTypes.DISCONNECT, "Session taken over")
     with pytest.raises(StationError, match="another client came with the name same") as ended:
@@ -175,7 +175,7 @@ def test_a_broker_that_names_the_other_client_ends_it_with_a_remedy() -> None:
 
 def test_while_it_cannot_connect_again_it_says_each_other_reason_once() -> None:
     said: list[str] = []
-    connection = Connection(MqttSettings(url="mqtt://localhost"), [("t", 0)], lambda delivery: None, said.append)
+    connection = Connection(MqttOptions(url="mqtt://localhost"), [("t", 0)], lambda delivery: None, said.append)
     connection.is_up = True
     for why in ("has closed the connection", *["refuses it"] * 3, *["no route to it"] * 2, "refuses it"):
         connection._lost(InterfaceError(why))
@@ -186,7 +186,7 @@ def test_while_it_cannot_connect_again_it_says_each_other_reason_once() -> None:
 
 
 def test_a_topic_that_is_no_utf_8_is_counted_and_the_next_message_passes() -> None:
-    settings = MqttSettings(url="mqtt://localhost")
+    settings = MqttOptions(url="mqtt://localhost")
     tap = Tap(Profile(load("raw"), topics.identity(settings)), Wish())
     connection = Connection(settings, [("#", 0)], tap.take, lambda line: None)
     for topic in (b"v2x/\xff\xfe", b"v2x/cam"):
@@ -281,7 +281,7 @@ def test_a_reader_that_leaves_ends_it_quietly(brokers: Brokers) -> None:
 
 
 def test_what_the_broker_says_that_it_dropped_is_told_from_the_first_count_on() -> None:
-    connection = Connection(MqttSettings(url="mqtt://localhost"), [("t", 0)], lambda delivery: None, lambda line: None)
+    connection = Connection(MqttOptions(url="mqtt://localhost"), [("t", 0)], lambda delivery: None, lambda line: None)
     for count in (b"7", b"9", b"rubbish", b"8" * 30, b"2", b"12"):
         message = MQTTMessage(topic=DROPPED.encode())
         message.payload = count

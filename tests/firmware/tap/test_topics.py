@@ -5,8 +5,8 @@ from paho.mqtt.client import topic_matches_sub
 
 from board.errors import ConfigurationError, RequestError
 from drivers.message import Ego, Position
+from drivers.mqtt_options import MqttOptions
 from drivers.mqtt_profile import codec, load
-from drivers.mqtt_settings import MqttSettings
 from drivers.wire.v2n import Profile
 from drivers.wire.v2n_description import ProfileDescription, PublishRow
 from drivers.wire.v2n_message import Delivery, Identity
@@ -108,7 +108,7 @@ def test_a_station_0_is_not_taken_for_the_tap_itself() -> None:
     description = topics.tapped(load("nap"), is_published=True, has_all=True)
     library = codec(description)
     zero = Identity("vm", 0, "u", "")
-    tap = topics.identity(MqttSettings(url="mqtt://localhost", client_id="tap"))
+    tap = topics.identity(MqttOptions(url="mqtt://localhost", client_id="tap"))
     (sent, *_) = Profile(load("nap"), zero, library).publications("cam", 2001, CAM_OF_ASN1TOOLS, HERE, NOW_MS)
     assert Profile(description, tap, library).receive(Delivery(sent.topic, sent.payload)).pdu == CAM_OF_ASN1TOOLS
 
