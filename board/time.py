@@ -46,15 +46,6 @@ def leap_seconds(utc_s: float) -> int:
     return sum(utc_s >= leap for leap in LEAPS)
 
 
-def leap_seconds_its(its_ms: int) -> int:
-    """Leap seconds inserted between 2004-01-01 and a moment in ITS time, of the table built in.
-
-    A leap second counts from its own first millisecond on: Unix time, which has no number for it, repeats the
-    second before it, as the Linux kernel does.
-    """
-    return sum(its_ms >= (leap - EPOCH + earlier) * 1000 for earlier, leap in enumerate(LEAPS))
-
-
 def its_time_ms(utc_s: float, leap_seconds: int) -> int:
     """ITS time of a moment: milliseconds since 2004-01-01T00:00:00Z, leap seconds counted.
 
