@@ -12,9 +12,11 @@ LEAP_LIST = "/usr/share/zoneinfo/leap-seconds.list"  # tzdata of Debian 13; righ
 # half of a source's delay as what it cannot see.
 LATE_NS = 5_000
 
+# Figures: python -m tests.pps.chronyd_check.
 _REFCLOCK = """\
 # A complete sample of each second that the receiver has confirmed.
-# poll 2, filter 4: the median part of 4 samples every 4 s, so that a late pulse is left out.
+# poll 2, filter 4: the median part of 4 samples every 4 s, so that a late pulse is left out. Within 1.2 us in 95 %, and
+#   a step of 500 us is followed in 31 s; poll 3 with filter 8 is no better and needs 49 s.
 # delay: half of it is in the stated error, for what is late in every pulse.
 # prefer, not trust: servers that agree with each other may outvote a receiver that is lied to.
 refclock SOCK {path} refid PPS poll 2 filter 4 delay {delay_s:.1e} prefer
@@ -34,8 +36,8 @@ rtcsync
 # TAI for CLOCK_TAI, and leap seconds that no receiver has announced; one that a receiver announces needs no list.
 {leaps}
 
+# What is learned of the oscillator. Samples are not kept: what they were taken against is gone with the power.
 driftfile {state}/chrony.drift
-dumpdir {state}
 
 # No NTP for others. Commands on loopback alone, where chronyc may ask without rights and change nothing.
 port 0
@@ -53,6 +55,8 @@ ExecStartPost=+/bin/chmod 0620 {path}
 
 def refclock(path: str = SOCKET, late_ns: int = LATE_NS) -> str:
     """For /etc/chrony/conf.d/captain.conf, beside a chrony.conf that stays as it is.
+
+    A source and nothing else: Debian 12's chrony.conf reads that folder first and overrides what it says of the rest.
 
     path     of the socket, as in [time] chrony of captain.toml; raises ConfigurationError where it cannot be one.
     late_ns  that a stamp may be late in every pulse.

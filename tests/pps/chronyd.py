@@ -8,6 +8,7 @@ import socket
 import subprocess
 import time
 from collections.abc import Callable
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Self
 
@@ -53,6 +54,7 @@ class Chronyd:
         self.socket = folder / "pps.sock"
         self.command = folder / "command.sock"
         self.shift_s, self.rate = shift_s, rate
+        self._started_ns = 0
         self._process: subprocess.Popen[bytes] | None = None
         self._file = folder / "chrony.conf"
         self._file.write_text(
@@ -72,6 +74,7 @@ class Chronyd:
     def start(self) -> Self:
         """Start it and wait until it can be asked and fed."""
         user = pwd.getpwuid(os.getuid()).pw_name
+        self._started_ns = time.time_ns()
         with (self.folder / "log").open("a") as log:
             self._process = subprocess.Popen(
                 [PROGRAM, "-x", "-d", "-U", "-u", user, "-f", str(self._file)],
@@ -104,9 +107,13 @@ class Chronyd:
         os.kill(self.pid, signal.SIGCONT)
 
     def clocks(self) -> Clocks:
-        """The machine's clocks, with the system's as chronyd has it; a rate is not seen here."""
+        """The machine's clocks as chronyd has them; at a rate, up to that many times 20 ms ahead of it."""
         now = read_clocks()
-        return now._replace(system_ns=now.system_ns + self.shift_s * 10**9)
+        gone_ns = now.system_ns - self._started_ns
+        ahead_ns = (self.rate - 1) * gone_ns
+        return Clocks(
+            now.system_ns + ahead_ns + self.shift_s * 10**9, now.raw_ns + ahead_ns, now.monotonic + ahead_ns / 1e9
+        )
 
     @property
     def chronyc(self) -> tuple[str, ...]:
@@ -167,9 +174,25 @@ class Feeder:
         self._clocks = chronyd.clocks
         self._sequence = 0
 
-    def __call__(self) -> bool:
+    def __call__(self, ago_ns: int = STAMPED_AGO_NS) -> bool:
+        """A pulse that long ago, told now."""
         now = self._clocks()
         self._sequence += 1
-        pulse = pulse_at(self._sequence, now.system_ns - STAMPED_AGO_NS, now)
+        pulse = pulse_at(self._sequence, now.system_ns - ago_ns, now)
         unix_ns = pulse.system_ns + self.offset_ns
         return self.refclock.sample(pulse, unix_ns // 10**9 - EPOCH + len(LEAPS), unix_ns, self.leap, now)
+
+
+def shift_to(moment: str) -> int:
+    """Seconds from now to a moment of UTC."""
+    return _unix_s(moment) - int(time.time())
+
+
+def event(day_after: str, change: int) -> LeapEvent:
+    """A leap second at the end of the day before, where none has been inserted since 2017."""
+    its_s = _unix_s(day_after) - EPOCH + len(LEAPS)
+    return LeapEvent(its_s if change > 0 else its_s - 1, change)
+
+
+def _unix_s(moment: str) -> int:
+    return int(datetime.fromisoformat(moment).replace(tzinfo=UTC).timestamp())

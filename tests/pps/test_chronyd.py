@@ -4,20 +4,18 @@ import logging
 import os
 import signal
 import subprocess
-import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
-from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
 
 from board.journal import Journal
-from board.time import EPOCH, LEAPS, LeapEvent
+from board.time import LeapEvent
 from pps.chrony import Fate
 from pps.chrony_configuration import LEAP_LIST, access, configuration, refclock
 from pps.chrony_tracking import Tracker
-from tests.pps.chronyd import PROGRAM, Chronyd, Feeder
+from tests.pps.chronyd import PROGRAM, Chronyd, Feeder, event, shift_to
 from tests.virtual import VirtualLoop
 
 SETTLED_S = 10e-6  # of what was injected
@@ -75,20 +73,6 @@ def test_no_nanosecond_is_lost_on_the_way(chronyds: Chronyds) -> None:
     chronyd.until(feed, lambda state: state.offset_ns is not None and abs(state.offset_ns - 12_345) < 20, LASTING)
 
 
-def moment(day: str) -> int:
-    return int(datetime.fromisoformat(day).replace(tzinfo=UTC).timestamp())
-
-
-def on(day: str) -> int:
-    return moment(day) - int(time.time())
-
-
-def event(day_after: str, change: int) -> LeapEvent:
-    """The leap second at the end of the day before; none has been inserted since 2017."""
-    its_s = moment(day_after) - EPOCH + len(LEAPS)
-    return LeapEvent(its_s if change > 0 else its_s - 1, change)
-
-
 @pytest.mark.parametrize(
     ("now", "announced", "said"),
     [
@@ -103,7 +87,7 @@ def event(day_after: str, change: int) -> LeapEvent:
 def test_an_announced_leap_second_is_told_on_its_day(
     chronyds: Chronyds, now: str, announced: LeapEvent | None, said: str
 ) -> None:
-    chronyd = chronyds(shift_s=on(now))
+    chronyd = chronyds(shift_s=shift_to(now))
     feed = chronyds.feeder(chronyd)
     feed.leap = announced
 
