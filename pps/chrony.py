@@ -55,7 +55,7 @@ MEANING = {
     Fate.SENT: "chronyd has it",
     Fate.ABSENT: "there is no socket: chronyd does not run, or its configuration has no line `refclock SOCK` for it",
     Fate.REFUSED: "the socket is left from a chronyd that has ended, or is no socket of chronyd",
-    Fate.FORBIDDEN: "the station may not write to the socket: chronyd makes it for root alone, its unit has to chgrp it",
+    Fate.FORBIDDEN: "the station may not write to the socket: chronyd makes it for root alone, its unit must chgrp it",
     Fate.FULL: "chronyd does not read: it hangs",
     Fate.OTHER: "the system refused to send it",
     Fate.OLD: "the second was confirmed too late",
