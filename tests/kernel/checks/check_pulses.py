@@ -1,0 +1,259 @@
+"""pps/device.py on pps-ktimer and pps-gpio, and pps/edges.py on gpio-sim: what the kernel stamps, counts and takes away."""
+
+import select
+from collections.abc import Iterator
+from contextlib import closing, suppress
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from board.description import LineDescription
+from board.edges import BUFFER
+from board.errors import InterfaceError
+from board.loop import Loop
+from pps.device import WAIT_NS, Device
+from pps.edges import Edges
+from pps.pulse import Clocks, Pulse, read_clocks
+from tests.kernel.checks.gpio_sim import GpioSim
+from tests.kernel.checks.kernel import Seen, load, run, until
+from tests.pps.above import Told
+
+PPS = Path("/dev/pps0")
+LINE = 4
+DRIVER = Path("/sys/bus/platform/drivers/pps-gpio")
+ASSERT = Path("/sys/class/pps/pps0/assert")  # as the kernel itself writes its last stamp down: 1699374899.440174342#445
+
+AGREE_NS = 20_000_000  # of two clocks: an emulated guest is slow, and may be held up between two readings
+
+
+@pytest.fixture
+def told() -> Told:
+    return Told()
+
+
+@pytest.fixture
+def ktimer() -> Iterator[None]:
+    """A pulse each second, of the kernel's own ticks."""
+    load("pps-ktimer")
+    yield
+    if PPS.exists():
+        run("rmmod", "pps_ktimer")
+
+
+@pytest.fixture
+def chip() -> Iterator[GpioSim]:
+    with GpioSim("quad", {LINE: "PPS_IN"}) as made:
+        yield made
+
+
+@pytest.fixture
+def pps_gpio(chip: GpioSim) -> Iterator[GpioSim]:
+    """pps-gpio at a line that is pulled here."""
+    load("pps-gpio")
+    load("pps-line", label="quad", offset=LINE)
+    yield chip
+    run("rmmod", "pps_line")
+
+
+def edge(chip: GpioSim) -> tuple[Clocks, Clocks]:
+    """A rising edge and a falling one; the clocks before and after the first."""
+    before = read_clocks()
+    chip.pull(LINE, is_high=True)
+    after = read_clocks()
+    chip.pull(LINE, is_high=False)
+    return before, after
+
+
+def counted() -> int:
+    """Edges, as the kernel counts them."""
+    return int(ASSERT.read_text().partition("#")[2])
+
+
+def assert_between(pulse: Pulse, before: Clocks, after: Clocks) -> None:
+    """A stamp of the kernel's is between two of ours, by each clock."""
+    for place in range(3):
+        slack = AGREE_NS if place < 2 else AGREE_NS / 1e9
+        assert before[place] - slack <= pulse[place + 1] <= after[place] + slack
+
+
+def test_pulses_of_the_kernels_timer_are_told_in_sequence(ktimer: None, loop: Loop, told: Told, seen: Seen) -> None:
+    device = Device(loop, PPS, told)
+    device.start()
+    until(loop, lambda: len(told.pulses) >= 5)
+    last = told.pulses[-1]
+    stamp_ns = int(ASSERT.read_text().partition("#")[0].replace(".", ""))
+    device.stop()
+    assert (counted(), stamp_ns) == (last.sequence, last.system_ns)
+    assert [later.sequence - earlier.sequence for earlier, later in pairwise(told.pulses)] == [1] * 4
+    intervals_ns = [later.system_ns - earlier.system_ns for earlier, later in pairwise(told.pulses)]
+    raw_ns = [later.raw_ns - earlier.raw_ns for earlier, later in pairwise(told.pulses)]
+    assert all(0.9e9 < each < 2e9 for each in intervals_ns)
+    assert raw_ns == pytest.approx(intervals_ns, abs=AGREE_NS)
+    shown = ", ".join(f"{each / 1e9:.4f}" for each in intervals_ns)
+    apart = max(abs(ours - theirs) for ours, theirs in zip(raw_ns, intervals_ns, strict=True))
+    seen(
+        f"#{told.pulses[0].sequence} to #{last.sequence}, {shown} s apart; by the raw clock within {apart / 1000:.0f} us"
+    )
+
+
+def test_two_readers_have_each_pulse(ktimer: None, loop: Loop, seen: Seen) -> None:
+    both = [Told(), Told()]
+    devices = [Device(loop, PPS, told) for told in both]
+    for device in devices:
+        device.start()
+    until(loop, lambda: all(len(told.pulses) >= 3 for told in both))
+    for device in devices:
+        device.stop()
+    first, second = ([(pulse.sequence, pulse.system_ns) for pulse in told.pulses[:3]] for told in both)
+    assert set(first) & set(second)
+    assert not [told.gaps for told in both if told.gaps]
+    seen(f"#{first[0][0]} to #{first[-1][0]}, the same stamps")
+
+
+def test_a_driver_that_goes_while_it_is_waited_for_is_told(ktimer: None, loop: Loop, told: Told, seen: Seen) -> None:
+    device = Device(loop, PPS, told)
+    device.start()
+    until(loop, lambda: told.pulses)
+    run("rmmod", "pps_ktimer")
+    took_s = until(loop, lambda: told.errors)
+    with pytest.raises(InterfaceError, match="No such file"):
+        device.start()
+    load("pps-ktimer")
+    device.start()
+    count = len(told.pulses)
+    until(loop, lambda: len(told.pulses) > count)
+    device.stop()
+    seen(f"{told.errors[0].message}, {took_s:.1f} s later; and pulses again")
+
+
+def test_a_line_of_pps_gpio_is_stamped_when_it_is_pulled(pps_gpio: GpioSim, loop: Loop, told: Told, seen: Seen) -> None:
+    device = Device(loop, PPS, told)
+    device.start()
+    around = []
+    for count in range(1, 4):
+        around.append(edge(pps_gpio))
+        until(loop, lambda: len(told.pulses) >= count)  # noqa: B023
+    device.stop()
+    assert [pulse.sequence for pulse in told.pulses] == [1, 2, 3]
+    for pulse, (before, after) in zip(told.pulses, around, strict=True):
+        assert_between(pulse, before, after)
+    late_us = [
+        (pulse.system_ns - before.system_ns) // 1000 for pulse, (before, _) in zip(told.pulses, around, strict=True)
+    ]
+    seen(f"{Path('/sys/class/pps/pps0/name').read_text().strip()}: {late_us} us after the pull began")
+
+
+def test_silence_is_no_trouble_and_what_nobody_took_is_missed(
+    pps_gpio: GpioSim, loop: Loop, told: Told, seen: Seen
+) -> None:
+    device = Device(loop, PPS, told)
+    device.start()
+    silence = loop.after(2.5 * WAIT_NS / 1e9, lambda: None)
+    until(loop, lambda: not silence.is_pending)
+    assert told.all == []
+    many = 50
+    for _ in range(many - 1):
+        edge(pps_gpio)
+    pause = loop.after(0.5, lambda: None)
+    until(loop, lambda: not pause.is_pending)
+    edge(pps_gpio)
+    until(loop, lambda: sum(told.gaps) + len(told.pulses) == counted())
+    device.stop()
+    assert told.gaps
+    seen(f"{2.5 * WAIT_NS / 1e9} s without; of {many} edges {counted()} are counted, {sum(told.gaps)} of them missed")
+
+
+def test_pps_gpio_that_is_unbound_is_told_and_had_again(pps_gpio: GpioSim, loop: Loop, told: Told, seen: Seen) -> None:
+    device = Device(loop, PPS, told)
+    device.start()
+    (DRIVER / "unbind").write_text("pps-gpio")
+    took_s = until(loop, lambda: told.errors)
+    (DRIVER / "bind").write_text("pps-gpio")
+    device.start()
+    edge(pps_gpio)
+    until(loop, lambda: told.pulses)
+    device.stop()
+    seen(f"{told.errors[0].message}, {took_s:.1f} s later; and pulses again")
+
+
+def test_a_line_that_pps_gpio_has_is_refused_by_name(pps_gpio: GpioSim, loop: Loop, told: Told, seen: Seen) -> None:
+    with pytest.raises(InterfaceError, match="in use by pps") as refused:
+        Edges(loop, LineDescription(line="PPS_IN"), told).start()
+    assert "/dev/pps0" in refused.value.hint
+    seen(refused.value.message)
+
+
+@pytest.mark.parametrize("kind", ["rising", "falling"])
+def test_edges_of_a_line_are_stamped_when_it_is_pulled(
+    kind: str, chip: GpioSim, loop: Loop, told: Told, seen: Seen
+) -> None:
+    chip.pull(LINE, is_high=kind == "falling")
+    edges = Edges(
+        loop, LineDescription(chip="quad", offset=LINE), told, kind="rising" if kind == "rising" else "falling"
+    )
+    edges.start()
+    around = []
+    for count in range(1, 4):
+        before = read_clocks()
+        chip.pull(LINE, is_high=kind == "rising")
+        around.append((before, read_clocks()))
+        chip.pull(LINE, is_high=kind == "falling")
+        until(loop, lambda: len(told.pulses) >= count)  # noqa: B023
+    edges.stop()
+    assert [pulse.sequence for pulse in told.pulses] == [1, 2, 3]
+    for pulse, (before, after) in zip(told.pulses, around, strict=True):
+        assert_between(pulse, before, after)
+    seen(f"{edges.where}: #1 to #3")
+
+
+def test_edges_beyond_what_the_kernel_keeps_are_missed(chip: GpioSim, loop: Loop, told: Told, seen: Seen) -> None:
+    edges = Edges(loop, LineDescription(line="PPS_IN"), told)
+    edges.start()
+    many = BUFFER + 24
+    for _ in range(many):
+        edge(chip)
+    # Those that have waited too long are of no use; with the next it is told how many were not taken.
+    until(loop, lambda: not is_readable(edges.fileno()))
+    edge(chip)
+    until(loop, lambda: told.pulses)
+    edges.stop()
+    counted = told.pulses[-1].sequence
+    assert sum(told.gaps) + len(told.pulses) == counted
+    assert told.gaps
+    seen(f"of {many + 1} edges {counted} are counted, {sum(told.gaps)} of them missed")
+
+
+def test_a_chip_that_is_unplugged_is_told_and_had_again(chip: GpioSim, loop: Loop, told: Told, seen: Seen) -> None:
+    edges = Edges(loop, LineDescription(line="PPS_IN"), told)
+    edges.start()
+    chip.unplug()
+    took_s = until(loop, lambda: told.errors)
+    chip.plug()
+    edges.start()
+    edge(chip)
+    until(loop, lambda: told.pulses)
+    edges.stop()
+    seen(f"{told.errors[0].message}, {took_s:.1f} s later; and edges again")
+
+
+def test_a_stopped_device_lets_go_of_its_driver(ktimer: None, told: Told, seen: Seen) -> None:
+    with closing(Loop()) as loop:
+        for _ in range(20):
+            device = Device(loop, PPS, told)
+            device.start()
+            device.stop()
+        until(loop, lambda: not _open_devices())
+    seen("20 times started and stopped; nothing is open")
+
+
+def is_readable(descriptor: int) -> bool:
+    return bool(select.select([descriptor], [], [], 0)[0])
+
+
+def _open_devices() -> list[Path]:
+    found = []
+    for link in Path("/proc/self/fd").iterdir():
+        with suppress(FileNotFoundError):  # the listing's own
+            found.append(link.readlink())
+    return [path for path in found if path == PPS]
