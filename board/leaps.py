@@ -33,6 +33,7 @@ class Leaps:
     source   path of the list, "built in", or "receiver".
     expires  Unix time until which it is known to be complete; None: by satellites, which tell of changes long before.
     doubt    why it is this one and no better one, or what contradicts it: for the log, once; empty: nothing.
+    base     that a receiver was heard about; None: this is one.
 
     Conversions raise nothing, and are exact from 2004 to the last day that ITS time has, in 2143.
     """
@@ -41,6 +42,7 @@ class Leaps:
     source: str
     expires: int | None
     doubt: str = ""
+    base: "Leaps | None" = None
 
     def its_ns(self, unix_ns: int) -> int:
         """ITS time of a Unix time. A second that Unix time repeats is taken for the first of the two."""
@@ -74,20 +76,30 @@ class Leaps:
         return self.expires is not None and unix_s >= self.expires
 
     def told(self, leap_seconds: int, event: LeapEvent | None, its_s: int) -> "Leaps":
-        """The table by the word of a receiver, which has it from satellites. What it does not tell stays as it is.
+        """The table by the word of a receiver, which has it from satellites: itself where that is nothing new.
+
+        What it does not tell stays as the base has it; what it does not announce any more is withdrawn.
 
         leap_seconds  GPS time less UTC, before the event, s.
-        event         announced, or just passed; without one, rows to come are kept: not every receiver tells of them.
+        event         announced, or just passed; without one, rows of the base are kept: not every receiver tells.
         its_s         ITS time of now.
         """
         before = leap_seconds - GPS_LEAPS
         then_s = its_s if event is None else min(its_s, event.its_s - 1)  # when that many are counted
-        known = self
-        if before not in (self.leap_seconds(then_s * _NS), self.leap_seconds((then_s - LATE_S) * _NS)):
-            known = self._corrected(before, then_s)
+        base = known = self.base or self
+        if not base._counts_as(before, then_s):
+            is_learnt = self._counts_as(before, then_s)  # as an event that was announced and has passed
+            known = self._until(then_s) if is_learnt else base._corrected(before, then_s)
         if event is not None and event not in known.rows:
             known = known._announced(event)
-        return replace(known, source=RECEIVER, expires=None)
+        told = replace(known, source=RECEIVER, expires=None, base=base)
+        return self if told == self else told
+
+    def _counts_as(self, count: int, its_s: int) -> bool:
+        return count in (self.leap_seconds(its_s * _NS), self.leap_seconds((its_s - LATE_S) * _NS))
+
+    def _until(self, its_s: int) -> "Leaps":
+        return replace(self, rows=tuple(row for row in self.rows if row.its_s <= its_s))
 
     def _corrected(self, count: int, its_s: int) -> "Leaps":
         """With so many now. When the others came nobody tells: since 1972 it was the turn of a half-year."""

@@ -237,13 +237,14 @@ LISTED = Leaps(BUILT_IN.rows, "/list", timegm((2027, 6, 28, 0, 0, 0)))
 
 def test_a_receiver_that_says_what_is_known_is_the_source_and_nobody_doubts():
     told = LISTED.told(18, None, NOW)
-    assert told == Leaps(BUILT_IN.rows, RECEIVER, None)
+    assert told == Leaps(BUILT_IN.rows, RECEIVER, None, base=LISTED)
+    assert told.told(18, None, NOW + 1) is told
 
 
 def test_a_receiver_that_announces_what_is_listed_is_not_doubted():
     listed = Leaps((*BUILT_IN.rows, COMING), "/list", LISTED.expires)
-    assert listed.told(18, COMING, NOW) == Leaps(listed.rows, RECEIVER, None)
-    assert listed.told(18, None, NOW) == Leaps(listed.rows, RECEIVER, None)
+    assert listed.told(18, COMING, NOW) == Leaps(listed.rows, RECEIVER, None, base=listed)
+    assert listed.told(18, None, NOW) == Leaps(listed.rows, RECEIVER, None, base=listed)
 
 
 def test_an_announced_leap_second_is_in_the_table_before_and_after_it():
@@ -252,6 +253,25 @@ def test_an_announced_leap_second_is_in_the_table_before_and_after_it():
         assert told.rows == (*BUILT_IN.rows, COMING)
         assert told.civil(COMING.its_s * NS) == "2026-12-31T23:59:60.000Z"
     assert LISTED.told(19, None, COMING.its_s + 61).rows == (*BUILT_IN.rows, COMING)
+
+
+def test_an_announcement_that_is_withdrawn_is_in_the_table_no_more_but_for_what_is_listed():
+    announced = LISTED.told(18, COMING, NOW)
+    assert announced.told(18, COMING, NOW + 1) is announced
+    assert announced.told(18, None, NOW + 2) == LISTED.told(18, None, NOW + 2)
+    listed = Leaps((*BUILT_IN.rows, COMING), "/list", LISTED.expires)
+    assert listed.told(18, COMING, NOW).told(18, None, NOW + 1).rows == listed.rows
+
+
+def test_a_leap_second_that_was_announced_stays_where_it_was_after_it():
+    # At the end of March, which no leap second was so far, and which nobody would guess
+    event = LeapEvent(timegm((2027, 4, 1, 0, 0, 0)) - EPOCH + 5, 1)
+    told = LISTED.told(18, event, NOW).told(18, event, event.its_s + 60)
+    for since_s in (61, LATE_S, 10_000_000):
+        told = told.told(19, None, event.its_s + since_s)
+        assert told.rows == (*BUILT_IN.rows, event)
+    assert told.civil(event.its_s * NS) == "2027-03-31T23:59:60.000Z"
+    assert "the receiver tells of one that is inserted at the end of 2027-03-31" in told.doubt
 
 
 def test_an_announcement_that_a_list_denies_is_believed_and_both_are_named():
