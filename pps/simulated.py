@@ -7,6 +7,9 @@ from pps.pulse import Above, Clocks, Pulse, Tally, read_clocks
 
 SECOND_NS = 10**9
 
+# A timer that came too early waits for this at least: a truth that stands still keeps nobody busy.
+EARLY_NS = 1_000_000
+
 
 def system_is_right(clocks: Clocks) -> int:
     """The truth where nobody says another."""
@@ -21,7 +24,8 @@ def no_latency() -> int:
 class Simulated:
     """A pulse at each whole second of a simulated receiver, told on the loop, stamped exactly: a timer only wakes.
 
-    truth       the receiver's time in ns, of what the clocks show; only the fraction of its second counts.
+    truth       the receiver's time in ns, of what the clocks show; only the fraction of its second counts. While it is
+                None there are no pulses.
     latency_ns  called for each pulse: how long after the second its stamp is.
 
     What may be changed at any time: is_silent, there are no pulses; late_ns, all are so much later; double_ns, so long
@@ -35,7 +39,7 @@ class Simulated:
         loop: Loop,
         above: Above,
         *,
-        truth: Callable[[Clocks], int] = system_is_right,
+        truth: Callable[[Clocks], int | None] = system_is_right,
         latency_ns: Callable[[], int] = no_latency,
         clocks: Callable[[], Clocks] = read_clocks,
     ) -> None:
@@ -66,27 +70,33 @@ class Simulated:
     def _wait(self) -> None:
         """For the next second: two pulses are at least half a one apart, however their latencies differ."""
         self._shift_ns = self.late_ns + self._latency_ns()
-        left_ns = SECOND_NS - self._since_ns(self._clocks())
+        left_ns = SECOND_NS - (self._since_ns(self._clocks()) or 0)
         self._wake(left_ns if left_ns >= SECOND_NS // 2 else left_ns + SECOND_NS)
 
     def _wake(self, left_ns: int) -> None:
         self._timers = [self._loop.after(left_ns / 1e9, self._look)]
 
-    def _since_ns(self, now: Clocks) -> int:
+    def _since_ns(self, now: Clocks) -> int | None:
         """How long ago the last pulse was due."""
-        return (self._truth(now) - self._shift_ns) % SECOND_NS
+        truth = self._truth(now)
+        return None if truth is None else (truth - self._shift_ns) % SECOND_NS
 
     def _look(self) -> None:
         now = self._clocks()
         since_ns = self._since_ns(now)
-        if since_ns >= SECOND_NS // 2:  # too early, or the truth was changed meanwhile
-            self._wake(SECOND_NS - since_ns)
-            return
-        self._wait()
+        if since_ns is None:
+            self._wait()
+        elif since_ns >= SECOND_NS // 2:  # too early, or the truth was changed meanwhile
+            self._wake(max(EARLY_NS, SECOND_NS - since_ns))
+        else:
+            self._wait()
+            self._tell_all(now, since_ns)
+
+    def _tell_all(self, now: Clocks, ago_ns: int) -> None:
         if not self.is_silent:
             if self.double_ns:
                 self._timers.append(self._loop.after(self.double_ns / 1e9, lambda: self._tell(self._clocks(), 0)))
-            self._tell(now, since_ns)
+            self._tell(now, ago_ns)
 
     def _tell(self, now: Clocks, ago_ns: int) -> None:
         self._sequence = (self._sequence + 1) % 2**32

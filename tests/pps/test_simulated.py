@@ -77,7 +77,24 @@ def test_a_timer_that_is_early_makes_no_pulse_early(loop):
     bench = Bench(loop, truth=lambda now: now.system_ns - (500 if loop.now < 1001.0000002 else 0))
     bench.loop.run_for(3.0)
     assert [pulse.sequence for pulse in bench.told.pulses] == [1, 2, 3]
-    assert max(bench.phases_ns) <= 500
+    assert bench.phases_ns == [0, 0, 0]
+
+
+def test_while_nobody_knows_the_truth_there_are_no_pulses(loop):
+    bench = Bench(loop, truth=lambda now: now.system_ns if loop.now > 1050.0 else None)
+    bench.loop.run_for(50.0)
+    assert bench.told.all == []
+    bench.loop.run_for(5.0)
+    assert 4 <= len(bench.told.pulses) <= 5
+    assert set(bench.phases_ns) == {0}
+
+
+def test_a_truth_that_stands_still_keeps_nobody_busy(loop):
+    asked = []
+    bench = Bench(loop, truth=lambda now: asked.append(now) or -1)
+    bench.loop.run_for(10.0)
+    assert bench.told.all == []
+    assert len(asked) <= 10_000
 
 
 def test_stamps_have_the_latency_of_the_model(loop):
