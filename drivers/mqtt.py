@@ -157,7 +157,6 @@ class Mqtt:
         self._restarts += 1
         self._last_error = error.message
         self.stop()
-        self._tell()
         self._host.fail(error)
 
     # What the process is told.
@@ -181,7 +180,7 @@ class Mqtt:
         self._take[message[0]](message)
 
     def _received(self, message: bytes) -> None:
-        received_ns, pdu, btp_port, source = wire.parse_received(message)
+        received_ns, (pdu, btp_port, source) = wire.parse_received(message)
         self._host.indicate(pdu, received_ns, RxInfo(btp_port, source=source))
 
     def _sent(self, message: bytes) -> None:

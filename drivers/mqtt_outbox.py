@@ -67,8 +67,14 @@ class Outbox:
         return True
 
     def _keep(self, message: bytes) -> None:
-        is_urgent = talk.parse_received(message).pdu[_MESSAGE_ID] in self._urgent
+        is_urgent = _pdu(message)[_MESSAGE_ID] in self._urgent
         (self._urgent_received if is_urgent else self._received).append(message)
         if len(self._received) + len(self._urgent_received) > DEPTH:
             oldest = (self._received or self._urgent_received).popleft()
-            self._dropped(talk.parse_received(oldest).pdu)
+            self._dropped(_pdu(oldest))
+
+
+def _pdu(message: bytes) -> bytes:
+    """Of a RECEIVED message."""
+    _, found = talk.parse_received(message)
+    return found.pdu

@@ -179,15 +179,15 @@ class Session:
         """What the broker delivered."""
         received_ns = self._unix_ns()
         try:
-            pdu, btp_port, source = self._profile.receive(delivery)
+            found = self._profile.receive(delivery)
         except RefusedError as error:
             self.drop(error.reason, delivery.payload)
             return
-        if self._echoes and not source and self._echoes.holds(delivery.topic, delivery.payload, now):
-            self.drop(Reason.OWN_ECHO, pdu)
+        if self._echoes and not found.source and self._echoes.holds(delivery.topic, delivery.payload, now):
+            self.drop(Reason.OWN_ECHO, found.pdu)
             return
         self._report.tally.received += 1
-        self._report.tell(talk.received(talk.Received(received_ns, pdu, btp_port, source)))
+        self._report.tell(talk.received(received_ns, found))
 
     def drop(self, reason: Reason, sample: bytes, count: int = 1) -> None:
         """Something received is not passed on: the station hears of it with the next beat."""

@@ -176,7 +176,6 @@ class Som301e:
         self._restarts += 1
         self._last_error = error.message
         self.stop()
-        self._host.tell(self._details())
         self._host.fail(error)
 
     # What the process says.

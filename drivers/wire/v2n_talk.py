@@ -20,6 +20,7 @@ from typing import NamedTuple
 
 from drivers.message import Ego, Position
 from drivers.reason import Reason
+from drivers.wire.v2n_message import Received
 
 SEND, EGO, BEARER, LEAVE = 1, 2, 3, 4
 RECEIVED, SENT, STATE, DROPPED, DETAILS, FAULT, ALIVE = 1, 2, 3, 4, 5, 6, 7
@@ -82,31 +83,18 @@ def parse_bearer(message: bytes) -> tuple[bool, str]:
     return bool(_BEARER.unpack_from(message)[1]), message[_BEARER.size :].decode()
 
 
-class Received(NamedTuple):
-    """A PDU that the broker delivered.
-
-    received_ns  Unix time of that.
-    btp_port     of the topic; None where it names none.
-    source       the client that sent it, where the profile carries it; else empty. At most 255 octets.
-    """
-
-    received_ns: int
-    pdu: bytes
-    btp_port: int | None = None
-    source: str = ""
+def received(moment_ns: int, what: Received) -> bytes:
+    """moment_ns: Unix time at which the broker delivered it."""
+    pdu, btp_port, source = what
+    name = source.encode()
+    return _RECEIVED.pack(RECEIVED, moment_ns, _NO_PORT if btp_port is None else btp_port, len(name)) + name + pdu
 
 
-def received(what: Received) -> bytes:
-    source = what.source.encode()
-    port = _NO_PORT if what.btp_port is None else what.btp_port
-    return _RECEIVED.pack(RECEIVED, what.received_ns, port, len(source)) + source + what.pdu
-
-
-def parse_received(message: bytes) -> Received:
-    _, received_ns, port, size = _RECEIVED.unpack_from(message)
+def parse_received(message: bytes) -> tuple[int, Received]:
+    _, moment_ns, port, size = _RECEIVED.unpack_from(message)
     start = _RECEIVED.size + size
     source = message[_RECEIVED.size : start].decode()
-    return Received(received_ns, message[start:], None if port == _NO_PORT else port, source)
+    return moment_ns, Received(message[start:], None if port == _NO_PORT else port, source)
 
 
 def sent(number: int, reason: Reason | None = None, why: str = "") -> bytes:

@@ -14,6 +14,7 @@ from drivers.mqtt_client import serve
 from drivers.mqtt_settings import MqttSettings
 from drivers.reason import Reason
 from drivers.wire import v2n_talk as talk
+from drivers.wire.v2n_message import Received
 from firmware.lab.certificates import Pair
 from tests.broker.certificates import Authority
 
@@ -52,7 +53,8 @@ class Station:
     """What the process says, kept by what it is."""
 
     def __init__(self, wanted: MqttSettings) -> None:
-        self.received: list[talk.Received] = []
+        self.received: list[Received] = []
+        self.moments_ns: list[int] = []  # of these
         self.sent: dict[int, tuple[Reason | None, str]] = {}
         self.states: list[tuple[bool, str]] = []
         self.drops: dict[Reason, int] = {}
@@ -112,7 +114,9 @@ class Station:
         assert message, "the process has ended"
         match message[0]:
             case talk.RECEIVED:
-                self.received.append(talk.parse_received(message))
+                moment_ns, received = talk.parse_received(message)
+                self.moments_ns.append(moment_ns)
+                self.received.append(received)
             case talk.SENT:
                 number, reason, why = talk.parse_sent(message)
                 assert number not in self.sent, f"answered twice: {number}"

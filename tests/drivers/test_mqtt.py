@@ -16,6 +16,7 @@ from drivers.mqtt_options import MqttOptions
 from drivers.mqtt_settings import settings_in
 from drivers.reason import Reason
 from drivers.wire import v2n_talk as talk
+from drivers.wire.v2n_message import Received
 from tests.drivers.fake_worker import FakeWorker
 from tests.drivers.host import CAM, DENM, EGO, SHARED, requests
 
@@ -191,8 +192,8 @@ def test_a_request_that_the_process_cannot_be_given_waits_until_it_reads_again(s
 
 def test_what_the_broker_delivers_is_indicated_with_its_port_and_source(start, host):
     _, worker = start()
-    worker.message(talk.received(talk.Received(1_700_000_000_000_000_000, CAM, 2001, "car-7")))
-    worker.message(talk.received(talk.Received(1_700_000_000_000_000_001, DENM)))
+    worker.message(talk.received(1_700_000_000_000_000_000, Received(CAM, 2001, "car-7")))
+    worker.message(talk.received(1_700_000_000_000_000_001, Received(DENM, None, "")))
     assert host.pdus == [CAM, DENM]
     (_, first_ns, first), (_, _, second) = host.indications
     assert (first_ns, first.btp_port, first.source) == (1_700_000_000_000_000_000, 2001, "car-7")

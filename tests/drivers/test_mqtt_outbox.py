@@ -7,6 +7,7 @@ import pytest
 from drivers.mqtt_outbox import DEPTH, MOST_SAID, Outbox
 from drivers.reason import Reason
 from drivers.wire import v2n_talk as talk
+from drivers.wire.v2n_message import Received
 
 CAM = bytes.fromhex("0202000005390001020304")
 DENM = bytes.fromhex("0201000005390001020304")
@@ -40,7 +41,7 @@ class Bench:
                 self.outbox.flush()
 
     def receive(self, pdu: bytes) -> None:
-        self.outbox.say(talk.received(talk.Received(1, pdu, 2001, "other")))
+        self.outbox.say(talk.received(1, Received(pdu, 2001, "other")))
 
 
 @pytest.fixture
@@ -52,7 +53,7 @@ def bench():
 
 
 def pdus(messages: list[bytes]) -> list[bytes]:
-    return [talk.parse_received(one).pdu for one in messages if one[0] == talk.RECEIVED]
+    return [talk.parse_received(one)[1].pdu for one in messages if one[0] == talk.RECEIVED]
 
 
 def test_what_a_station_can_read_is_sent_at_once(bench):

@@ -3,6 +3,7 @@
 from drivers.mqtt_echo import KEPT_S, MOST, Echoes
 from drivers.reason import Reason
 from drivers.wire import v2n_talk as talk
+from drivers.wire.v2n_message import Received
 from tests.drivers.mqtt_model import CAM, Bench, vcaptain
 
 
@@ -10,7 +11,7 @@ def test_a_received_pdu_is_passed_on_with_its_moment_port_and_source():
     bench = vcaptain().accept()
     bench.deliver("v2x/btp/2001", b"other(2001): <AgIAAAU5AAECAwQ=>")
     assert [talk.parse_received(one) for one in bench.all(talk.RECEIVED)] == [
-        talk.Received(1_795_182_426_000_000_000, CAM, 2001, "other")
+        (1_795_182_426_000_000_000, Received(CAM, 2001, "other"))
     ]
 
 
