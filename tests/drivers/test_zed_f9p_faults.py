@@ -7,6 +7,7 @@ from itertools import pairwise
 import pytest
 
 from board.errors import InterfaceError, RequestError
+from board.leaps import BUILT_IN, Leaps
 from board.time import GPS_EPOCH, GPS_LEAD, FixKind
 from drivers.reason import Reason
 from drivers.sim import receiver_messages as says
@@ -96,6 +97,18 @@ def test_across_a_leap_second_each_pulse_and_each_epoch_has_its_second(make_rece
     assert one.host.time_marks[0].leap_event == (EVENT - GPS_LEAD, 1)
     counted = [mark.its_s + GPS_LEAD - EVENT for mark in one.host.time_marks]
     assert counted == list(range(seconds[0], seconds[0] + len(seconds)))
+    utc = [told_by(one.host.time_marks, mark.its_s) for mark in one.host.time_marks]
+    at = counted.index(0)
+    assert utc[at - 1 : at + 2] == ["2016-12-31T23:59:59", "2016-12-31T23:59:60", "2017-01-01T00:00:00"]
+
+
+def told_by(marks, its_s):
+    """UTC of a second as the table has it that began in 2016 and heard the marks, one after the other."""
+    leaps = Leaps(BUILT_IN.rows[:-1], "a list of 2016", None)
+    for mark in marks:
+        leaps = leaps.told(mark.leap_seconds, mark.leap_event, mark.its_s)
+        assert leaps.unix_ns(mark.its_s * 10**9) == mark.utc_s * 10**9
+    return leaps.civil(its_s * 10**9)[:19]
 
 
 @pytest.mark.parametrize("rate_hz", [1, 5])
@@ -110,6 +123,11 @@ def test_a_second_that_is_left_out_is_left_out_of_utc_and_not_of_its_time(make_r
     assert [mark.utc_s - midnight for mark in one.host.time_marks] == [*range(-5, -1), *range(5)]
     assert all(mark.is_locked for mark in one.host.time_marks)
     assert one.host.time_marks[0].leap_event == (event - GPS_LEAD, -1)
+    leaps = BUILT_IN
+    for mark in one.host.time_marks:
+        leaps = leaps.told(mark.leap_seconds, mark.leap_event, mark.its_s)
+        assert leaps.unix_ns(mark.its_s * 10**9) == mark.utc_s * 10**9
+    assert leaps.civil((event - GPS_LEAD) * 10**9) == "2027-07-01T00:00:00.000Z"
 
 
 def test_a_sky_may_say_wrong_seconds_or_leave_words_out(make_receiver, loop):
