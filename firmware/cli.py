@@ -26,6 +26,7 @@ VERBS = {
     "slot": "what sits in the board's slots, and their power: list, on, off, cycle",
     "board": "the board: identity, slots, rails, temperatures, and the time line of the start",
     "gnss": "what the GNSS receivers see: fix, accuracy, jamming, leap seconds; and their reset",
+    "time": "what time it is, by whose word, how exact; offset, jitter and Allan deviation as a picture",
     "modem": "what the cellular modem sees; a command to it; its reset",
     "selftest": "each thing that the board declares: is it there, does it work, what does it measure",
     "doctor": "check configuration, ports, interfaces, permissions and clock, and say what to do",
@@ -90,6 +91,10 @@ def load(verb: str) -> ModuleType:
             from firmware.commands import gnss
 
             return gnss
+        case "time":
+            from firmware.commands import time
+
+            return time
         case "modem":
             from firmware.commands import modem
 

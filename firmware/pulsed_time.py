@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from board.journal import REPEATS, Journal
-from board.leaps import Leaps
+from board.leaps import RECEIVER, Leaps
 from board.loop import Loop, Timer
 from board.time import Fix, Lock, TimeMark, TimeQuality
 from firmware.pulse_input import PulseInput
@@ -51,7 +51,7 @@ class PulsedTime:
         clocks: Callable[[], Clocks],
     ) -> None:
         self.receiver = receiver
-        self.leaps = leaps
+        self.leaps = self._listed = leaps
         self.seconds = self.late = 0
         self.history = TimeHistory()
         self._loop = loop
@@ -112,7 +112,8 @@ class PulsedTime:
         if quality.state is not self._state:
             self._journal.say(logging.INFO, _sentence(self._state, quality), quality.state.name)
             self._state = quality.state
-        if self._loop.clock() - self._recorded_at > GAP_S and quality.offset_ns is not None:
+        is_missing = self._loop.clock() - self._recorded_at > GAP_S
+        if is_missing and self._phase is not None and quality.offset_ns is not None:
             self._record(self.leaps.its_ns(now.system_ns + quality.offset_ns) / 1e9, math.nan, quality)
         return quality
 
@@ -140,10 +141,11 @@ class PulsedTime:
         """Whose leap seconds are used, until when they are known, and what is to come."""
         leaps, now_ns = self.leaps, self.leaps.its_ns(self._clocks().system_ns)
         event = leaps.next(now_ns)
+        is_settled = leaps.source == RECEIVER and leaps.doubt == self._listed.doubt  # the list matters no more
         return {
             "table": leaps.source,
             "expires": leaps.expires,
-            "doubt": leaps.doubt,
+            "doubt": "" if is_settled else leaps.doubt,
             "seconds": leaps.leap_seconds(now_ns),
             "event": event and {**event._asdict(), "utc": leaps.civil(event.its_s * 1_000_000_000)},
         }

@@ -223,7 +223,7 @@ class Station:
                 "status": lambda _: {"status": self.status()},
                 "reload": lambda _: done(self.reload_policy),
                 "stop": lambda _: done(self.stop),
-                "time": lambda _: {"clock": self.timekeeper.status(), "history": self.timekeeper.history()},
+                "time": self.timekeeper.told,
                 **self._operator.now,
             },
             self._operator.later,

@@ -11,6 +11,7 @@ from board.loop import Loop
 from board.time import EPOCH, Fix, Lock, TimeMark, TimeQuality
 from firmware import receivers
 from firmware.own_time import OwnTime
+from firmware.question import Question
 from firmware.simulation import Simulation
 from firmware.tables import TimeOptions
 
@@ -98,9 +99,9 @@ class Timekeeper:
             "missing": self._missing(),
         }
 
-    def history(self) -> dict[str, object]:
-        """How it was, in the form of firmware/time_history.py; empty where nothing is kept."""
-        return self._pulsed.history.told() if self._pulsed else {}
+    def told(self, question: Question) -> dict[str, object]:
+        """{"do": "time"}: the status, and how it was in the form of firmware/time_history.py."""
+        return {"clock": self.status(), "history": self._pulsed.history.told() if self._pulsed else {}}
 
     def _open(self) -> None:
         if not self._is_running:

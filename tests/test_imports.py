@@ -47,7 +47,7 @@ TABLE = {
         ("board", "drivers.wire", *WORDS, "firmware", "captain_messages"), frozenset({"firmware.lab"})
     ),
     "firmware/commands": Rule(("board", "drivers", "pps", "firmware", "zmq", "rich")),
-    "firmware/user": Rule(("board", "drivers.wire", *WORDS, "firmware", "zmq", "rich"), frozenset({"firmware.lab"})),
+    "firmware/user": Rule(("board", "drivers.wire", *WORDS, "firmware", "zmq", "rich", "pygal"), frozenset({"firmware.lab"})),
     "firmware/lab": Rule(("board", "drivers", "firmware", "zmq", "rich")),
     "firmware/tap": Rule(("board", "drivers", "firmware", "rich", "paho"), frozenset({"firmware.lab"})),
     "firmware/gateway": Rule(("board", "drivers", "pps", "zmq", "rich", "rclpy")),

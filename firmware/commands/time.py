@@ -1,0 +1,161 @@
+"""captain time: what time it is for a station, how well that is known, and how it was."""
+
+import argparse
+import json
+import math
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from board.errors import StationError, UsageError
+from firmware.user import client
+from firmware.user.arguments import add_control, address
+from firmware.user.clock import table
+from firmware.user.sparkline import marks_for, sparkline
+from firmware.user.table import Screen, Table, span
+from firmware.user.time_record import Record, Row, plain, record
+from firmware.user.untrusted import within
+from pps.allan import allan_deviation
+
+DESCRIPTION = """\
+Shows what time it is for a running station of this machine and by whose word:
+pulses of a receiver, its messages, or the system's clock; how far the system's
+clock is off, and what it stamps with it; the oscillator; leap seconds; pulses
+that were refused, and why; and what chronyd is given and says.
+
+Offset and jitter of the last hour are drawn with letters, or into a picture.
+"""
+EPILOG = """\
+examples:
+  captain time
+  captain time --watch                 again every second, until Ctrl-C
+  captain time --plot time.svg         offset, jitter and Allan deviation, for
+                                       a browser; it needs no network
+  captain time --json | jq .state
+  captain time --json --history | jq '.history.minutes[-1].offset_ns'
+
+states:
+  locked     pulses tell the time
+  settling   pulses have come, and a few more are needed
+  holdover   no good pulse of late: the oscillator goes on, the bound grows
+  coarse     a receiver's messages tell it, to some 0.2 s
+  system     the system's clock alone, as exact as it says itself
+  unknown    nobody knows
+
+exit codes:
+  0    the station answered
+  1    no station answers, or there is nothing to draw
+  2    wrong usage
+  130  Ctrl-C
+"""
+WATCH_S = 1.0
+COLUMNS = 60  # of a sparkline
+GAP = 3  # pulses that may be missing in a stretch: what is put in their place hides nothing of it
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--json", action="store_true", help="one JSON object, as published under `time.`")
+    parser.add_argument(
+        "--history", action="store_true", help="with --json: the last hour by seconds and the last day by minutes too"
+    )
+    parser.add_argument("--watch", action="store_true", help="show it again every second")
+    parser.add_argument("--plot", metavar="FILE.svg", help="draw offset, jitter and Allan deviation")
+    add_control(parser)
+
+
+def main(arguments: argparse.Namespace) -> int:
+    if arguments.plot:
+        _plot(arguments)
+        return 0
+    if not arguments.watch:
+        _show(_asked(arguments), arguments, None)
+        return 0
+    with Screen(all_by="captain time | less") as screen:
+        while True:
+            _show(_asked(arguments), arguments, screen)
+            time.sleep(WATCH_S)
+
+
+def _asked(arguments: argparse.Namespace) -> dict[str, object]:
+    """Clock and history. Raises StationError."""
+    answer = client.ask_local(address(arguments), arguments.control, "time")
+    return {key: within(answer, key) for key in ("clock", "history")}
+
+
+def _show(answer: dict[str, object], arguments: argparse.Namespace, screen: Screen | None) -> None:
+    clock, kept = within(answer, "clock"), record(within(answer, "history"))
+    if arguments.json:
+        history = {"seconds": plain(kept.seconds), "minutes": plain(kept.minutes)}
+        print(json.dumps({**clock, **({"history": history} if arguments.history else {})}), flush=True)
+        return
+    (screen or Screen()).show([table(clock), *lines(kept, marks_for(sys.stdout))])
+
+
+def lines(kept: Record, marks: str) -> Iterator[Table]:
+    """Offset and jitter of the last hour, a line each; nothing where there are too few to see anything."""
+    rows = kept.seconds
+    if len(rows) < 2:
+        return
+    drawn = (
+        ("offset", [row.offset_ns for row in rows]),
+        ("jitter", [row.jitter_ns for row in rows]),
+    )
+    cells = [
+        (name, sparkline(values, COLUMNS, marks), _between(values))
+        for name, values in drawn
+        if not all(map(math.isnan, values))
+    ]
+    if cells:
+        yield Table(f"the last {span(rows[-1].its_s - rows[0].its_s)}", ("", "", "us"), cells)
+
+
+def _between(values: Sequence[float]) -> str:
+    known = [value / 1000 for value in values if not math.isnan(value)]
+    return f"{min(known):.1f} .. {max(known):.1f}"
+
+
+def deviations(kept: Record) -> list[tuple[float, float]]:
+    """Allan deviation of the oscillator: (tau in s, deviation), of seconds, and beyond those of minutes."""
+    found = allan_deviation(longest(kept.seconds, 1), 1.0)
+    most_s = found[-1][0] if found else 0.0
+    return found + [one for one in allan_deviation(longest(kept.minutes, 60), 60.0) if one[0] > most_s]
+
+
+def longest(rows: Sequence[Row], step_s: int) -> list[float]:
+    """Phases of the longest stretch of pulses in ns, step_s apart; up to GAP missing ones are put in between."""
+    best: list[float] = []
+    found: list[float] = []
+    before_s = -math.inf
+    for row in rows:
+        if math.isnan(row.phase_ns):
+            continue
+        elapsed_s, before_s = row.its_s - before_s, row.its_s
+        if not found or elapsed_s not in range(step_s, (GAP + 1) * step_s + 1, step_s):
+            found = []
+        else:
+            steps, last = int(elapsed_s) // step_s, found[-1]
+            found += [last + (row.phase_ns - last) * part / steps for part in range(1, steps)]
+        found.append(row.phase_ns)
+        best = max(best, found, key=len)
+    return best
+
+
+def _plot(arguments: argparse.Namespace) -> None:
+    path = Path(arguments.plot)
+    if path.suffix.lower() != ".svg":
+        raise UsageError(f"--plot: {arguments.plot}: a picture is SVG", f"name it {path.with_suffix('.svg')}")
+    answer = _asked(arguments)
+    kept = record(within(answer, "history"))
+    if len(kept.seconds) < 2:
+        why = str(within(answer, "clock").get("missing") or "pulses are kept from the first on: wait some seconds")
+        raise StationError("the station has no history of its time yet", why)
+    from firmware.user.time_plot import picture  # with pygal
+
+    try:
+        path.write_text(picture(kept, within(answer, "clock"), deviations(kept)))
+    except OSError as error:
+        raise StationError(
+            f"{path}: cannot be written: {error.strerror}", "name a file in a folder of yours"
+        ) from error
+    print(f"{path}: {len(kept.seconds)} seconds and {len(kept.minutes)} minutes")
