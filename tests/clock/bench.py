@@ -103,8 +103,6 @@ class Bench:
 
     def wait_for_guests(self) -> None:
         self.until(lambda: all(guest.is_up for guest in self.guests), BOOT_S, "the guests' agents")
-        for guest in self.guests:
-            guest.hurry()
 
     def turn_for(self, seconds: float) -> None:
         end = self.loop.after(seconds, lambda: None)

@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import Any
 
 from board.loop import Loop
-from pps.pulse import Clocks
+from pps.pulse import Clocks, Pulse, pulse_at
 from tests.clock.truth import Ruler, host_ns
 
 PROJECT = Path(__file__).resolve().parents[2]
 MADE = PROJECT / "build/clock"
+COMPILED = MADE / "compiled"  # what the guest's Python has made of the sources, kept for the next one
 BATCH = 65_536
-URGENT = -15  # as nice(2) has it
 
 Answered = Callable[[Any], None]
 
@@ -62,7 +62,7 @@ class Guest:
         self._socket, far = socket.socketpair()
         with far, (MADE / f"qemu-{name}.log").open("wb") as complaints:
             words = _command(made, self.monitor, self.console, date, devices)
-            self._process = subprocess.Popen(words, stdin=far, stdout=far, stderr=complaints)
+            self._process = subprocess.Popen(words, stdin=far.fileno(), stdout=far.fileno(), stderr=complaints)
         loop.add(self)
 
     # A source of the loop
@@ -95,7 +95,7 @@ class Guest:
                 self.ruler.before(at_ns, clocks.raw_ns)
             answered(said["answer"])
         elif "line" in said:
-            self.told.get(said["program"], lambda line: None)(said["line"])
+            self.told.get(said["program"], _ignored)(said["line"])
         else:
             self.trouble.append(f"{said['program']} has ended with {said['ended']}")
 
@@ -105,6 +105,17 @@ class Guest:
         """The guest's clocks, at a moment between this and the call; the ruler has learnt of both."""
         asked_ns = host_ns()
         self._ask({"do": "clocks"}, lambda answer: answered(Clocks(*answer)), asked_ns)
+
+    def pulse(self, answered: Callable[[Pulse], None]) -> None:
+        """The kernel's last pulse: not called where there was none yet."""
+
+        def parsed(answer: tuple[str, Any]) -> None:
+            text, clocks = answer
+            stamp, is_there, sequence = text.strip().partition("#")
+            if is_there:
+                answered(pulse_at(int(sequence), int(stamp.replace(".", "")), Clocks(*clocks)))
+
+        self._ask({"do": "pulse"}, parsed)
 
     def step(self, ns: int) -> None:
         """Put the system's clock wrong."""
@@ -133,7 +144,7 @@ class Guest:
         """Let it come before what else this machine does, where that is permitted: its interrupts are measured."""
         with suppress(PermissionError):
             for thread in Path(f"/proc/{self._process.pid}/task").iterdir():
-                os.setpriority(os.PRIO_PROCESS, int(thread.name), URGENT)
+                os.sched_setscheduler(int(thread.name), os.SCHED_RR, os.sched_param(1))
 
     def last_words(self) -> str:
         """Of its console."""
@@ -146,6 +157,9 @@ class Guest:
 
     def _greeted(self, version: str) -> None:
         self.is_up = True
+
+
+def _ignored(line: str) -> None: ...
 
 
 def _command(made: Made, monitor: Path, console: Path, date: str, devices: Sequence[str]) -> list[str]:
@@ -163,6 +177,7 @@ def _command(made: Made, monitor: Path, console: Path, date: str, devices: Seque
         *drive,
     ]
     for tag, path in shares.items():
-        shared = f"local,path={path},mount_tag={tag},security_model=none,readonly=on,multidevs=remap"
-        words += ["-virtfs", shared]
+        words += ["-virtfs", f"local,path={path},mount_tag={tag},security_model=none,readonly=on,multidevs=remap"]
+    COMPILED.mkdir(exist_ok=True)
+    words += ["-virtfs", f"local,path={COMPILED},mount_tag=compiled,security_model=none"]
     return [*words, *devices, *(() if "-netdev" in devices else ("-nic", "none"))]

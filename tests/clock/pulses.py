@@ -59,6 +59,7 @@ def measure(made: Made, count: int) -> list[Row]:
         on.until(lambda: taken.is_ready or guest.trouble or taken.others, START_S, "the source of pulses")
         if not taken.is_ready:
             return [Row("pulses", "a source at /dev/pps0", "none", "; ".join([*taken.others, *guest.trouble]))]
+        guest.hurry()
         _exchange(on, guest)
         on.pulser = Pulser(on.loop, truth, [guest.monitor], lambda struck: taken.struck.append(struck[0]))
         on.until(lambda: len(taken.struck) >= count, 2.0 * count + 30, f"{count} pulses")

@@ -9,6 +9,8 @@ import time
 from typing import NamedTuple
 
 S = 1_000_000_000
+EPOCH = 1_072_915_200  # Unix time of 2004-01-01T00:00:00Z, when ITS time begins
+LEAPS = 5  # seconds between then and 2017-01-01; the last one until this was written
 
 
 def host_ns() -> int:
@@ -19,13 +21,17 @@ def host_ns() -> int:
 class Truth:
     """ITS time by the host's clock.
 
-    its_s     of its beginning, which is when start() is called: until then it stands still.
-    fast_ppb  by which oscillators, the host's and so the guest's, run fast against it.
+    its_s      of its beginning, which is when start() is called: until then it stands still.
+    fast_ppb   by which oscillators, the host's and so the guest's, run fast against it.
+    leap_its_s  ITS time of the leap second 23:59:60 that it steps through; None: there is none.
+    leaps      leap seconds since 2004, before that one.
     """
 
-    def __init__(self, its_s: int, fast_ppb: int = 0) -> None:
+    def __init__(self, its_s: int, fast_ppb: int = 0, leap_its_s: int | None = None, leaps: int = LEAPS) -> None:
         self.its_s = its_s
         self.fast_ppb = fast_ppb
+        self.leap_its_s = leap_its_s
+        self.leaps = leaps
         self._began_ns: int | None = None
 
     def start(self) -> None:
@@ -40,6 +46,11 @@ class Truth:
         assert self._began_ns is not None
         gone_ns = at_ns - self._began_ns
         return self.its_s * S + gone_ns * S // (S + self.fast_ppb)
+
+    def unix_ns(self, its_ns: int) -> int:
+        """Unix time of ITS time, as a kernel counts it: the second before a leap second comes twice."""
+        has_leapt = self.leap_its_s is not None and its_ns >= self.leap_its_s * S
+        return its_ns + (EPOCH - self.leaps - has_leapt) * S
 
     def host_ns(self, its_ns: int) -> int:
         """The inverse of its_ns()."""

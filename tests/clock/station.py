@@ -1,0 +1,200 @@
+"""A guest with a whole station in it: a simulated receiver at its serial port, pulses, chronyd, `captain run`."""
+
+import json
+import socket
+from bisect import bisect_left
+from collections import deque
+from typing import Any, NamedTuple
+
+import zmq
+
+from drivers.sim.receiver import Receiver
+from drivers.sim.receiver_habits import Habits
+from pps.chrony_configuration import SOCKET, configuration
+from pps.pulse import Clocks, Pulse
+from tests.clock.bench import Bench, Struck
+from tests.clock.machine import Guest, Made
+from tests.clock.truth import Span
+
+GPS_LEAD = 756_950_413  # GPS time less ITS time, s
+
+# A stamp in the guest is later than QEMU's raising of the line by 0.16 to 0.8 ms on a quiet machine: its board file
+# says so, as that of a real board has the latency of its interrupts.
+LATENCY_NS = 800_000
+
+EXCHANGE_S = 0.1  # between two looks at the guest's clocks
+LOOK_S = 0.02  # between two looks for what the station reports
+LOOKS = 20  # before the ruler is believed
+PULSE_SEEN_S = 0.6  # after a pulse, when the kernel is asked for it
+STEP_NS = 50_000_000  # chronyd steps by no less than 0.1 s
+STALE_S = 2.3  # what is reported is of the second before, and may be of the one before that
+
+BOARD = f"""\
+name = "bench"
+[pulse]
+device = "/dev/pps0"
+latency_ns = {LATENCY_NS}
+"""
+CAPTAIN = f"""\
+[station]
+name = "NAME"
+[endpoint]
+address = "0.0.0.0"
+[time]
+chrony = "{SOCKET}"
+[interfaces.gnss]
+driver = "zed_f9p"
+port = "/dev/hvc0"
+receiver_port = "usb"
+rate_hz = 1
+"""
+PORTS = {"to_users": 5556, "pull": 5557, "report": 5558}
+
+
+class Sample(NamedTuple):
+    """How wrong the guest's system clock is, less the truth, ns, at a moment of the truth's clock."""
+
+    at_s: float
+    system_ns: int
+    raw_ns: int
+
+
+class Report(NamedTuple):
+    """What the station reported, when it came."""
+
+    at_s: float
+    said: dict[str, Any]
+
+
+class Station:
+    """On a bench: booted by bench.wait_for_guests(), its programs started by start().
+
+    samples, reports  all of them, in their order. log: lines of captain and chronyd.
+    struck   pulses that it was given. late_ns: by how much their stamps are behind.
+    """
+
+    def __init__(self, on: Bench, made: Made, name: str, date: str, habits: Habits, *more: str) -> None:
+        self.name = name
+        self.samples: list[Sample] = []
+        self.reports: deque[Report] = deque()
+        self.struck: list[Struck] = []
+        self.late_ns: list[int] = []
+        self.log: list[tuple[float, str]] = []
+        self._on = on
+        self.receiver = Receiver(on.loop, habits)
+        self.receiver.power(True)
+        on.until(lambda: self.receiver.path, 10, "the receiver's port")
+        self.ports = {place: _free_port() for place in PORTS}
+        forwards = ",".join(f"hostfwd=tcp:127.0.0.1:{self.ports[place]}-:{port}" for place, port in PORTS.items())
+        devices = [
+            *("-chardev", f"serial,id=gnss,path={self.receiver.path}", "-device", "virtconsole,chardev=gnss"),
+            *("-netdev", f"user,id=users,{forwards}", "-device", "virtio-net-pci,netdev=users,romfile="),
+        ]
+        self.guest = Guest(on.loop, made, name, on.folder, date, [*devices, *more])
+        on.boot(self.guest)
+        self._context = zmq.Context()
+        self._reports: zmq.Socket[bytes] = self._context.socket(zmq.SUB)
+        self._reports.subscribe(b"time.")
+        self.guest.told["captain"] = self.guest.told["chronyd"] = lambda line: self.log.append((on.loop.clock(), line))
+
+    def pulsed(self, struck: Struck) -> None:
+        """It was given a pulse."""
+        self.struck.append(struck)
+        self._on.loop.after(PULSE_SEEN_S, self._look_at_pulse)
+
+    def wrong_by(self, ns: int) -> None:
+        """Put the system's clock wrong by so much, to a fraction of a millisecond."""
+        for _ in range(LOOKS):
+            self.look()
+        self.guest.step(ns - self.error_ns(self.samples[-1]))
+        self.samples.clear()
+        self.look()
+
+    def look(self) -> None:
+        """A sample of now, waited for."""
+        count = len(self.samples)
+        self.guest.clocks(self._sampled)
+        self._on.until(lambda: len(self.samples) > count, 30, "the guest's clocks")
+
+    def watch(self) -> None:
+        """Samples and reports from now on."""
+        self._reports.connect(f"tcp://127.0.0.1:{self.ports['report']}")
+        self._look_at_clocks()
+        self._look_at_reports()
+
+    def start(self) -> None:
+        """chronyd, and the station."""
+        guest = self.guest
+        guest.write("/run/chrony.conf", configuration())
+        guest.write("/run/board.toml", BOARD)
+        guest.write("/run/captain.toml", CAPTAIN.replace("NAME", self.name))
+        guest.start("chronyd", "chronyd", "-d", "-u", "root", "-f", "/run/chrony.conf")
+        captain = ("python3", "-m", "firmware", "run", "--config", "/run/captain.toml", "--board", "/run/board.toml")
+        guest.start("captain", *captain)
+
+    def is_up(self) -> bool:
+        """It reports."""
+        return bool(self.reports)
+
+    def close(self) -> None:
+        self._reports.close(0)
+        self._context.term()
+        self.receiver.unplug()
+
+    # What is known of it
+
+    def truth_ns(self, raw_ns: int) -> Span:
+        """ITS time of a moment of its oscillator."""
+        at = self.guest.ruler.host(raw_ns)
+        return Span(self._on.truth.its_ns(at.earliest), self._on.truth.its_ns(at.latest))
+
+    def error_ns(self, sample: Sample) -> int:
+        """Of its system's clock against the truth; known to ruler.host(0).half."""
+        its_ns = self.truth_ns(sample.raw_ns).middle
+        return sample.system_ns - self._on.truth.unix_ns(its_ns)
+
+    def errors_ns(self, since_s: float) -> list[int]:
+        """Of its system's clock, from a moment on."""
+        return [self.error_ns(sample) for sample in self.between(since_s, self._on.loop.clock())]
+
+    def between(self, earliest_s: float, latest_s: float) -> list[Sample]:
+        """Samples of a time, with the one before it and the one behind."""
+        moments = [sample.at_s for sample in self.samples]
+        first = max(0, bisect_left(moments, earliest_s) - 1)
+        return self.samples[first : bisect_left(moments, latest_s) + 1]
+
+    def _sampled(self, clocks: Clocks) -> None:
+        self.samples.append(Sample(self._on.loop.clock(), clocks.system_ns, clocks.raw_ns))
+
+    def _look_at_clocks(self) -> None:
+        def sampled(clocks: Clocks) -> None:
+            self._sampled(clocks)
+            self._on.loop.after(EXCHANGE_S, lambda: self.guest.clocks(sampled))
+
+        self.guest.clocks(sampled)
+
+    def _look_at_pulse(self) -> None:
+        """What the kernel stamped is behind its cause: the ruler learns from it, unless its clock was stepped since."""
+        struck = self.struck[-1] if self.struck else None
+
+        def seen(pulse: Pulse) -> None:
+            if struck is None or struck is not self.struck[-1] or pulse.sequence != len(self.struck):
+                return
+            late_ns = self.guest.ruler.host(pulse.raw_ns).middle - struck.at_ns.earliest
+            if abs(late_ns) < STEP_NS:
+                self.guest.ruler.after(struck.at_ns.earliest, pulse.raw_ns)
+                self.late_ns.append(late_ns)
+
+        self.guest.pulse(seen)
+
+    def _look_at_reports(self) -> None:
+        self._on.loop.after(LOOK_S, self._look_at_reports)
+        while self._reports.poll(0):
+            _, said = self._reports.recv_multipart()
+            self.reports.append(Report(self._on.loop.clock(), json.loads(said)))
+
+
+def _free_port() -> int:
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        return int(one.getsockname()[1])
