@@ -22,6 +22,10 @@ APART_S = 2.0  # at least, between two troubles
 PAUSE_S = 5.2
 SLOW_S = 6.0
 
+# Of a squeezed one: what is left of minutes without coverage. Longer than the longest pause between two tries, and than a
+# broker keeps a session that nobody resumes (one and a half keep-alives and SESSION_EXPIRY_S).
+ABSENCE_S = 75.0
+
 
 class Kind(Enum):
     """What happens to the network.
@@ -146,13 +150,13 @@ def cut(troubles: Sequence[Trouble], seconds: float) -> tuple[Trouble, ...]:
 
 
 def squeezed(troubles: Sequence[Trouble]) -> tuple[Trouble, ...]:
-    """All of them with no more than a pause between two."""
+    """All of them with no more than a pause between two, and the longest ones cut short."""
     found: list[Trouble] = []
     now = 0.0
     for one, before in zip(troubles, (None, *troubles), strict=False):
         now += min(PAUSE_S, one.at_s - (before.end_s if before else 0.0))
-        found.append(one._replace(at_s=now))
-        now += one.lasts_s
+        found.append(one._replace(at_s=now, lasts_s=min(one.lasts_s, ABSENCE_S)))
+        now = found[-1].end_s
     return tuple(found)
 
 
