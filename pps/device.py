@@ -29,11 +29,22 @@ CANWAIT = 0x100
 Edge = Literal["assert", "clear"]
 CAPTURES = {"assert": 0x01, "clear": 0x02}
 
-# As the compiler aligns them. struct pps_kparams, 40 octets: version; mode; offsets of assert and of clear.
-# struct pps_fdata, 64 octets, 60 on i386: sequence of assert and of clear; time of assert and of clear (s, ns, flags);
-# mode, of which nothing is to be had before the first edge; time-out.
+POINTER = struct.calcsize("P")
+
+
+def layout(pointer: int, machine: str) -> str:
+    """How struct pps_fdata is aligned: as the compiler does it, 64 octets, or 60 on i386. Kernels of 64 bits take every
+    program of 32 bits for one of i386, those of a 32-bit Raspberry Pi OS as well.
+
+    Source: pps_cdev_compat_ioctl() in drivers/pps/pps.c.
+    """
+    return "=" if pointer == 4 and machine in {"aarch64", "armv8l", "x86_64"} else "@"
+
+
+# struct pps_kparams: version; mode; offsets of assert and of clear (s, ns, flags). struct pps_fdata: sequence of assert
+# and of clear; time of assert and of clear (s, ns, flags); mode, which is 0 before the first edge; time-out.
 KPARAMS = struct.Struct("@iiqiIqiI")
-FDATA = struct.Struct("@IIqiIqiIiqiI")
+FDATA = struct.Struct(layout(POINTER, os.uname().machine) + "IIqiIqiIiqiI")
 
 PPS = "the device tree has to have a pps-gpio; on Raspberry Pi OS `dtoverlay=pps-gpio,gpiopin=18` in config.txt"
 PERMISSION = 'a udev rule gives it to a group: SUBSYSTEM=="pps", GROUP="gpio", MODE="0660"'
@@ -52,7 +63,7 @@ OTHERWISE = "`dmesg | grep pps` may tell why"
 Ioctl = Callable[[int, int, bytearray], object]
 
 
-def number(direction: int, which: int, pointer: int = struct.calcsize("P")) -> int:
+def number(direction: int, which: int, pointer: int = POINTER) -> int:
     """An ioctl of linux/pps.h; direction 2 for what the kernel writes, 1 for what it reads, 3 for both.
 
     Its size is that of a pointer, since the macros name `struct pps_fdata *`: 32-bit programs have other numbers.
@@ -130,7 +141,7 @@ class Device:
         device = self._open()
         try:
             last = self._look(device)
-        except BaseException:
+        except InterfaceError:
             os.close(device)
             raise
         self.tally.begin(last.sequences[self._edge])
@@ -161,7 +172,7 @@ class Device:
             if isinstance(found, Pulse):
                 self.tally.take(found)
             else:
-                self._fail(found)
+                self._end(found)
 
     def _open(self) -> int:
         try:
@@ -189,11 +200,12 @@ class Device:
             raise InterfaceError(f"{self.where}: {self._edge} edges are switched off (mode {does:#x})", hint)
         return last
 
-    def _fail(self, error: InterfaceError | None) -> None:
+    def _end(self, why: Exception) -> None:
         self.stop()
-        if error is None:
-            raise RuntimeError(f"{self.where}: its thread has ended by what is told above")
-        self._above.failed(error)
+        if isinstance(why, InterfaceError):
+            self._above.failed(why)
+            return
+        raise RuntimeError(f"{self.where}: its thread has ended") from why
 
 
 class Fetcher:
@@ -202,11 +214,11 @@ class Fetcher:
     The thread owns both descriptors that it is started with, and closes them: nobody else does, so that no number in
     a call of its own can meanwhile be that of another file.
 
-    found  edges in their order; last, the error that ended it: None for what nobody expects.
+    found  edges in their order; last, what ended it: InterfaceError, or a bug.
     """
 
     def __init__(self, path: Path, edge: Edge, ioctl: Ioctl, clocks: Callable[[], Clocks], last: Fetched) -> None:
-        self.found: deque[Pulse | InterfaceError | None] = deque(maxlen=DEPTH)
+        self.found: deque[Pulse | Exception] = deque(maxlen=DEPTH)
         self._path = path
         self._edge: Edge = edge
         self._ioctl = ioctl
@@ -224,13 +236,14 @@ class Fetcher:
         self._leaves.set()
 
     def _run(self, device: int, wake: int) -> None:
-        end = None
         try:
-            end = self._fetch_all(device, wake)
-        finally:
-            os.close(device)
+            end: Exception | None = self._fetch_all(device, wake)
+        except Exception as bug:  # noqa: BLE001 (it is raised on the loop)
+            end = bug
+        os.close(device)
+        if end is not None:
             self._tell(end, wake)
-            os.close(wake)
+        os.close(wake)
 
     def _fetch_all(self, device: int, wake: int) -> InterfaceError | None:
         wait_ns = 0
@@ -263,7 +276,7 @@ class Fetcher:
             self._leaves.wait(REST_S)
         return 0
 
-    def _tell(self, found: Pulse | InterfaceError | None, wake: int) -> None:
+    def _tell(self, found: Pulse | Exception, wake: int) -> None:
         self.found.append(found)
         os.eventfd_write(wake, 1)
 

@@ -48,6 +48,11 @@ class Kernel:
             self._errors += [OSError(number, os.strerror(number)) if isinstance(number, int) else number] * times
             self._changed.notify_all()
 
+    def recover(self):
+        """Nothing fails any more."""
+        with self._changed:
+            self._errors.clear()
+
     def expire(self):
         """A whole time-out goes by."""
         self.wait()

@@ -2,15 +2,18 @@
 
 import errno
 import os
+import struct
 import subprocess
 import threading
 from contextlib import closing
 from pathlib import Path
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from board.errors import InterfaceError
-from pps.device import DEPTH, FDATA, PPS_FETCH, PPS_GETCAP, PPS_GETPARAMS, WAIT_NS, Device, number
+from pps.device import DEPTH, FDATA, PPS_FETCH, PPS_GETCAP, PPS_GETPARAMS, WAIT_NS, Device, fetch, layout, number
 from pps.pulse import OLDEST_NS, STORM_NS, Clocks, Pulse
 from tests.pps import kernel as linux
 from tests.pps.above import Told
@@ -77,6 +80,7 @@ class Bench:
         for thread in threads:
             thread.join(PATIENCE_S)
             assert not thread.is_alive()
+        self.kernel.recover()  # a thread that was about to end by itself has left its error
 
 
 @pytest.fixture
@@ -119,6 +123,9 @@ int main(void) {
         offsetof(struct pps_fdata, info.assert_tu), offsetof(struct pps_fdata, info.clear_tu),
         offsetof(struct pps_fdata, info.current_mode), offsetof(struct pps_fdata, timeout),
         offsetof(struct pps_kparams, mode));
+    printf("%zu %zu %zu %zu\n", offsetof(struct pps_fdata_compat, info.clear_tu),
+        offsetof(struct pps_fdata_compat, info.current_mode), offsetof(struct pps_fdata_compat, timeout),
+        offsetof(struct pps_fdata_compat, timeout.flags));
     printf("%x %x %x\n", PPS_CAPTUREASSERT, PPS_CAPTURECLEAR, PPS_CANWAIT);
     if (fread(&f, sizeof f, 1, stdin) != 1) return 1;
     printf("%u %u %lld %d %lld %d %d %lld %d %u\n", f.info.assert_sequence, f.info.clear_sequence,
@@ -147,7 +154,7 @@ def header(tmp_path_factory):
 
 def test_the_numbers_are_those_of_the_kernels_header(header):
     assert [int(word, 16) for word in header[0].split()] == [PPS_GETPARAMS, PPS_GETCAP, PPS_FETCH]
-    assert [int(word, 16) for word in header[3].split()] == [CAPTUREASSERT, CAPTURECLEAR, CANWAIT]
+    assert [int(word, 16) for word in header[4].split()] == [CAPTUREASSERT, CAPTURECLEAR, CANWAIT]
 
 
 def test_structs_are_laid_out_as_in_the_kernels_header(header):
@@ -156,15 +163,37 @@ def test_structs_are_laid_out_as_in_the_kernels_header(header):
 
 
 def test_a_struct_of_ours_is_read_by_c_as_it_is_meant(header):
-    assert header[4] == f"{2**32 - 1} 4 {T // SECOND} 999999999 -5 123 {0x1151} 1 500000000 1"
+    assert header[5] == f"{2**32 - 1} 4 {T // SECOND} 999999999 -5 123 {0x1151} 1 500000000 1"
 
 
 def test_a_struct_of_c_is_read_as_it_is_meant(header):
-    octets = bytes.fromhex(header[5])
+    octets = bytes.fromhex(header[6])
     fields = (0xFEDCBA98, 7, -2, 3, 4, 5_000_000_000, 6, 8, 9, 10, 11, 12)
     assert FDATA.unpack(octets) == fields
     assert FDATA.pack(*fields) == octets
     assert linux.FDATA.pack(*fields) == octets
+
+
+@pytest.mark.parametrize("machine", ["aarch64", "armv8l", "x86_64"])
+def test_a_kernel_of_64_bits_has_another_layout_for_programs_of_32(header, machine):
+    assert (layout(4, machine), layout(8, machine)) == ("=", "@")
+    octets = struct.pack("=IIqiIqiIiqiI", 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12)
+    assert len(octets) == 60
+    offsets = [int(word) for word in header[3].split()]
+    assert [octets.find(n.to_bytes(4, "little")) for n in (6, 9, 10, 12)] == offsets
+
+
+def test_a_kernel_of_32_bits_has_the_compilers_layout():
+    assert (layout(4, "armv7l"), layout(4, "i686")) == ("@", "@")
+
+
+@given(octets=st.binary(min_size=FDATA.size, max_size=FDATA.size))
+def test_whatever_the_kernel_writes_is_read(octets):
+    def ioctl(device, number, into):
+        into[:] = octets
+
+    fetched = fetch(ioctl, 0, 0)
+    assert octets[:8] == struct.pack("=II", fetched.sequences["assert"], fetched.sequences["clear"])
 
 
 def test_a_program_of_32_bits_has_other_numbers():
@@ -372,14 +401,12 @@ def test_a_device_that_cannot_be_opened_is_refused_with_what_to_do(make, monkeyp
     assert hint in refused.value.hint
 
 
-def test_a_thread_that_ends_by_a_bug_ends_the_loop(bench, monkeypatch):
-    seen = []
-    monkeypatch.setattr(threading, "excepthook", seen.append)
+def test_a_thread_that_ends_by_a_bug_ends_the_loop(bench):
     bench.kernel.wait()
     bench.kernel.fail(ValueError("a bug"))
-    with pytest.raises(RuntimeError, match="its thread has ended"):
+    with pytest.raises(RuntimeError, match="its thread has ended") as raised:
         bench.hear(1)
-    assert [hook.exc_type for hook in seen] == [ValueError]
+    assert isinstance(raised.value.__cause__, ValueError)
 
 
 # The end.
@@ -448,3 +475,71 @@ def test_no_descriptor_is_left_behind(make):
     bench.device.start()
     bench.end()
     assert descriptors() == before
+
+
+# Anything, in any order.
+
+ACTIONS = st.sampled_from(
+    ["edge", "edge", "edges", "other edge", "time-out", "signal", "turn", "turn", "end", "restart"]
+)
+
+
+@settings(max_examples=60)
+@given(actions=st.lists(ACTIONS, max_size=40), first=st.sampled_from([0, 7, 2**32 - 3]))
+def test_whatever_happens_each_edge_is_told_or_missed_once(loop, path, actions, first):
+    told = Told()
+    bench = Bench(loop, path, told, can=GPIO | CAPTURECLEAR, does=CAPTUREASSERT | CAPTURECLEAR)
+    bench.kernel.pulse(T, count=first)
+    last, sessions = bench.kernel.sequences[0], []
+    now_ns = T
+    bench.device.start()
+    try:
+        for action in [*actions, "edge"]:
+            now_ns += SECOND
+            match action:
+                case "edge" | "edges":
+                    bench.edge(now_ns, count=1 + 3 * (action == "edges"))
+                case "other edge":
+                    bench.edge(now_ns, which=1)
+                case "time-out":
+                    bench.kernel.expire()
+                case "signal":
+                    bench.kernel.wait()
+                    bench.kernel.fail(errno.EINTR)
+                case "turn":
+                    hear_all(bench)
+                case "end":
+                    bench.kernel.wait()
+                    bench.kernel.fail(errno.ENODEV)
+                    bench.loop.run_until(lambda: told.errors)
+                case "restart":
+                    hear_all(bench)
+                    bench.device.stop()
+            if action in {"end", "restart"}:
+                sessions.append((last, list(told.all)))
+                last = bench.kernel.sequences[0]
+                told.__init__()
+                bench.end()
+                bench.device.start()
+        hear_all(bench)
+        assert told.pulses[-1].sequence == bench.kernel.sequences[0]
+    finally:
+        bench.end()
+    for before, all_told in [*sessions, (last, told.all)]:
+        expected = before
+        for what in all_told:
+            if isinstance(what, Pulse):
+                expected = (expected + 1) % 2**32
+                assert what.sequence == expected
+            elif isinstance(what, int):
+                expected = (expected + what) % 2**32
+            else:
+                assert what is all_told[-1]
+
+
+def hear_all(bench):
+    """Turn the loop until it has heard of all edges that there were; the thread waits for another."""
+    bench.kernel.wait()
+    patience_s, bench.loop.patience_s = bench.loop.patience_s, 0.0
+    bench.loop.turn()
+    bench.loop.patience_s = patience_s
