@@ -6,13 +6,13 @@ PAIRS (5) rounds of each; SCALE (1.0) of how long each round measures; both from
 import argparse
 import json
 import os
-import signal
 import sys
 from pathlib import Path
 from typing import Any
 
 from tests.bench import figures, measure, overload, programs
 from tests.bench.figures import Round
+from tests.bench.start import begin
 from tests.bench.subject import BINARY, SOURCE, Station, Subject
 
 # messages per second: how many messages of one round
@@ -24,18 +24,7 @@ FULL_PATH = {"prefix": measure.ethernet_prefix(300), "watched": True}
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(prog="python -m tests.bench", description=__doc__)
-    parser.add_argument("--pairs", type=int, default=int(os.environ.get("PAIRS", "5")))
-    parser.add_argument("--scale", type=float, default=float(os.environ.get("SCALE", "1")))
-    parser.add_argument("--captain", default=os.environ.get("CAPTAIN", ""), help="the command that is measured")
-    parser.add_argument("--overload-s", type=float, default=float(os.environ.get("DURATION", "10")))
-    arguments = parser.parse_args()
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # ends what is measured, too
-    try:
-        programs.build()
-    except programs.MissingToolError as error:
-        print(f"bench: {error}", file=sys.stderr)
-        return 1
+    arguments = begin("tests.bench", __doc__, 5, "", _add)
     floor, station, again, full = _pairs(arguments)
     rates = tuple(COUNTS)
     rows = figures.lines(floor, station, again, rates)
@@ -51,6 +40,10 @@ def main() -> int:
     RESULT.write_text(json.dumps(result, indent=1))
     print(f"\nall figures: {RESULT.relative_to(programs.ROOT)}")
     return 0
+
+
+def _add(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--overload-s", type=float, default=float(os.environ.get("DURATION", "10")))
 
 
 def _pairs(arguments: argparse.Namespace) -> tuple[list[Round], list[Round], list[Round], list[Round]]:

@@ -7,14 +7,13 @@ paho loops. PAIRS (7) rounds; SCALE (1.0) of how long each measures; both from t
 
 import argparse
 import json
-import os
-import signal
 import sys
 from collections import Counter
 from typing import Any
 
 from tests.bench import figures, measure, programs, v2n_trouble
 from tests.bench.figures import Line, Round
+from tests.bench.start import begin
 from tests.bench.subject import SOURCE, Station
 from tests.bench.v2n_through import WAYS, through
 from tests.bench.v2n_trouble import TROUBLES, Ground, Troubled, mute_names
@@ -27,20 +26,7 @@ RESULT = programs.ROOT / "build" / "bench-v2n.json"
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(prog="python -m tests.bench.v2n", description=__doc__)
-    parser.add_argument("--pairs", type=int, default=int(os.environ.get("PAIRS", "7")))
-    parser.add_argument("--scale", type=float, default=float(os.environ.get("SCALE", "1")))
-    parser.add_argument(
-        "--captain", default=os.environ.get("CAPTAIN", "") or SOURCE, help="the command that is measured"
-    )
-    parser.add_argument("--only", default="", help="troubles whose name holds this; `through` for none of them")
-    arguments = parser.parse_args()
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # ends what is measured, too
-    try:
-        programs.build()
-    except programs.MissingToolError as error:
-        print(f"bench: {error}", file=sys.stderr)
-        return 1
+    arguments = begin("tests.bench.v2n", __doc__, 7, SOURCE, _add)
     count = max(100, int(COUNT * arguments.scale))
     with v2n_trouble.ground() as ground:
         names = [name for name in TROUBLES if arguments.only in name and _is_possible(name, ground)]
@@ -49,6 +35,10 @@ def main() -> int:
     RESULT.write_text(json.dumps({"latencies": latencies, "through": passed}, indent=1))
     print(f"\nall figures: {RESULT.relative_to(programs.ROOT)}")
     return 0
+
+
+def _add(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--only", default="", help="troubles whose name holds this; `through` for none of them")
 
 
 # ---------------------------------------------------------------- beside a trouble
