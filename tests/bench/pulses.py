@@ -16,7 +16,8 @@ from tempfile import NamedTemporaryFile
 
 from board.errors import InterfaceError
 from board.loop import Loop
-from pps.device import CANWAIT, CAPTURES, FDATA, KPARAMS, PPS_FETCH, PPS_GETCAP, Device
+from pps.device import Device
+from pps.ioctl import CANWAIT, CAPTURES, FDATA, KPARAMS, PPS_FETCH, PPS_GETCAP
 from pps.pulse import Pulse, read_clocks
 
 SECOND_NS = 10**9
