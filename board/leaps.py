@@ -91,7 +91,7 @@ class Leaps:
             is_learnt = self._counts_as(before, then_s)  # as an event that was announced and has passed
             known = self._until(then_s) if is_learnt else base._corrected(before, then_s)
         if event is not None and event not in known.rows:
-            known = known._announced(event)
+            known = known._announced(event, then_s)
         told = replace(known, source=RECEIVER, expires=None, base=base)
         return self if told == self else told
 
@@ -114,9 +114,10 @@ class Leaps:
         )
         return replace(self, rows=rows + events([(turn, count - earlier)], earlier), doubt=doubt)
 
-    def _announced(self, event: LeapEvent) -> "Leaps":
-        """With an event to come, in place of all others to come."""
-        rows = (*(row for row in self.rows if row.its_s < event.its_s), event)
+    def _announced(self, event: LeapEvent, its_s: int) -> "Leaps":
+        """With an event to come, in place of all others to come: a contrary one, too, may begin a second earlier."""
+        begun_s = min(its_s, event.its_s - LATE_S)
+        rows = (*(row for row in self.rows if row.its_s <= begun_s), event)
         when = day(event.its_s - self.leap_seconds((event.its_s - 1) * _NS) + EPOCH - 1)
         if self.is_expired(self.unix_ns(event.its_s * _NS) / _NS):
             return replace(self, rows=rows)

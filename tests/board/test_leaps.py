@@ -308,6 +308,12 @@ def test_a_leap_second_that_came_between_list_and_receiver_is_placed_at_the_turn
     assert told.its_ns(timegm((2027, 1, 3, 0, 0, 0)) * NS) == now * NS
 
 
+def test_the_turn_of_the_half_year_is_that_of_utc_by_the_receivers_count():
+    midnight = timegm((2027, 1, 1, 0, 0, 0)) - EPOCH + 6
+    assert BUILT_IN.told(19, None, midnight).rows[-1] == COMING
+    assert BUILT_IN.told(19, None, midnight - 1).rows[-1] == (timegm((2026, 7, 1, 0, 0, 0)) - EPOCH + 5, 1)
+
+
 def test_a_listed_leap_second_that_the_receiver_does_not_count_is_withdrawn_once_it_cannot_be_late_any_more():
     listed = Leaps((*BUILT_IN.rows, COMING), "/list", LISTED.expires)
     for late_s in (0, 1, LATE_S - 1):
@@ -317,10 +323,22 @@ def test_a_listed_leap_second_that_the_receiver_does_not_count_is_withdrawn_once
     assert "18 s ahead of UTC by the receiver's word, 19 s by that of /list" in told.doubt
 
 
+@pytest.mark.parametrize("before_s", [10_000, 1, 0, -1, -60])
+@pytest.mark.parametrize("change", [1, -1])
+def test_a_receiver_that_announces_the_contrary_of_what_is_listed_is_believed(before_s, change):
+    midnight = timegm((2027, 1, 1, 0, 0, 0))
+    listed = Leaps(BUILT_IN.rows + events([(midnight, -change)], 5), "/list", midnight)
+    (event,) = events([(midnight, change)], 5)
+    told = listed.told(18, event, event.its_s - before_s)
+    assert told.rows == (*BUILT_IN.rows, event)
+
+
 def test_the_receivers_event_takes_the_place_of_all_to_come():
     later = LeapEvent(COMING.its_s + 15_552_001, 1)
     listed = Leaps((*BUILT_IN.rows, later), "/list", later.its_s + EPOCH)
     assert listed.told(18, COMING, NOW).rows == (*BUILT_IN.rows, COMING)
+    both = Leaps((*BUILT_IN.rows, COMING, later), "/list", later.its_s + EPOCH)
+    assert both.told(18, LeapEvent(later.its_s - 1, 1), NOW).rows == (*BUILT_IN.rows, (later.its_s - 1, 1))
 
 
 @given(
