@@ -184,13 +184,15 @@ def main() -> int:
     if asked.refclock:
         text = re.sub(r"poll \d+ filter \d+", asked.refclock, text)
 
-    def make(shift_s: int = 0) -> Chronyd:
-        return Chronyd(Path(tempfile.mkdtemp(prefix="chronyd-")), text, shift_s=shift_s, rate=asked.rate)
+    with tempfile.TemporaryDirectory(prefix="chronyd-") as folder:
 
-    with make() as chronyd:
-        feeder = Feeder(chronyd)
-        goals = disciplined(play(chronyd, feeder, asked.seed)) + cost(chronyd, feeder)
-    goals += leaps(make)
+        def make(shift_s: int = 0) -> Chronyd:
+            return Chronyd(Path(tempfile.mkdtemp(dir=folder)), text, shift_s=shift_s, rate=asked.rate)
+
+        with make() as chronyd:
+            feeder = Feeder(chronyd)
+            goals = disciplined(play(chronyd, feeder, asked.seed)) + cost(chronyd, feeder)
+        goals += leaps(make)
     Screen().show([summary(f"chronyd: {text.splitlines()[-1]}", goals)])
     return 0 if all(goal.is_met for goal in goals) else 1
 
