@@ -5,6 +5,7 @@ import re
 import shutil
 import signal
 import subprocess
+import sys
 from collections.abc import Callable, Sequence
 
 from board.child import die_with_parent
@@ -57,6 +58,7 @@ class Tool:
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT,
+                env=_environment(),
                 preexec_fn=None if quick else die_with_parent(signal.SIGTERM),  # noqa: PLW1509 one thread of Python
             )
             assert self._child.stdout is not None
@@ -137,3 +139,13 @@ class Tool:
         if self._timer is not None:
             self._timer.cancel()
         self._timer = timer
+
+
+def _environment() -> dict[str, str] | None:
+    """Of a program of the system: the libraries of a frozen station are not for it. None: our own."""
+    if not getattr(sys, "frozen", False):
+        return None
+    # Its loader points there, and keeps what was said before (PyInstaller's manual, "LD_LIBRARY_PATH considerations").
+    environment = {name: value for name, value in os.environ.items() if name != "LD_LIBRARY_PATH"}
+    before = environment.pop("LD_LIBRARY_PATH_ORIG", "")
+    return environment | ({"LD_LIBRARY_PATH": before} if before else {})

@@ -2,6 +2,7 @@
 
 import errno
 import os
+import sys
 import time
 
 import pytest
@@ -33,6 +34,18 @@ def run(loop, *argv, limit_s=5.0, **more):
     """A tool, and what it was done with."""
     said = []
     return Tool(loop, argv, limit_s, lambda *result: said.append(result), **more), said
+
+
+@pytest.mark.parametrize(("before", "given"), [("", "none"), ("/opt/lib", "/opt/lib")])
+def test_a_frozen_station_keeps_its_libraries_to_itself(loop, monkeypatch, before, given):
+    monkeypatch.setattr(sys, "frozen", True, raising=False)
+    monkeypatch.setenv("LD_LIBRARY_PATH", "/unpacked/station")
+    if before:
+        monkeypatch.setenv("LD_LIBRARY_PATH_ORIG", before)
+    _, said = run(loop, "sh", "-c", "echo ${LD_LIBRARY_PATH:-none} ${LD_LIBRARY_PATH_ORIG:-none}")
+    until(loop, lambda: said)
+
+    assert said == [(0, f"{given} none\n")]
 
 
 def test_what_it_says_comes_with_its_exit_status(loop):
