@@ -1,15 +1,12 @@
 """A broker between stations: mosquitto on a port of this machine, with TLS and client certificates of the moment."""
 
 import os
-import shutil
-import signal
 import socket
-import subprocess
 import time
 from pathlib import Path
 
-from board.child import die_with_parent
 from board.errors import StationError
+from firmware.lab import mosquitto
 from firmware.lab.certificates import Authority
 from firmware.lab.program import end
 
@@ -47,9 +44,7 @@ class Broker:
     """A running mosquitto; its files lie in a folder of its own. Raises StationError where it does not start."""
 
     def __init__(self, host: str, port: int, folder: Path) -> None:
-        program = shutil.which("mosquitto", path=os.pathsep.join((os.environ.get("PATH", os.defpath), "/usr/sbin")))
-        if program is None:
-            raise StationError("the program mosquitto is missing", "install the package mosquitto")
+        program = mosquitto.program()
         self._host, self._port = host, port
         self._authority = Authority(folder)
         server = self._authority.issue("broker", SERVER.format(host=host))
@@ -59,14 +54,7 @@ class Broker:
         ca = self._authority.certificate
         file.write_text(CONFIGURATION.format(user=user, host=host, port=port, ca=ca, server=server))
         self._said = (folder / "mosquitto.log").open("w+b")
-        self._process = subprocess.Popen(
-            [program, "-c", str(file)],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=self._said,
-            start_new_session=True,
-            preexec_fn=die_with_parent(signal.SIGTERM),  # noqa: PLW1509 (no thread of ours holds a lock)
-        )
+        self._process = mosquitto.launch(program, file, self._said)
         self._wait_until_ready()
 
     def interface(self, name: str) -> str:

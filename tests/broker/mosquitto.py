@@ -2,7 +2,6 @@
 
 import os
 import re
-import shutil
 import signal
 import subprocess
 import threading
@@ -12,14 +11,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple, Self
 
-from board.child import die_with_parent
+from firmware.lab import mosquitto
 from firmware.lab.certificates import Pair
 from tests.broker.certificates import Authority
 from tests.system.ports import Ports
 
 PATIENCE = 10.0  # s; reached only by a test that fails
 LINES = 2000  # of its log, the last ones
-PROGRAM = shutil.which("mosquitto", path=f"{os.environ.get('PATH', '')}:/usr/sbin")
 
 # Nothing on disk, no $SYS, no Nagle; it keeps what a test's own client is slow to take.
 CONFIGURATION = """
@@ -94,7 +92,7 @@ class Mosquitto:
         self.authority = authority
         self.folder = folder
         self.file = folder / "mosquitto.conf"
-        self._process: subprocess.Popen[str] | None = None
+        self._process: subprocess.Popen[bytes] | None = None
         self._log = _Log()
         tls = TLS_LISTENER.format(
             port=self.port,
@@ -122,17 +120,9 @@ class Mosquitto:
 
     def start(self) -> Self:
         """Start it and wait until both listeners are open."""
-        assert PROGRAM is not None, "mosquitto is not here; as root: apt-get install mosquitto"
         self._log = _Log()
-        self._process = subprocess.Popen(
-            [PROGRAM, "-c", str(self.file)],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            text=True,
-            errors="replace",
-            preexec_fn=die_with_parent(signal.SIGKILL),  # noqa: PLW1509 - a test in a child process ends without a word
-        )
+        # SIGKILL: a test in a child process ends without a word.
+        self._process = mosquitto.launch(mosquitto.program(), self.file, subprocess.PIPE, signal.SIGKILL)
         self._log.follow(self._process)
         self.says(r"mosquitto version .* running")
         return self
@@ -201,16 +191,16 @@ class _Log:
         self._is_over = False
         self._thread: threading.Thread | None = None
 
-    def follow(self, process: "subprocess.Popen[str]") -> None:
+    def follow(self, process: "subprocess.Popen[bytes]") -> None:
         self._thread = threading.Thread(target=self._read, args=(process,), daemon=True)
         self._thread.start()
 
-    def _read(self, process: "subprocess.Popen[str]") -> None:
+    def _read(self, process: "subprocess.Popen[bytes]") -> None:
         assert process.stderr is not None
         with process.stderr as stream:
             for line in stream:
                 with self._changed:
-                    self._lines.append(line.rstrip())
+                    self._lines.append(line.decode(errors="replace").rstrip())
                     self._changed.notify_all()
         with self._changed:
             self._is_over = True
