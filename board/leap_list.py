@@ -3,7 +3,6 @@
 Source: the comments of the list itself, of the IERS and of NIST; ntp's ntpd/ntp_leapsec.c for the order of the hash.
 """
 
-import hashlib
 import os
 import re
 import stat
@@ -40,6 +39,8 @@ class LeapList(NamedTuple):
 
 def read_list(path: str) -> LeapList:
     """A list, its hash verified. Raises ConfigurationError where it cannot be read, is damaged or says nonsense."""
+    import hashlib  # here, for it takes 5 ms, and not every station has a list
+
     stamps: dict[str, str] = {}
     rows: list[tuple[int, int]] = []
     hashed = hashlib.sha1(usedforsecurity=False)

@@ -4,7 +4,6 @@ ITS time counts on through a leap second. Unix time has no number for one that i
 before it, as the Linux kernel does; UTC writes it as 23:59:60. One that is left out has no second in ITS time.
 """
 
-import calendar
 import time
 from bisect import bisect_right
 from collections.abc import Iterable
@@ -103,6 +102,8 @@ class Leaps:
 
     def _corrected(self, count: int, its_s: int) -> "Leaps":
         """With so many now. When the others came nobody tells: since 1972 it was the turn of a half-year."""
+        import calendar  # here, for it takes 10 ms, and is needed where somebody is wrong
+
         now = time.gmtime(its_s - count + EPOCH)
         turn = calendar.timegm((now.tm_year, 7 if now.tm_mon > 6 else 1, 1, 0, 0, 0))
         rows = tuple(row for row, ns in zip(self.rows, self._midnights_ns, strict=True) if ns < turn * _NS)
