@@ -246,3 +246,10 @@ def test_the_station_s_group_alone_may_write_to_the_socket() -> None:
         "ExecStartPost=+/bin/chgrp v2x /run/chrony.x.sock",
         "ExecStartPost=+/bin/chmod 0620 /run/chrony.x.sock",
     ]
+
+
+def test_what_users_are_told_to_write_is_what_is_written_for_the_image() -> None:
+    told = [line.strip() for line in (Path(__file__).parents[2] / "pps/CHRONYD.md").read_text().splitlines()]
+
+    for line in (refclock() + access("captain")).splitlines():
+        assert line.startswith("#") or line in told
