@@ -59,7 +59,7 @@ class Profile:
     def __init__(self, description: ProfileDescription, identity: Identity, codec: Codec | None = None) -> None:
         self.description = description
         self.identity = identity
-        self.missing = ""  # of the last message: why it is not published in all forms that it should be
+        self.missing = ""  # of the last message: why it is not published by all rows that it should be
         self._codec = codec
         self._own = {
             "host": identity.host,
@@ -85,7 +85,7 @@ class Profile:
         kind    name of its type; empty: its messageID names it.
         now_ms  Unix time.
 
-        Raises RequestError where the profile cannot carry it; why only some of its forms can, `missing` says.
+        Raises RequestError where the profile cannot carry it; why only some of its rows can, `missing` says.
         """
         kind = kind or str(pdu[1])
         rule = self._rule(kind)
@@ -94,21 +94,21 @@ class Profile:
         expiry_s = self.description.expiry_s if rule.expiry_s is None else rule.expiry_s
         values = {**self._own, "type": rule.topic or kind, "port": str(btp_port)}
         sending = Sending(kind, btp_port, pdu, own, now_ms)
-        written: dict[Form, bytes | RequestError] = {}
+        written: dict[Form, bytes] = {}
         failed: RequestError | None = None
         found = []
         for place in self._publish:
             if not place.holds(kind):
                 continue
-            if place.template.needs("quadkey"):
-                values["quadkey"] = "/".join(self._own_tile(own))
-            if place.form not in written:
-                written[place.form] = _written(place.payload, sending)
-            payload = written[place.form]
-            if isinstance(payload, RequestError):
-                failed = payload
+            try:
+                if place.template.needs("quadkey"):
+                    values["quadkey"] = "/".join(self._own_tile(own))
+                if place.form not in written:
+                    written[place.form] = place.payload.write(sending)
+            except RequestError as error:
+                failed = error
             else:
-                found.append(Publication(place.template.fill(values), payload, qos, retain, expiry_s))
+                found.append(Publication(place.template.fill(values), written[place.form], qos, retain, expiry_s))
         if not found:
             what = f"profile {self.description.name} has no topic for {kind}"
             raise failed or RequestError(what, "add a row [[publish]] to it, or take another profile")
@@ -125,13 +125,13 @@ class Profile:
         return frozenset(asked for place in self._subscribe for asked in self._asked(place, tiles))
 
     def lacks(self, own: Ego) -> tuple[bool, str]:
-        """Whether messages cannot be published for want of a position, and in words what is not done for that."""
+        """Whether nothing can be published for want of a position, and in words what is not done for that."""
         if own.is_known or self.description.tiles.fallback:
             return False, ""
-        is_published = any(place.template.needs("quadkey") for place in self._publish)
+        by_tile = [place.template.needs("quadkey") for place in self._publish]
         is_subscribed = self.moves and self._centre is None
-        undone = [word for word, is_so in (("published", is_published), ("subscribed", is_subscribed)) if is_so]
-        return is_published, f"no position: nothing is {' or '.join(undone)} by tile" if undone else ""
+        undone = [word for word, is_so in (("published", any(by_tile)), ("subscribed", is_subscribed)) if is_so]
+        return any(by_tile) and all(by_tile), f"no position: nothing is {' or '.join(undone)} by tile" if undone else ""
 
     def receive(self, delivery: Delivery) -> Received:
         """The PDU of a delivery. Raises RefusedError."""
@@ -247,13 +247,6 @@ class Profile:
         for name, value in self._own.items():
             if any(Template(topic, is_filter=True).needs(name) for topic in topics):
                 check_value(name, value)
-
-
-def _written(payload: Payload, sending: Sending) -> bytes | RequestError:
-    try:
-        return payload.write(sending)
-    except RequestError as error:
-        return error
 
 
 def _port(topic: str, text: str | None) -> int | None:

@@ -62,6 +62,17 @@ def test_without_a_position_nothing_is_published_by_tile_and_it_says_why():
     assert "tiles.fallback" in refused.value.hint
 
 
+def test_without_a_position_rows_that_are_not_by_tile_publish_on_and_the_link_is_up():
+    rows = (*TILED.publish, PublishRow("all/{type}", "binary"))
+    station = profile(replace(TILED, publish=rows))
+    (found,) = station.publications("cam", 1, PDU, NOWHERE, NOW_MS)
+    assert found.topic == "all/cam"
+    assert station.missing == "profile tiled publishes by tile, and the position is not known"
+    assert station.lacks(NOWHERE) == (False, "no position: nothing is published or subscribed by tile")
+    assert len(station.publications("cam", 1, PDU, HERE, NOW_MS)) == 2
+    assert station.missing == ""
+
+
 def test_what_is_not_done_without_a_position_is_told_in_words():
     station = profile(TILED)
     assert station.lacks(HERE) == (False, "")
