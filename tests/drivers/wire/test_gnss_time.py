@@ -64,10 +64,21 @@ def test_a_negative_nano_is_in_the_second_before():
         {"month": 13},
         {"day": 31},
         {"day": 0},
+        {"hour": 24},
+        {"minute": 60},
+        {"second": 61},
+        {"year": 1979},
+        {"year": 2401},
     ],
 )
 def test_a_time_with_any_doubt_is_none(doubt):
     assert utc_ns(pvt(**doubt)) is None
+
+
+def test_the_last_day_of_a_leap_year_is_one():
+    assert utc_ns(pvt(year=2024, month=2, day=29)) == calendar.timegm((2024, 2, 29, 8, 0, 0)) * 10**9
+    assert utc_ns(pvt(year=2026, month=2, day=29)) is None
+    assert utc_ns(pvt(month=12, day=31)) == calendar.timegm((2026, 12, 31, 8, 0, 0)) * 10**9
 
 
 def test_a_receiver_that_cannot_confirm_its_time_is_believed():
@@ -154,6 +165,8 @@ def test_a_receiver_shows_which_leap_seconds_it_counts_whether_it_knows_them_or_
     assert counted(pvt(itow_ms=(86_400 + 8 * 3600 + 18) * 1000, nano=-123_456)) == 18
     assert counted(pvt(itow_ms=(8 * 3600 + 18) * 1000 + 200, nano=200_000_412)) == 18
     assert counted(pvt(itow_ms=17_000, hour=0)) == 17
+    assert counted(pvt(itow_ms=0, hour=0)) == 0
+    assert counted(pvt(itow_ms=127_000, hour=0)) == 127
 
 
 def test_the_leap_seconds_that_are_counted_change_behind_the_leap_second_and_at_the_end_of_a_week():
@@ -162,7 +175,7 @@ def test_the_leap_seconds_that_are_counted_change_behind_the_leap_second_and_at_
     assert counted(pvt(itow_ms=0, hour=23, minute=59, second=42)) == 18
 
 
-@pytest.mark.parametrize("doubt", [{"itow_ms": 0}, {"valid": 1}, {"valid": 2}, {"valid": 0}])
+@pytest.mark.parametrize("doubt", [{"itow_ms": 0}, {"itow_ms": 28_928_000}, {"valid": 1}, {"valid": 2}, {"valid": 0}])
 def test_an_epoch_that_says_two_moments_or_none_counts_no_leap_seconds(doubt):
     assert counted(pvt(**{"itow_ms": (8 * 3600 + 16) * 1000, **doubt})) is None
 
