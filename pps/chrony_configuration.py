@@ -15,8 +15,8 @@ LATE_NS = 5_000
 # Figures: python -m tests.pps.chronyd_check.
 _REFCLOCK = """\
 # A complete sample of each second that the receiver has confirmed.
-# poll 2, filter 4: the median part of 4 samples every 4 s, so that a late pulse is left out. Errors below 1.2 us in
-#   95 %, a step of 500 us followed in 31 s; 1.2 us and 49 s with 3 and 8, 3 us and 65 s with 0 and 1: a late pulse.
+# poll 2, filter 4: the median part of 4 samples every 4 s. Errors of 0.6 to 2.2 us in 95 %, a step of 500 us followed
+#   in 19 to 39 s; 3 and 8 need 49 s for the same, and 0 and 1, which average no late pulse away, up to 65 s for 5 us.
 # delay: half of it is in the stated error, for what is late in every pulse.
 # prefer, not trust: servers that agree with each other may outvote a receiver that is lied to.
 refclock SOCK {path} refid PPS poll 2 filter 4 delay {delay_s:.1e} prefer
