@@ -42,12 +42,9 @@ class Chronyd:
     folder         its own, of the test's user alone: otherwise it makes no command socket.
     configuration  beside what keeps it to its folder; {socket} is the path that is fed.
     shift_s        of its clock against the machine's, by libfaketime. rate: how much faster it goes.
-    own            what keeps it to its folder, where the configuration does not.
     """
 
-    def __init__(
-        self, folder: Path, configuration: str = QUICK, *, shift_s: int = 0, rate: int = 1, own: str = OWN
-    ) -> None:
+    def __init__(self, folder: Path, configuration: str = QUICK, *, shift_s: int = 0, rate: int = 1) -> None:
         assert PROGRAM.exists(), "build/chrony is not here: .ci/setup test"
         folder.chmod(0o700)
         self.folder = folder
@@ -58,7 +55,7 @@ class Chronyd:
         self._process: subprocess.Popen[bytes] | None = None
         self._file = folder / "chrony.conf"
         self._file.write_text(
-            configuration.format(socket=self.socket) + own.format(command=self.command, folder=folder)
+            configuration.format(socket=self.socket) + OWN.format(command=self.command, folder=folder)
         )
         assert len(str(self.command)) < 90, f"{folder}: too long for sockets: set TMPDIR"
 
