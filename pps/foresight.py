@@ -18,14 +18,19 @@ UNDER_WAY = 8
 RARE = 0.001
 TAIL = 3.0
 
-# What was seen counts half after so long: yesterday's cold start still does, last week's hardly.
-HALF_LIFE_S = 12 * 3600
+# What was seen counts half after so long: summer is not winter.
+HALF_LIFE_S = 14 * 86400
 
-# What may happen when it never has: the air in the box changes just after the last pulse by 10 K, as when an engine
-# starts or a fan stops, and the crystal is an AT cut of 0.4 ppm/K, which follows within a minute. A quiet hour is no
-# promise against it: this is the least that is ever stated. (NTP takes 15 ppm for any clock: RFC 5905, PHI.)
+# What may happen though it never has: the air in the box changes just after the last pulse by 10 K, as when an engine
+# starts or a fan stops, and the crystal is an AT cut of 0.4 ppm/K, which follows within a minute. (NTP takes 15 ppm for
+# any clock: RFC 5905, PHI.) A quiet day is no promise against it. After 1000 hours of pulses without it, it is rarer in
+# the next hour than RARE, and what was seen is all that is stated; until then it fades.
 STEP_PPB = 4_000.0
 THERMAL_S = 60.0
+FADES_S = 1000 * 3600
+
+# Over so long the line's frequency shows: pulses are too coarse before, and it is another after.
+RATE_S = 16
 
 # The finest error that is told from none, and steps of the histogram: four per octave.
 LEAST_NS = 10.0
@@ -91,7 +96,7 @@ class Horizon:
             bin_ -= 1
             above += self._counts[bin_]
         self._rare = bin_
-        worst_ns = LEAST_NS * 2.0 ** ((bin_ + 1) / PER_OCTAVE)
+        worst_ns: float = LEAST_NS * 2.0 ** ((bin_ + 1) / PER_OCTAVE)
         independent = self._total / self._overlap
         raised: float = max(1.0, 1 / (RARE * max(independent, 1.0))) ** (1 / TAIL)
         return worst_ns * raised
@@ -109,12 +114,19 @@ class Foresight:
 
     def __init__(self) -> None:
         self._horizons = [Horizon(ahead_s) for ahead_s in HORIZONS_S]
+        self._pulses = 0
 
     def second(self, its_s: int, moment_s: float, phase_ns: float, rate_ppb: float) -> None:
         """The line as it is after a pulse: at a moment of the raw clock, in seconds."""
+        self._pulses += 1
         for horizon in self._horizons:
             if its_s % horizon.every_s == 0:
                 horizon.second(its_s, moment_s, phase_ns, rate_ppb)
+
+    @property
+    def rate_ppb(self) -> float:
+        """How far off the frequency of the line is at worst, by what it foretold for the next RATE_S."""
+        return self._learnt_ns(RATE_S) / RATE_S
 
     def returned(self, its_s: int, ahead_s: float, error_ns: float) -> None:
         """Pulses came again so long after the last, and the line was so far off: as many of one horizon as fit."""
@@ -124,7 +136,8 @@ class Foresight:
 
     def bound_ns(self, ahead_s: float) -> float:
         """How far off the line may be, so many seconds after its last pulse, by what was learnt and may happen."""
-        return self._learnt_ns(ahead_s) + unseen_ns(ahead_s)
+        unseen = max(0.0, 1 - self._pulses / FADES_S)
+        return self._learnt_ns(ahead_s) + unseen * unseen_ns(ahead_s)
 
     def _learnt_ns(self, ahead_s: float) -> float:
         bound_ns, before_s, before_ns = 0.0, 0.0, 0.0

@@ -27,6 +27,10 @@ CRYSTAL_PPB = 100_000
 # After a silence of so long the first pulses are looked at together before they are believed.
 SILENCE_S = 10.0
 
+# So many pulses after settling predictions begin to count: before, they are as good as the few pulses behind them,
+# which the line's own skew says.
+SEASONED = 64
+
 # Pulses by which it shows that the line lags behind a clock that turns.
 LAGGING = 8
 
@@ -73,6 +77,16 @@ class Model:
     def jitter_ns(self) -> float:
         """Standard deviation of ordinary pulses about the line."""
         return self._lateness.deviation_ns
+
+    @property
+    def frequency_ppb(self) -> float:
+        """Of the raw clock against the truth: positive where it runs fast."""
+        return -self.line.rate_ppb if self.line else 0.0
+
+    @property
+    def skew_ppb(self) -> float:
+        """How far off that may be."""
+        return self.line.skew_ppb + self._foresight.rate_ppb if self.line else CRYSTAL_PPB
 
     def age_s(self, raw_ns: int) -> float:
         """Since the last pulse that was believed."""
@@ -129,7 +143,7 @@ class Model:
         self._draw(second, moment_s)
 
     def _compare(self, second: Second, moment_s: float, phase_ns: float) -> None:
-        """Pulses are back: how good was the line without them? The raw clock is never stepped: it is the line's error."""
+        """Pulses are back: how good was the line without them? The raw clock is not stepped: it is the line's error."""
         line, stated = self.line, self.estimate(second.pulse.raw_ns)
         if line is None or stated is None:
             return
@@ -150,7 +164,8 @@ class Model:
         self._lag_ns += (late_ns - self._lag_ns) / LAGGING
         self._good_s = moment_s
         best = self._trackers.best
-        self._foresight.second(second.its_s, moment_s, best.phase, best.rate)
+        if self._trackers.count >= SEASONED:
+            self._foresight.second(second.its_s, moment_s, best.phase, best.rate)
         self._draw(second, moment_s)
 
     def _draw(self, second: Second, moment_s: float) -> None:

@@ -35,15 +35,14 @@ class Tracker:
         self.phase, self.rate, self.count, self.cost = phase, rate, 0, 0.0
         self._learn(min(count, self.memory))
 
-    def reading(self, elapsed_s: float, value: float) -> float:
-        """Take the reading of so many seconds after the last one. Returns by how much it was above the line."""
+    def reading(self, elapsed_s: float, value: float) -> None:
+        """Take the reading of so many seconds after the last one."""
         error = value - self.phase - self.rate * elapsed_s
         if self.count < self.memory:
             self._learn(self.count + 1)
         self.phase = value - error * (1 - self.alpha)
         self.rate += self.beta * error / elapsed_s
         self.cost += (error * error - self.cost) / COMPARED
-        return error
 
     def _learn(self, count: int) -> None:
         self.count = count
@@ -59,6 +58,11 @@ class Trackers:
         self.lines = [Tracker(memory) for memory in MEMORIES]
         self.best = self.lines[0]
 
+    @property
+    def count(self) -> int:
+        """Readings since they began, up to the longest memory."""
+        return self.lines[-1].count
+
     def begin(self, phase: float, rate: float, count: int, cost: float) -> None:
         """Start anew from a line that stands for so many readings, which are off it by so much squared."""
         for line in self.lines:
@@ -66,10 +70,8 @@ class Trackers:
             line.cost = cost
         self.best = self.lines[0]
 
-    def reading(self, elapsed_s: float, value: float) -> float:
-        """Take a reading. Returns by how much it was above the best line."""
-        best = self.best
-        above = value - best.phase - best.rate * elapsed_s
+    def reading(self, elapsed_s: float, value: float) -> None:
+        """Take a reading of so many seconds after the last one."""
         least = float("inf")
         for line in self.lines:
             line.reading(elapsed_s, value)
@@ -78,4 +80,3 @@ class Trackers:
         for line in self.lines:
             if line.cost <= limit:
                 self.best = line
-        return above
