@@ -3,6 +3,8 @@
 import calendar
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from board.time import GPS_EPOCH
 from drivers.wire.gnss_time import (
@@ -266,3 +268,44 @@ def test_an_announced_leap_second_is_met_by_firmware_that_leaves_weeks_out(flags
     for after in (-10, 10):
         count = event + after - GPS_EPOCH - ROLLOVER + (0 if flags & UTC else 18 + (after > 0))
         assert pulses_of([tim_tp(count, flags, 0)], leap) == [event + after]
+
+
+@given(
+    change=st.sampled_from([1, -1]),
+    begin=st.integers(-8, 4),
+    heard=st.lists(st.booleans(), min_size=16, max_size=16),
+    is_utc=st.booleans(),
+    repeats=st.booleans(),
+    late_s=st.lists(st.floats(0.0, 0.3), min_size=16, max_size=16),
+)
+@settings(deadline=None, max_examples=300)
+def test_around_a_leap_second_no_pulse_is_ever_given_a_wrong_second(change, begin, heard, is_utc, repeats, late_s):
+    event = MIDNIGHT - GPS_EPOCH + 17 - (change < 0)
+    leap, pulses = Leap(17, event, change), Pulses(1.0)
+    for at in range(16):
+        gps = event + begin + at
+        utc = leap.unix(gps) - GPS_EPOCH + (change > 0 and gps == event and not repeats)
+        message = tim_tp(utc if is_utc else gps, UTC_AVAILABLE | is_utc, 0)
+        if heard[at]:
+            found = pulses.pulse(message, leap, at + late_s[at])
+            assert found in ((gps, leap.unix(gps)), (None, None))
+            assert found.gps is not None or (is_utc and abs(gps - event) <= 4)
+
+
+@given(
+    guess=st.integers(10, 25),
+    learnt_at=st.integers(0, 10),
+    lag=st.integers(0, 1),
+    heard=st.lists(st.booleans(), min_size=12, max_size=12),
+)
+@settings(deadline=None, max_examples=200)
+def test_while_leap_seconds_are_learnt_no_pulse_is_ever_given_a_wrong_second(guess, learnt_at, lag, heard):
+    first, pulses, before = NOW - GPS_EPOCH + 18, Pulses(1.0), None
+    for at in range(12):
+        counts, ours = (18 if at >= learnt_at else guess), (18 if at >= learnt_at + lag else guess)
+        if heard[at]:
+            leap = Leap(18) if at > learnt_at + lag else None
+            found = pulses.pulse(tim_tp(first + at - counts), leap, at + 0.03, ours)
+            # Without a pulse before it nothing shows that the last epoch counted otherwise.
+            assert found.gps in (first + at, None) or (before is None and counts != ours)
+            before = found.gps
