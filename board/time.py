@@ -160,8 +160,8 @@ class TimeMark(NamedTuple):
     quantisation_ps  error of the pulse by the receiver's clock grid; None where it is not known.
     is_locked        whether the pulse follows the satellites, with UTC fully resolved.
     leap_seconds     GPS time less UTC, s, before leap_event; None where it is the firmware's default.
-    its_s            ITS time of the pulse, s: known with GPS week and time of week, even before leap seconds are; beyond
-                     doubt with is_locked.
+    its_s            ITS time of the pulse, s: known with GPS week and time of week, even before leap seconds are;
+                     beyond doubt where is_locked.
     leap_event       announced by satellites, and told for a minute after it.
     """
 
