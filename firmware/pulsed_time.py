@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 USABLE_NS = 20_000_000
 
 SAME_S = 0.01  # two ways to one and the same age
-GAP_S = 1.5  # without a second for so long there is a row without one
+# Each second is a row. One is known by 0.9 s after its pulse; without any for so long, there are rows without pulses.
+GAP_S = 2.5
 
 log = logging.getLogger("captain.time")
 
@@ -65,7 +66,6 @@ class PulsedTime:
         self._timer: Timer | None = None
         self._phase: tuple[int, int] | None = None  # ITS second and raw clock of the first pulse: where phases begin
         self._state = Lock.UNKNOWN
-        self._recorded_at = -math.inf
 
     def start(self) -> None:
         if self._input is not None:
@@ -112,8 +112,7 @@ class PulsedTime:
         if quality.state is not self._state:
             self._journal.say(logging.INFO, _sentence(self._state, quality), quality.state.name)
             self._state = quality.state
-        is_missing = self._loop.clock() - self._recorded_at > GAP_S
-        if is_missing and self._phase is not None and quality.offset_ns is not None:
+        if quality.age_s is not None and quality.age_s > GAP_S and quality.offset_ns is not None:
             self._record(self.leaps.its_ns(now.system_ns + quality.offset_ns) / 1e9, math.nan, quality)
         return quality
 
@@ -196,7 +195,6 @@ class PulsedTime:
         self._record(second.its_s, phase_ns if is_taken else math.nan, quality)
 
     def _record(self, its_s: float, phase_ns: float, quality: TimeQuality) -> None:
-        self._recorded_at = self._loop.clock()
         known = (quality.offset_ns, quality.uncertainty_ns, quality.jitter_ns)
         offset_ns, uncertainty_ns, jitter_ns = (math.nan if one is None else float(one) for one in known)
         self.history.add(Row(its_s, offset_ns, uncertainty_ns, jitter_ns, phase_ns))

@@ -11,6 +11,7 @@ import os
 import random
 import socket
 import struct
+import time
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -29,6 +30,8 @@ from firmware.interface import Interface
 from firmware.slot_states import State
 from firmware.station import Station
 from firmware.supervisor import Supervised
+from pps import pulse
+from pps.pulse import Clocks
 from tests.chaos.patient import WORKER
 from tests.chaos.processes import PlayedChild, PlayedRadio
 from tests.virtual import VirtualLoop
@@ -140,6 +143,7 @@ class Stage:
         self.loop = StageLoop(Ptys(patch))
         self.journal = Journal(self.loop.clock)
         patch.setattr(simulated_board, "POLL_S", POLL_S)
+        patch.setattr(pulse, "read_clocks", self._clocks(time.time_ns()))
         patch.setattr(worker, "Child", PlayedChild)
         patch.setitem(worker.Worker.__init__.__kwdefaults__, "jitter", random.random)
         patch.setattr(Radio, "say", lambda radio, words: PlayedRadio.tell(words))
@@ -152,6 +156,16 @@ class Stage:
         wanted = self._config(folder)
         self.station = Station(self.loop, wanted, lambda: wanted)
         self._flow()
+
+    def _clocks(self, start_ns: int) -> Callable[[], Clocks]:
+        """A machine whose clocks are all right, and go as the loop's does."""
+        began = self.loop.now
+
+        def clocks() -> Clocks:
+            ns = round((self.loop.now - began) * 1e9)
+            return Clocks(start_ns + ns, ns, self.loop.now)
+
+        return clocks
 
     def close(self) -> None:
         logging.getLogger("captain").removeHandler(self.journal)

@@ -1,16 +1,18 @@
 """What the station says about itself: the status once a second, and what became of each request."""
 
+import hashlib
 import json
 from collections.abc import Iterator
 from contextlib import closing
 
 import pytest
 
-from drivers.message import Confirm, Outcome
+from board.time import Lock, TimeQuality
+from drivers.message import NO_RX_INFO, Confirm, Indication, Outcome, RxInfo
 from drivers.reason import MEANING, Reason
 from firmware.report import AT_ONCE_S, Report, memory_kb, process_status
 from firmware.topics import Topics
-from tests.firmware.doubles import NotingStation, interface_of, request_of
+from tests.firmware.doubles import CAM_PDU, NotingStation, interface_of, request_of
 from tests.virtual import VirtualLoop
 
 
@@ -122,3 +124,54 @@ def test_the_process_says_what_it_takes() -> None:
     status = process_status(started=10.0, now=12.5)
     assert status["uptime_s"] == 2.5
     assert memory_kb() > 1000
+
+
+def indications_of(*pdus: bytes, rx: RxInfo = NO_RX_INFO) -> list[Indication]:
+    kind = Topics().by_number[2]
+    quality = TimeQuality(Lock.LOCKED, offset_ns=-100, uncertainty_ns=5_000)
+    return [Indication(kind, pdu, "g5", 1_795_182_426_461_613_001, 12.5, rx, quality) for pdu in pdus]
+
+
+def test_an_indication_says_how_well_the_time_of_its_reception_is_known(bench: Bench) -> None:
+    rx = RxInfo(btp_port=2001, rssi_dbm=-71, source_mac=bytes.fromhex("02000000beef"))
+    bench.report.observe(indications_of(CAM_PDU, rx=rx))
+    assert bench.publisher.said == [
+        (
+            b"indication.cam.",
+            {
+                "type": "cam",
+                "station_id": 1337,
+                "octets": len(CAM_PDU),
+                "digest": hashlib.sha256(CAM_PDU).hexdigest()[:16],
+                "interface": "g5",
+                "received_ns": 1_795_182_426_461_613_001,
+                "monotonic": 12.5,
+                "btp_port": 2001,
+                "rssi_dbm": -71,
+                "source": "02:00:00:00:be:ef",
+                "quality": {"state": "locked", "error_ns": 5_100},
+            },
+        )
+    ]
+
+
+def test_what_is_not_known_of_an_indication_is_null_or_empty(bench: Bench) -> None:
+    bench.report.observe([one._replace(quality=TimeQuality()) for one in indications_of(CAM_PDU)])
+    ((_, told),) = bench.publisher.said
+    assert (told["btp_port"], told["rssi_dbm"], told["source"]) == (None, None, "")
+    assert told["quality"] == {"state": "unknown", "error_ns": None}
+
+
+def test_a_client_of_a_broker_is_the_source_of_what_it_has_sent(bench: Bench) -> None:
+    bench.report.observe(indications_of(CAM_PDU, rx=RxInfo(source="vehicle-7")))
+    assert bench.publisher.said[0][1]["source"] == "vehicle-7"
+
+
+def test_the_time_comes_once_a_second_while_somebody_listens(bench: Bench) -> None:
+    bench.report.start()
+    bench.report.time_interest(True)
+    bench.loop.run_for(3.5)
+    assert bench.publisher.said == [(b"time.", {"state": "locked"})] * 3
+    bench.report.time_interest(False)
+    bench.loop.run_for(3.0)
+    assert len(bench.publisher.said) == 3

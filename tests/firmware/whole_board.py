@@ -19,6 +19,7 @@ from firmware.carrier import Carrier
 from firmware.drops import Drops
 from firmware.interface import Interface
 from firmware.place import Place
+from firmware.simulation import Simulation
 from firmware.supervisor import Supervised
 from firmware.tables import QueueOptions
 from firmware.topics import Topics
@@ -57,7 +58,9 @@ class WholeBoard:
     def __init__(self, loop: VirtualLoop) -> None:
         self.loop = loop
         self.board = board_file.load("sim")
-        self.simulated = SimulatedBoard(loop, self.board, self.board.neighbours)
+        self.simulation = Simulation(loop, self.board)
+        assert self.simulation.board is not None
+        self.simulated: SimulatedBoard = self.simulation.board
         self.above = NotingStation()
         self.place = Place(loop.clock, None, is_mobile=True)
         self.notes: list[tuple[str, str]] = []

@@ -1,0 +1,208 @@
+"""A station's time on the simulated board, in virtual time: what it says of itself, and that it is true."""
+
+import json
+import socket
+import struct
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import closing, suppress
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from board.time import Lock
+from firmware import carrier
+from firmware.tables import TimeOptions
+from firmware.user import time_record
+from tests.chaos.stage import Ptys, StageLoop
+from tests.firmware.time_bench import PPM, TimeBench
+from tests.firmware.whole_board import NearRemote
+
+ROOT = Path(__file__).parents[2]
+NO_LIST = TimeOptions(leap_list="")
+Make = Callable[..., TimeBench]
+
+
+@pytest.fixture
+def make(monkeypatch: pytest.MonkeyPatch) -> Iterator[Make]:
+    monkeypatch.setattr(carrier, "Remote", NearRemote)
+    made: list[TimeBench] = []
+
+    def make(options: TimeOptions = NO_LIST, has_pulse: bool = True) -> TimeBench:
+        made.append(TimeBench(loop, monkeypatch, options, has_pulse))
+        made[0].start()
+        return made[0]
+
+    # What a pty carries has to arrive before the clock jumps: else an epoch would be late by a second.
+    with closing(StageLoop(Ptys(monkeypatch))) as loop:
+        yield make
+        for one in made:
+            one.close()
+
+
+@pytest.fixture
+def bench(make: Make) -> TimeBench:
+    bench = make()
+    bench.until("locked")
+    return bench
+
+
+def assert_true(bench: TimeBench) -> None:
+    """What is told of offset and ITS time is within the bound that is told with it."""
+    bench.loop.run_for(1.01)  # into what is told of this second
+    quality = bench.told[-1]
+    assert quality.offset_ns is not None
+    assert quality.uncertainty_ns is not None
+    assert quality.error_ns is not None
+    # Between two tellings the offset goes on by what the oscillator is wrong.
+    assert abs(quality.offset_ns - bench.offset_ns()) <= quality.uncertainty_ns + 1000 * PPM
+    assert abs(bench.offset_ns()) <= quality.error_ns + 1000 * PPM
+    its_ms = bench.place.time.its_ms(bench.loop.now)
+    assert its_ms is not None
+    assert abs(its_ms - bench.true_ns() / 1e6) <= 1.0
+
+
+def test_it_goes_from_the_system_by_messages_and_settling_to_locked(make: Make) -> None:
+    bench = make()
+    bench.until("locked")
+    states = [quality.state for quality in bench.told]
+    assert sorted(set(states)) == [Lock.SYSTEM, Lock.COARSE, Lock.SETTLING, Lock.LOCKED]
+    assert states == sorted(states)
+
+
+def test_a_station_that_is_locked_knows_the_time_and_says_how_well(bench: TimeBench) -> None:
+    bench.loop.run_for(120)
+    assert_true(bench)
+    quality = bench.told[-1]
+    assert quality.source == "gnss"
+    assert quality.uncertainty_ns is not None
+    assert quality.uncertainty_ns < 10_000
+    assert quality.frequency_ppb == pytest.approx(PPM * 1000, abs=100)
+
+
+def test_the_status_is_json_and_has_what_is_promised(bench: TimeBench) -> None:
+    status = json.loads(json.dumps(bench.keeper.status()))
+    assert status["state"] == "locked"
+    assert status["error_ns"] == abs(status["offset_ns"]) + status["uncertainty_ns"]
+    assert (status["leap"]["table"], status["leap"]["seconds"], status["leap"]["event"]) == ("receiver", 5, None)
+    assert (status["receiver"], status["pulse"]["input"], status["missing"]) == ("gnss", "simulated pulses", "")
+    pulse = status["pulse"]
+    assert pulse["taken"] == pulse["seconds"] + sum(one["count"] for one in pulse["refused"])
+    assert {one["reason"] for one in pulse["refused"]} >= {"acquiring"}
+    assert (status["refclock"], status["tracking"]) == (None, None)
+
+
+def test_it_is_told_once_a_second(bench: TimeBench) -> None:
+    before = len(bench.told)
+    bench.loop.run_for(60.0)
+    assert len(bench.told) - before == 60
+
+
+def test_a_receiver_that_is_lost_leaves_a_time_whose_bound_grows_and_holds(bench: TimeBench) -> None:
+    bench.loop.run_for(60)
+    bench.lose()
+    bench.until("holdover", within=6.0)
+    bounds = []
+    for _ in range(6):
+        bench.loop.run_for(15)
+        assert_true(bench)
+        bounds.append(bench.told[-1].uncertainty_ns or 0)
+    assert bounds == sorted(bounds)
+    assert bounds[-1] > 5 * bounds[0]
+    assert bench.keeper.status()["age_s"] == pytest.approx(100, abs=5)
+
+
+def test_a_receiver_that_is_back_is_believed_again_within_seconds(bench: TimeBench) -> None:
+    bench.loop.run_for(30)
+    bench.lose()
+    bench.until("holdover")
+    bench.loop.run_for(60)
+    bench.lose(is_lost=False)
+    bench.until("locked", within=25.0)
+    assert_true(bench)
+
+
+@pytest.mark.parametrize("by_ns", [-3 * 10**9, -400_000, 37 * 10**9, 31_536_000 * 10**9])
+def test_a_step_of_the_systems_clock_is_an_offset_and_no_step_of_the_time(bench: TimeBench, by_ns: int) -> None:
+    bench.loop.run_for(30)
+    bench.error_ns = by_ns
+    assert_true(bench)
+    assert bench.told[-1].offset_ns == pytest.approx(-by_ns, abs=50_000)
+    bench.loop.run_for(10)
+    assert bench.state() == "locked"
+
+
+def test_time_of_which_the_bound_is_large_is_no_longer_that_of_the_station(bench: TimeBench) -> None:
+    bench.lose()
+    bench.until("holdover")
+    bench.loop.now += 3 * 3600.0
+    bench.loop.run_for(2.0)
+    assert (bench.told[-1].uncertainty_ns or 0) > 20_000_000
+    assert bench.place.time.by_pulses(bench.loop.now) is None
+
+
+def test_without_an_input_for_pulses_it_is_that_of_the_messages(make: Make) -> None:
+    bench = make(has_pulse=False)
+    bench.loop.run_for(30)
+    status = bench.keeper.status()
+    assert (status["state"], status["pulse"]) == ("coarse", None)
+    assert "[pulse]" in str(status["missing"])
+    assert bench.told[-1].error_ns is not None
+    assert bench.told[-1].error_ns < 500_000_000
+
+
+def test_a_second_is_kept_for_each_pulse_and_for_each_without(bench: TimeBench) -> None:
+    bench.loop.run_for(30)
+    bench.lose()
+    bench.loop.run_for(30)
+    kept = time_record.record(bench.keeper.told({})["history"])  # type: ignore[arg-type]
+    assert len(kept.seconds) == pytest.approx(66, abs=4)
+    with_phase = [row for row in kept.seconds if row.phase_ns == row.phase_ns]
+    slopes = [(b.phase_ns - a.phase_ns) / (b.its_s - a.its_s) for a, b in pairwise(with_phase)]
+    assert sorted(slopes)[len(slopes) // 2] == pytest.approx(1000 * PPM, abs=2000)
+    assert kept.seconds[-1].phase_ns != kept.seconds[-1].phase_ns
+
+
+def test_chronyd_is_given_each_second_with_the_time_that_it_was(make: Make, tmp_path: Path) -> None:
+    path = tmp_path / "chrony.sock"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK) as chronyd:
+        chronyd.bind(str(path))
+        bench = make(TimeOptions(leap_list="", chrony=str(path), tracking=False))
+        bench.error_ns = 250_000
+        samples = []
+        for _ in range(25):
+            bench.loop.run_for(1.0)
+            with suppress(BlockingIOError):
+                while True:
+                    samples.append(struct.unpack("@qqdiiii", chronyd.recv(64)))
+        refclock = bench.keeper.status()["refclock"]
+    assert len(samples) >= 10
+    assert all(abs(offset_s * 1e9 - bench.offset_ns()) < 30_000 * PPM for _, _, offset_s, *_ in samples)
+    assert isinstance(refclock, dict)
+    assert refclock["samples"] == {"sent": len(samples)}
+    assert refclock["feeds"] is True
+
+
+def test_a_station_without_a_receiver_imports_nothing_of_pulses(tmp_path: Path) -> None:
+    program = f"""
+import sys
+from board.loop import Loop
+from firmware import config
+from firmware.station import Station
+names = ["from_users", "to_users", "pull", "report"]
+sets = [f"endpoint.{{name}}=0" for name in names] + ["endpoint.control={tmp_path}/control"]
+loop = Loop()
+station = Station(loop, config.load(None, sets, "pi"), lambda: None)
+station.start()
+loop.soon(loop.stop)
+loop.run()
+print(sorted(name for name in sys.modules if name.startswith("pps.") or name in ("board.leaps", "ctypes", "hashlib")))
+print(station.status()["clock"]["missing"])
+station.close()
+"""
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=False)
+    imported, missing = done.stdout.splitlines()
+    assert imported == "[]", done.stderr
+    assert missing.startswith("no interface announces pulses")
