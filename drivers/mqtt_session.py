@@ -24,8 +24,6 @@ from drivers.wire.v2n import Delivery, Profile, Publication, RefusedError
 
 LOOK_S = 1.0  # between two changes of what is subscribed to: a vehicle at the edge of a tile goes to and fro
 
-SHOWN = 16  # subscriptions in status, of the many that tiles are
-
 NOWHERE = Ego(0, Position(), is_known=False)
 
 
@@ -272,11 +270,7 @@ class Session:
         if is_useless:
             self._report.link(False, lacks)
             return
-        why = f"connected, but {lacks}" if lacks else "connected"
-        for name, words in sorted(self._subscriptions.refused.items())[:1]:
-            more = len(self._subscriptions.refused) - 1
-            why += f", but refuses subscription {name}{f' and {more} more' if more else ''}: {words}"
-        self._report.link(True, why)
+        self._report.link(True, ", but ".join(filter(None, ("connected", lacks, self._subscriptions.lacks))))
 
     # Publishing.
 
@@ -314,12 +308,4 @@ class Session:
         self._report.beat(self._details())
 
     def _details(self) -> dict[str, object]:
-        names = sorted(name for name, _ in self._subscriptions.subscribed)
-        window = self._window
-        return {
-            "published": window.published,
-            "confirmed": window.confirmed,
-            "unacknowledged": window.unacknowledged,
-            "subscriptions": len(names),
-            "first_subscriptions": names[:SHOWN],
-        }
+        return {**self._window.details, **self._subscriptions.details}

@@ -8,6 +8,8 @@ Filters = frozenset[tuple[str, int]]  # topic filters and their quality of servi
 # What the broker has refused to deliver is asked for again: its rules may have changed.
 REFUSED_S = 60.0
 
+SHOWN = 16  # subscriptions in status, of the many that tiles are
+
 
 class Subscriber(Protocol):
     """The part of a client that is needed here."""
@@ -46,6 +48,20 @@ class Subscriptions:
         self.subscribed = self._asked = frozenset()
         self._leaving = frozenset()
         self.refused = {}
+
+    @property
+    def details(self) -> dict[str, object]:
+        """For the status."""
+        names = sorted(name for name, _ in self.subscribed)
+        return {"subscriptions": len(names), "first_subscriptions": names[:SHOWN]}
+
+    @property
+    def lacks(self) -> str:
+        """What the broker does not deliver, in words; empty: nothing."""
+        for name, words in sorted(self.refused.items()):
+            more = len(self.refused) - 1
+            return f"refuses subscription {name}{f' and {more} more' if more else ''}: {words}"
+        return ""
 
     def awaits(self) -> tuple[str, float] | None:
         """The packet that the broker owes, and since when."""

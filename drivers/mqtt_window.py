@@ -85,6 +85,11 @@ class Window:
     def unacknowledged(self) -> int:
         return len(self._out)
 
+    @property
+    def details(self) -> dict[str, object]:
+        """For the status."""
+        return {"published": self.published, "confirmed": self.confirmed, "unacknowledged": self.unacknowledged}
+
     def oldest(self) -> tuple[float, int] | None:
         """Since when the broker owes its oldest acknowledgement, and the quality of service of that."""
         for out in self._out.values():
