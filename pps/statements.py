@@ -80,15 +80,14 @@ class Statements:
                 return mark
         return None
 
-    def confirmed(self, pulse: Pulse, its_s: int, mark: TimeMark) -> Fix | None:
-        """The good epoch of a second that can have been known after the pulse, and whose UTC goes with the mark's."""
+    def confirmed(self, pulse: Pulse, its_s: int) -> Epoch | None:
+        """The last good epoch of a second that can have been known after the pulse; it may have come late."""
         tow_s, possible = (its_s + GPS_LEAD) % WEEK_S, pulse.monotonic - SLACK_S
         for epoch in reversed(self._epochs):
             if epoch.monotonic < possible:
                 break
-            is_it = epoch.tow_s == tow_s and epoch.is_good and epoch.monotonic >= possible + epoch.after_s
-            if is_it and is_of_utc(epoch, its_s, mark):
-                return epoch.fix
+            if epoch.tow_s == tow_s and epoch.is_good and epoch.monotonic >= possible + epoch.after_s:
+                return epoch
         return None
 
     def claim(self, pulse: Pulse) -> tuple[int, TimeMark, Fix] | None:

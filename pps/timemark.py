@@ -44,7 +44,7 @@ from board.time import Fix, LeapEvent, TimeMark
 from pps.chain import LIFE_NS, SECOND_NS, Chain
 from pps.pulse import Pulse
 from pps.refused import Refused, Why
-from pps.statements import LIMIT_NS, Statements
+from pps.statements import LIMIT_NS, Statements, is_of_utc
 
 WAIT_S = 0.9  # from an edge to the words that make it good: before those of the next second
 PUNCTUAL_S = 0.05  # a timer that is later than this: the loop stalled, and has not read what came meanwhile
@@ -208,9 +208,9 @@ class Pairing:
         return edge.its_s is not None and edge.its_s <= self._chain.its_s
 
     def _follow(self, edge: _Edge, its_s: int) -> list[Event]:
-        mark = self._statements.announced(edge.pulse, its_s)
-        fix = None if mark is None else self._statements.confirmed(edge.pulse, its_s, mark)
-        if mark is None or fix is None:
+        epoch = self._statements.confirmed(edge.pulse, its_s)
+        mark = None if epoch is None else self._statements.announced(edge.pulse, its_s)
+        if epoch is None or mark is None or not is_of_utc(epoch, its_s, mark):
             return []
         assert self._chain is not None
         found: list[Event] = []
@@ -224,7 +224,7 @@ class Pairing:
         self._chain.extend(edge.pulse.raw_ns, its_s, edge.error_ns)
         for other in self._edges:
             self._place(other)
-        return [self._second(its_s, edge.pulse, mark, fix), *found]
+        return [self._second(its_s, edge.pulse, mark, epoch.fix), *found]
 
     def _second(self, its_s: int, pulse: Pulse, mark: TimeMark, fix: Fix) -> Second:
         before, self._stamps = self._stamps, (pulse.raw_ns, pulse.system_ns)

@@ -120,6 +120,11 @@ def test_nothing_is_acquired_while_utc_is_off_by_a_second(wrong):
     assert set(whys(events)) == {Why.UTC}
 
 
+def test_a_contradiction_ends_a_row():
+    said = but(seconds(0, 8), Said(3.05, fix(3, says=4)))
+    assert labels(play(Pairing(), said)) == [7, 8]
+
+
 def test_edges_at_both_ends_of_a_pulse_are_told_apart_by_the_pause_before_them():
     trailing = [Said(number + 0.1, pulse(number, late_ns=100_000_000)) for number in range(6)]
     events = play(Pairing(), seconds(0, 5) + trailing)
@@ -287,6 +292,11 @@ def test_late_interrupts_for_a_minute_do_not_make_the_pulses_behind_them_early()
     assert labels(play(pairing, seconds(64, 70))) == list(range(64, 71))
 
 
+def test_edges_cannot_creep_away_from_the_grid():
+    said = [one for number in range(4, 14) for one in second(number, late_ns=(number - 3) * 3_000_000)]
+    assert labels(play(following(), said)) == [4]
+
+
 def test_missing_pulses_are_counted_over():
     assert labels(play(following(), seconds(34, 36))) == [34, 35, 36]
 
@@ -346,6 +356,18 @@ def test_a_stall_of_ten_seconds_costs_no_pulse():
     assert labels(found) == list(range(5, 14))
     found += pairing.expire(pairing.deadline())
     assert whys(found) == [Why.UNANNOUNCED]
+
+
+def test_edges_that_waited_together_are_placed_one_by_the_other():
+    # By an oscillator whose rate is hardly known yet, and late: the first of them moves the grid by more than 5 ms.
+    pairing = following(ppm=95)
+    numbers = range(59, 63)
+    found = [one for number in numbers for one in pairing.pulse(pulse(number, 1_000_000, ppm=95))]
+    for number in numbers:
+        found += pairing.mark(mark(number, at=62.1)) + pairing.fix(fix(number, at=62.1))
+    assert labels(found) == list(numbers)
+    late = [one for number in range(63, 66) for one in second(number, 1_000_000, ppm=95)]
+    assert labels(play(pairing, late)) == [63, 64, 65]
 
 
 def test_who_was_stalled_waits_once_and_not_for_ever():
