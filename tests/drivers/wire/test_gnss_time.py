@@ -166,6 +166,7 @@ def test_a_receiver_shows_which_leap_seconds_it_counts_whether_it_knows_them_or_
     assert counted(pvt(itow_ms=(8 * 3600 + 16) * 1000)) == 16
     assert counted(pvt(itow_ms=(86_400 + 8 * 3600 + 18) * 1000, nano=-123_456)) == 18
     assert counted(pvt(itow_ms=(8 * 3600 + 18) * 1000 + 200, nano=200_000_412)) == 18
+    assert counted(pvt(itow_ms=(8 * 3600 + 18) * 1000 + 800, nano=799_999_588)) == 18
     assert counted(pvt(itow_ms=17_000, hour=0)) == 17
     assert counted(pvt(itow_ms=0, hour=0)) == 0
     assert counted(pvt(itow_ms=127_000, hour=0)) == 127
