@@ -1,16 +1,24 @@
-"""python -m tests.bench.pulses: what a pulse costs from the kernel's call to whoever hears of it, in processor time.
+"""python -m tests.bench.pulses: what a pulse costs from the kernel's call to whoever hears of it, and how late it is taken.
 
-The kernel is played by a function that returns at once with the next edge, a pulse per call, as fast as the loop takes
-them; so no pulse waits, and neither does the thread. What a real one adds is one sleep and one wake-up of the thread
-in each second, and the time-outs where there are no pulses: both are measured beside it, with a pipe's wake-up.
+Cost: the kernel is played by a function that has the next edge as soon as the last was heard of, so nobody waits; what
+a real one adds is a sleep and a wake-up of each thread, of which two by pipes are measured beside it.
+
+Lateness: the kernel's stamp of a datagram (SO_TIMESTAMPNS) stands for that of an edge; from there to the moment at which
+the thread has read the clocks. With a loop that sleeps, and with one that does nothing but run Python.
 """
 
 import argparse
+import errno
 import os
+import socket
+import statistics
 import struct
+import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from tempfile import NamedTemporaryFile
 
@@ -18,19 +26,38 @@ from board.errors import InterfaceError
 from board.loop import Loop
 from pps.device import Device
 from pps.ioctl import CANWAIT, CAPTURES, FDATA, KPARAMS, PPS_FETCH, PPS_GETCAP
-from pps.pulse import Pulse, read_clocks
+from pps.pulse import Clocks, Pulse, read_clocks
 
 SECOND_NS = 10**9
 
+SO_TIMESTAMPNS = 35  # asm-generic/socket.h; its control message has the same number
+SENDER = """
+import random, socket, sys, time
+chance = random.Random(6)
+with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+    for _ in range(int(sys.argv[2])):
+        time.sleep(chance.uniform(0.03, 0.07))
+        sender.sendto(b".", ("127.0.0.1", int(sys.argv[1])))
+"""
+
+
+class OverError(Exception):
+    """There are no more edges."""
+
 
 class Kernel:
-    """Edges without end, two calls each: one that has it, one that finds nothing new. It counts the thread's time."""
+    """A PPS device whose edges come from a function: it waits for one and returns its stamp, or raises OverError.
 
-    def __init__(self, loop: Loop) -> None:
-        self.took = threading.Semaphore(0)
+    thread_ns  processor time of the thread that asks, when it last began to wait.
+    is_edge    whether its last answer was an edge.
+    """
+
+    def __init__(self, edge: Callable[[], int]) -> None:
         self.thread_ns = 0
+        self.stamp_ns = 0
+        self.is_edge = False
         self._sequence = 0
-        self._is_over = False
+        self._edge = edge
 
     def __call__(self, device: int, number: int, octets: bytearray) -> None:
         if number == PPS_FETCH:
@@ -40,67 +67,109 @@ class Kernel:
         else:
             octets[:] = KPARAMS.pack(1, CAPTURES["assert"], 0, 0, 0, 0, 0, 0)
 
-    def end(self) -> None:
-        self._is_over = True
-        self.took.release()
-
     def _fetch(self, octets: bytearray) -> None:
         *_, wait_s, wait_ns, flags = FDATA.unpack(octets)
-        if wait_s:
+        self.is_edge = wait_s > 0
+        if self.is_edge:
             self.thread_ns = time.thread_time_ns()
-            self.took.acquire()
-            if self._is_over:
-                raise OSError(19, "over")
+            try:
+                self.stamp_ns = self._edge()
+            except OverError as over:
+                raise OSError(errno.ENODEV, "over") from over
             self._sequence += 1
-        stamp_ns = time.clock_gettime_ns(time.CLOCK_REALTIME)
-        octets[:] = FDATA.pack(self._sequence, 0, *divmod(stamp_ns, SECOND_NS), 0, 0, 0, 0, 0, wait_s, wait_ns, flags)
+        octets[:] = FDATA.pack(
+            self._sequence, 0, *divmod(self.stamp_ns, SECOND_NS), 0, 0, 0, 0, 0, wait_s, wait_ns, flags
+        )
 
 
 class Above:
-    """Lets the next pulse come when it has heard of one, and ends the loop after so many."""
+    """Calls at each pulse, and ends the loop after so many or at the end."""
 
-    def __init__(self, loop: Loop, kernel: Kernel, count: int) -> None:
+    def __init__(self, loop: Loop, count: int, again: Callable[[], object]) -> None:
         self.left = count
         self._loop = loop
-        self._kernel = kernel
+        self._again = again
 
     def pulse(self, pulse: Pulse) -> None:
         self.left -= 1
         if self.left:
-            self._kernel.took.release()
+            self._again()
         else:
             self._loop.stop()
 
     def missed(self, count: int) -> None:
-        raise AssertionError(f"{count} missed")
+        self.left -= count
 
     def failed(self, error: InterfaceError) -> None:
-        raise error
+        self._loop.stop()
 
 
-def measured(count: int) -> tuple[float, float]:
-    """Microseconds of processor time per pulse: of the thread, and of the loop."""
-    loop = Loop()
-    kernel = Kernel(loop)
-    above = Above(loop, kernel, count)
+def run(loop: Loop, kernel: Kernel, above: Above, clocks: Callable[[], Clocks] = read_clocks) -> None:
+    """Turn the loop with a device of this kernel until the end."""
     with NamedTemporaryFile(prefix="pps") as node:
-        device = Device(loop, Path(node.name), above, ioctl=kernel)
+        device = Device(loop, Path(node.name), above, ioctl=kernel, clocks=clocks)
         device.start()
-        fetcher = device._fetcher
-        assert fetcher is not None
-        fetcher._leaves.wait = lambda timeout=None: False  # type: ignore[method-assign]  # no rest: it is no storm
-        kernel.took.release()
-        began_ns, thread_began_ns = time.thread_time_ns(), kernel.thread_ns
+        assert device._fetcher is not None
+        device._fetcher._leaves.wait = lambda timeout=None: False  # type: ignore[method-assign]  # no rest: no storm
         loop.run()
-        loop_ns = time.thread_time_ns() - began_ns
-        thread_ns = kernel.thread_ns - thread_began_ns
         device.stop()
-        kernel.end()
-    loop.close()
-    return thread_ns / count / 1000, loop_ns / count / 1000
 
 
-def wake_up(count: int) -> float:
+def cost(count: int) -> tuple[float, float]:
+    """Microseconds of processor time per pulse: of the thread, and of the loop."""
+    heard, left = threading.Semaphore(1), iter(range(count + 1))
+
+    def edge() -> int:
+        heard.acquire()
+        if next(left, count) == count:
+            raise OverError
+        return time.clock_gettime_ns(time.CLOCK_REALTIME)
+
+    with closing(Loop()) as loop:
+        kernel = Kernel(edge)
+        began_ns = time.thread_time_ns()
+        run(loop, kernel, Above(loop, count, heard.release))
+        loop_ns = time.thread_time_ns() - began_ns
+        heard.release()
+    return kernel.thread_ns / count / 1000, loop_ns / count / 1000
+
+
+def lateness(count: int, is_busy: bool) -> list[float]:
+    """Microseconds from the kernel's stamp to the thread's clocks, of each pulse, in order of size."""
+    late_us: list[float] = []
+
+    def clocks() -> Clocks:
+        now = read_clocks()
+        if kernel.is_edge:
+            late_us.append((now.system_ns - kernel.stamp_ns) / 1000)
+        return now
+
+    def edge() -> int:
+        try:
+            _, (control,), _, _ = receiver.recvmsg(1, 64)
+        except TimeoutError:
+            raise OverError from None
+        stamp_s, stamp_ns = struct.unpack("@qq", control[2])
+        return int(stamp_s * SECOND_NS + stamp_ns)
+
+    def busy() -> None:
+        sum(range(2000))
+        loop.soon(busy)
+
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver, closing(Loop()) as loop:
+        receiver.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
+        receiver.bind(("127.0.0.1", 0))
+        receiver.settimeout(1.0)
+        kernel = Kernel(edge)
+        if is_busy:
+            loop.soon(busy)
+        command = [sys.executable, "-c", SENDER, str(receiver.getsockname()[1]), str(count)]
+        with subprocess.Popen(command):
+            run(loop, kernel, Above(loop, count, lambda: None), clocks)
+    return sorted(late_us)
+
+
+def wake_ups(count: int) -> float:
     """Microseconds of both threads' processor time for one octet through a pipe there and back: two wake-ups."""
     here, there = os.pipe(), os.pipe()
 
@@ -120,7 +189,7 @@ def wake_up(count: int) -> float:
     return (time.process_time_ns() - began_ns) / count / 1000
 
 
-def clocks(count: int) -> float:
+def reading(count: int) -> float:
     """Microseconds of read_clocks()."""
     began_ns = time.thread_time_ns()
     for _ in range(count):
@@ -130,15 +199,21 @@ def clocks(count: int) -> float:
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.bench.pulses", description=__doc__)
-    parser.add_argument("--count", type=int, default=20_000, help="pulses (default 20000)")
+    parser.add_argument("--count", type=int, default=20_000, help="pulses of a round (default 20000)")
     parser.add_argument("--rounds", type=int, default=5, help="the best of so many is shown (default 5)")
+    parser.add_argument("--late", type=int, default=300, help="pulses whose lateness is measured (default 300)")
     arguments = parser.parse_args()
-    rounds = [measured(arguments.count) for _ in range(arguments.rounds)]
+    rounds = [cost(arguments.count) for _ in range(arguments.rounds)]
     thread_us, loop_us = (min(figures) for figures in zip(*rounds, strict=True))
-    print(f"a pulse, processor time:  thread {thread_us:6.1f} us   loop {loop_us:6.1f} us")
-    print(f"two wake-ups by pipes:           {min(wake_up(arguments.count) for _ in range(arguments.rounds)):6.1f} us")
-    print(f"the clocks, once:                {min(clocks(arguments.count) for _ in range(arguments.rounds)):6.2f} us")
-    print(f"at one pulse in a second: {(thread_us + loop_us) / 1e4:.4f} % of a core")
+    print(f"a pulse, processor time: {thread_us:5.1f} us in the thread, {loop_us:5.1f} us in the loop;", end=" ")
+    print(f"once a second {(thread_us + loop_us) / 1e4:.4f} % of a core")
+    print(f"two wake-ups by pipes:   {min(wake_ups(arguments.count) for _ in range(arguments.rounds)):5.1f} us")
+    print(f"the clocks, once:        {min(reading(arguments.count) for _ in range(arguments.rounds)):5.1f} us")
+    for is_busy in (False, True):
+        late_us = lateness(arguments.late, is_busy)
+        median, most = statistics.median(late_us), late_us[len(late_us) * 99 // 100]
+        print(f"taken after the stamp:   {median:5.0f} us median, {most:.0f} us in 99 of 100,", end=" ")
+        print(f"beside a loop that {'runs Python all the time' if is_busy else 'sleeps'}")
     return 0
 
 
