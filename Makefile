@@ -80,7 +80,7 @@ outages: setup-test ## a vehicle's network: HOURS=24 of it in virtual time, then
 fleet: setup-test ## V2N of 1,000 to 100,000 vehicles: messages by tile, broker, vehicle; measured at two brokers: DURATION=20
 	@.venv/bin/python -m tests.fleet --duration $(or $(DURATION),20) $(ARGS)
 
-kernel: setup-kernel ## our code on Debian's kernel in an emulated computer: 802.11p, GPIO, I2C, USB; ARGS='--only air'
+kernel: setup-kernel ## our code on Debian's kernel in an emulated computer: 802.11p, GPIO, I2C, PPS, USB; ARGS='--only air'
 	@.ci/kernel
 	@.venv/bin/python -m tests.kernel $(ARGS)
 
