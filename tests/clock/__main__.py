@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from tests.clock import pulses, steered
+from tests.clock import delay, pulses, steered
 from tests.clock.bench import LateError
 from tests.clock.machine import MADE, Made
 from tests.clock.rows import Row
@@ -22,6 +22,7 @@ def main() -> int:
         "pulses": lambda: pulses.measure(made, arguments.pulses),
         "steered": lambda: steered.measure(made, arguments.calm_s, arguments.outage_s),
         "leap": lambda: steered.measure_leap(made),
+        "delay": lambda: delay.measure(made, arguments.calm_s),
     }
     rows: list[Row] = []
     for name, measure in parts.items():
@@ -49,10 +50,16 @@ def _measured(measure: Callable[[], list[Row]]) -> list[Row]:
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="make clock", description=__doc__)
     parser.add_argument(
-        "--only", action="append", choices=("pulses", "steered", "leap"), help="this part; again for more"
+        "--only", action="append", choices=("pulses", "steered", "leap", "delay"), help="this part; again for more"
     )
     parser.add_argument("--pulses", type=int, default=30, help="how many of them (default 30)")
-    parser.add_argument("--calm-s", metavar="S", type=float, default=60.0, help="at rest, of steered (default 60)")
+    parser.add_argument(
+        "--calm-s",
+        metavar="S",
+        type=float,
+        default=60.0,
+        help="at rest in steered, and of messages in delay (default 60)",
+    )
     parser.add_argument("--outage-s", metavar="S", type=float, default=60.0, help="without satellites (default 60)")
     for name, path in vars(Made()).items():
         parser.add_argument(f"--{name.replace('_', '-')}", type=Path, default=path, help="of the guest")

@@ -27,15 +27,24 @@ class Line:
         self._socket.connect(path)
         self._answers: IO[bytes] = self._socket.makefile("rb")
         self._answers.readline()  # its greeting
-        self._execute(b"qmp_capabilities")
+        self._ask(b"qmp_capabilities")
+        self._answer()
 
-    def pulse(self) -> tuple[int, int]:
+    def ask(self) -> int:
+        """For a pulse; returns when."""
         before = host_ns()
-        self._execute(b"system_powerdown")
-        return before, host_ns()
+        self._ask(b"system_powerdown")
+        return before
 
-    def _execute(self, command: bytes) -> None:
+    def answer(self) -> int:
+        """When it has been given."""
+        self._answer()
+        return host_ns()
+
+    def _ask(self, command: bytes) -> None:
         self._socket.sendall(b'{"execute": "%s"}\n' % command)
+
+    def _answer(self) -> None:
         while "return" not in json.loads(self._answers.readline()):
             pass  # an event
 
@@ -49,7 +58,9 @@ def main() -> None:
         time.sleep(max(0, moment - host_ns() - SPIN_NS) / S)
         while host_ns() < moment:
             pass
-        print(json.dumps([moment, *(line.pulse() for line in lines)]), flush=True)
+        asked = [line.ask() for line in lines]  # all of them first: no guest's pulse waits for another's
+        answered = [line.answer() for line in lines]
+        print(json.dumps([moment, *zip(asked, answered, strict=True)]), flush=True)
 
 
 if __name__ == "__main__":

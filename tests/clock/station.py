@@ -4,16 +4,16 @@ import json
 import socket
 from bisect import bisect_left
 from collections import deque
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import zmq
 
 from drivers.sim.receiver import Receiver
-from drivers.sim.receiver_habits import Habits
 from pps.chrony_configuration import SOCKET, configuration
 from pps.pulse import Clocks, Pulse
 from tests.clock.bench import Bench, Struck
-from tests.clock.machine import Guest, Made
+from tests.clock.machine import MADE, Guest, Made
 from tests.clock.truth import Span
 
 GPS_LEAD = 756_950_413  # GPS time less ITS time, s
@@ -69,32 +69,48 @@ class Report(NamedTuple):
 class Station:
     """On a bench: booted by bench.wait_for_guests(), its programs started by start().
 
+    receiver  made before the truth began: what it says is by that clock, from 0 on.
+    interfaces  of captain.toml, beside the receiver. devices: of QEMU, for them.
     samples, reports  all of them, in their order. log: lines of captain and chronyd.
+    heard    messages that it reports to have received, by digest.
     struck   pulses that it was given. late_ns: by how much their stamps are behind.
     """
 
-    def __init__(self, on: Bench, made: Made, name: str, date: str, habits: Habits, *more: str) -> None:
+    def __init__(
+        self,
+        on: Bench,
+        made: Made,
+        name: str,
+        date: str,
+        receiver: Receiver,
+        interfaces: str = "",
+        devices: Sequence[str] = (),
+    ) -> None:
         self.name = name
+        self.heard: dict[str, Report] = {}
         self.samples: list[Sample] = []
         self.reports: deque[Report] = deque()
         self.struck: list[Struck] = []
         self.late_ns: list[int] = []
         self.log: list[tuple[float, str]] = []
         self._on = on
-        self.receiver = Receiver(on.loop, habits)
+        self._interfaces = interfaces
+        self.receiver = receiver
         self.receiver.power(True)
         on.until(lambda: self.receiver.path, 10, "the receiver's port")
         self.ports = {place: _free_port() for place in PORTS}
         forwards = ",".join(f"hostfwd=tcp:127.0.0.1:{self.ports[place]}-:{port}" for place, port in PORTS.items())
-        devices = [
+        own = [
             *("-chardev", f"serial,id=gnss,path={self.receiver.path}", "-device", "virtconsole,chardev=gnss"),
             *("-netdev", f"user,id=users,{forwards}", "-device", "virtio-net-pci,netdev=users,romfile="),
         ]
-        self.guest = Guest(on.loop, made, name, on.folder, date, [*devices, *more])
+        self.guest = Guest(on.loop, made, name, on.folder, date, [*own, *devices])
         on.boot(self.guest)
         self._context = zmq.Context()
         self._reports: zmq.Socket[bytes] = self._context.socket(zmq.SUB)
         self._reports.subscribe(b"time.")
+        if interfaces:
+            self._reports.subscribe(b"indication.")
         self.guest.told["captain"] = self.guest.told["chronyd"] = lambda line: self.log.append((on.loop.clock(), line))
 
     def pulsed(self, struck: Struck) -> None:
@@ -127,19 +143,35 @@ class Station:
         guest = self.guest
         guest.write("/run/chrony.conf", configuration())
         guest.write("/run/board.toml", BOARD)
-        guest.write("/run/captain.toml", CAPTAIN.replace("NAME", self.name))
+        guest.write("/run/captain.toml", CAPTAIN.replace("NAME", self.name) + self._interfaces)
         guest.start("chronyd", "chronyd", "-d", "-u", "root", "-f", "/run/chrony.conf")
         captain = ("python3", "-m", "firmware", "run", "--config", "/run/captain.toml", "--board", "/run/board.toml")
         guest.start("captain", *captain)
+
+    def now_s(self) -> float:
+        """The clock that samples and reports have."""
+        return self._on.loop.clock()
 
     def is_up(self) -> bool:
         """It reports."""
         return bool(self.reports)
 
     def close(self) -> None:
+        self._write_log()
         self._reports.close(0)
         self._context.term()
         self.receiver.unplug()
+
+    def _write_log(self) -> None:
+        """What its programs said, and how wrong it was each second, for who wants to know why."""
+        lines = [f"{at_s:8.2f} {line}" for at_s, line in self.log]
+        lines += [
+            f"{at.at_s:8.2f} wrong by {self.error_ns(at) / 1000:.0f} us"
+            for at in self.samples[:: round(1 / EXCHANGE_S)]
+        ]
+        lines += [f"{report.at_s:8.2f} reports {json.dumps(report.said)}" for report in self.reports]
+        lines += self.guest.trouble
+        (MADE / f"station-{self.name}.log").write_text("\n".join([*sorted(lines), ""]))
 
     # What is known of it
 
@@ -152,6 +184,17 @@ class Station:
         """Of its system's clock against the truth; known to ruler.host(0).half."""
         its_ns = self.truth_ns(sample.raw_ns).middle
         return sample.system_ns - self._on.truth.unix_ns(its_ns)
+
+    def report_at(self, at_s: float) -> Report:
+        """The last one before a moment, or the first."""
+        return next((report for report in reversed(self.reports) if report.at_s <= at_s), self.reports[0])
+
+    def off_ns(self, at_s: float) -> int:
+        """By how much its system's clock was wrong at a moment: between the two samples about it, as a line has it."""
+        before, behind, *_ = [*self.between(at_s, at_s), self.samples[-1]]
+        part = (at_s - before.at_s) / (behind.at_s - before.at_s) if behind.at_s > before.at_s else 0.0
+        first, last = self.error_ns(before), self.error_ns(behind)
+        return first + round((last - first) * min(1.0, max(0.0, part)))
 
     def errors_ns(self, since_s: float) -> list[int]:
         """Of its system's clock, from a moment on."""
@@ -190,8 +233,12 @@ class Station:
     def _look_at_reports(self) -> None:
         self._on.loop.after(LOOK_S, self._look_at_reports)
         while self._reports.poll(0):
-            _, said = self._reports.recv_multipart()
-            self.reports.append(Report(self._on.loop.clock(), json.loads(said)))
+            topic, said = self._reports.recv_multipart()
+            report = Report(self._on.loop.clock(), json.loads(said))
+            if topic == b"time.":
+                self.reports.append(report)
+            else:
+                self.heard[report.said["digest"]] = report
 
 
 def _free_port() -> int:

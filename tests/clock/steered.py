@@ -6,11 +6,12 @@ from contextlib import contextmanager
 from dataclasses import replace
 from itertools import pairwise
 
+from drivers.sim.receiver import Receiver
 from drivers.sim.receiver_habits import Habits
 from drivers.sim.receiver_messages import Sky
 from drivers.wire.gnss_time import Leap
 from tests.clock.bench import Bench, Pulser, bench
-from tests.clock.machine import MADE, Made
+from tests.clock.machine import Made
 from tests.clock.rows import Row
 from tests.clock.station import GPS_LEAD, STALE_S, Report, Station
 from tests.clock.truth import EPOCH, LEAPS, S, Truth
@@ -36,8 +37,9 @@ OFF_NS = S // 2  # further off it is another second
 def running(made: Made, truth: Truth, date: str, leap: Leap) -> Iterator[tuple[Bench, Station]]:
     """A station that is wrong by WRONG_NS and gets pulses, and whose programs have just been started."""
     with bench(truth) as on:
+        receiver = Receiver(on.loop, Habits(gps_s=truth.its_s + GPS_LEAD, leap=leap))
         truth.start()
-        station = Station(on, made, "steered", date, Habits(gps_s=truth.its_s + GPS_LEAD, leap=leap))
+        station = Station(on, made, "steered", date, receiver)
         try:
             on.wait_for_guests()
             on.pulser = Pulser(on.loop, truth, [station.guest.monitor], lambda struck: station.pulsed(struck[0]))
@@ -47,7 +49,6 @@ def running(made: Made, truth: Truth, date: str, leap: Leap) -> Iterator[tuple[B
             yield on, station
         finally:
             station.close()
-            _write_log(station)
 
 
 def measure(made: Made, calm_s: float, outage_s: float) -> list[Row]:
@@ -100,7 +101,7 @@ def _found(on: Bench, station: Station, began_s: float) -> Iterator[Row]:
     yield Row.of(
         "the right second, after the station's start-up", f"{took_s:.0f} s", f"{SECOND_S:.0f} s", took_s <= SECOND_S
     )
-    on.until(lambda: _is_calm(station, on.loop.clock()), SETTLE_S, "an offset below 1 ms")
+    on.until(lambda: is_calm(station, on.loop.clock()), SETTLE_S, "an offset below 1 ms")
     yield Row(
         "settled, after the station's start-up",
         f"{on.loop.clock() - up_s:.0f} s, {CALM_S:.0f} s of them below 1 ms",
@@ -108,7 +109,7 @@ def _found(on: Bench, station: Station, began_s: float) -> Iterator[Row]:
     )
 
 
-def _is_calm(station: Station, now_s: float) -> bool:
+def is_calm(station: Station, now_s: float) -> bool:
     errors = station.errors_ns(now_s - CALM_S)
     is_long = station.samples[0].at_s < now_s - CALM_S
     return is_long and all(abs(error) < GOAL_NS for error in errors)
@@ -250,8 +251,3 @@ def _field(lines: str, name: str) -> str:
 def _row_of_word(lines: str, name: str, wanted: str) -> Row:
     seen = _field(lines, name)
     return Row.of("chronyd says, 10 s before it", seen, wanted, seen.endswith(wanted))
-
-
-def _write_log(station: Station) -> None:
-    lines = (f"{at_s:8.2f} {line}\n" for at_s, line in station.log)
-    (MADE / "steered.log").write_text("".join(lines) + "\n".join(station.guest.trouble))

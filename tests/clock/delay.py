@@ -1,0 +1,150 @@
+"""How long a message is under way between two guests, each with a station whose clock is steered by its own pulses."""
+
+import json
+import statistics
+from typing import NamedTuple
+
+from board.time import Lock, TimeQuality
+from drivers.sim.receiver import Receiver
+from drivers.sim.receiver_habits import Habits
+from drivers.wire.gnss_time import Leap
+from pps.delay import Delay, Stamp, one_way
+from tests.clock.bench import Bench, Pulser, Struck, bench
+from tests.clock.machine import Made
+from tests.clock.rows import Row
+from tests.clock.station import GPS_LEAD, Report, Station
+from tests.clock.steered import DATE, FAST_PPB, ITS_S, SETTLE_S, START_S, is_calm
+from tests.clock.truth import Truth
+
+WRONG_NS = {"a": 3_700_000_000, "b": -1_200_000_000}
+AIR = """\
+[interfaces.air]
+driver = "ethernet"
+device = "eth1"
+"""
+
+
+class Sent(NamedTuple):
+    """A message that a user of a station has handed over, and when by its system's clock."""
+
+    at_s: float
+    digest: str
+    sent_ns: int
+
+
+class Passed(NamedTuple):
+    """A message from one station to the other.
+
+    delay    as the two stations' reports have it. true_ns: as the host has it.
+    """
+
+    delay: Delay
+    true_ns: int
+
+
+def measure(made: Made, seconds: float) -> list[Row]:
+    """Messages both ways for so long."""
+    truth = Truth(ITS_S, FAST_PPB)
+    with bench(truth) as on:
+        habits = Habits(gps_s=truth.its_s + GPS_LEAD, leap=Leap(18))
+        receivers = [Receiver(on.loop, habits) for _ in WRONG_NS]
+        truth.start()
+        names = zip(WRONG_NS, reversed(WRONG_NS), receivers, strict=True)
+        stations = [_station(on, made, name, other, receiver) for name, other, receiver in names]
+        try:
+            on.wait_for_guests()
+
+            def struck(pulses: list[Struck]) -> None:
+                for station, pulse in zip(stations, pulses, strict=True):
+                    station.pulsed(pulse)
+
+            on.pulser = Pulser(on.loop, truth, [station.guest.monitor for station in stations], struck)
+            sent = {station.name: _started(station) for station in stations}
+            on.until(lambda: all(station.is_up() for station in stations), 2 * START_S, "both stations' first reports")
+            for station in stations:
+                station.guest.hurry()
+            on.until(
+                lambda: all(is_calm(station, on.loop.clock()) for station in stations), SETTLE_S, "two calm clocks"
+            )
+            for station in stations:
+                station.guest.start("courier", "python3", "-m", "tests.clock.guest.courier")
+            on.until(lambda: all(station.heard for station in stations), START_S, "a message from each to the other")
+            on.turn_for(seconds)
+            a, b = stations
+            return [*_rows("there", a, b, sent["a"]), *_rows("back", b, a, sent["b"])]
+        finally:
+            for station in stations:
+                station.close()
+
+
+def _station(on: Bench, made: Made, name: str, other: str, receiver: Receiver) -> Station:
+    ends = ",".join(
+        f"{end}.type=unix,{end}.path={on.folder}/{whose}.air" for end, whose in (("local", name), ("remote", other))
+    )
+    devices = [
+        "-netdev",
+        f"dgram,id=air,{ends}",
+        "-device",
+        f"virtio-net-pci,netdev=air,romfile=,mac=02:00:00:00:00:0{name}",
+    ]
+    return Station(on, made, name, DATE, receiver, AIR, devices)
+
+
+def _started(station: Station) -> list[Sent]:
+    sent: list[Sent] = []
+
+    def line(text: str) -> None:
+        if text.startswith("{"):
+            said = json.loads(text)
+            sent.append(Sent(station.now_s(), said["digest"], said["sent_ns"]))
+
+    station.guest.told["courier"] = line
+    station.wrong_by(WRONG_NS[station.name])
+    station.start()
+    station.watch()
+    return sent
+
+
+def _rows(way: str, one: Station, other: Station, sent: list[Sent]) -> list[Row]:
+    passed = [
+        _passed(one, other, message, other.heard[message.digest]) for message in sent if message.digest in other.heard
+    ]
+    known_ns = one.guest.ruler.host(0).half + other.guest.ruler.host(0).half
+    if not passed:
+        return [Row(f"{way}: messages that arrived", "none", "some", "none arrived")]
+    off_us = [(one.delay.ns - one.true_ns) / 1000 for one in passed]
+    inside = [abs(one.delay.ns - one.true_ns) <= one.delay.uncertainty_ns + known_ns for one in passed]
+    caused = [one.delay.ns + one.delay.uncertainty_ns > 0 for one in passed]
+    delays_us = [one.delay.ns / 1000 for one in passed]
+    bounds_us = [one.delay.uncertainty_ns / 1000 for one in passed]
+    return [
+        Row.of(
+            f"{way}: reported delays that contain the truth",
+            f"{sum(inside)} of {len(inside)}, truth known to {known_ns / 1000:.0f} us",
+            "99.9 %",
+            len(inside) - sum(inside) <= len(inside) // 1000,
+        ),
+        Row(
+            f"{way}: delay, from a user of one station to the kernel of the other",
+            f"median {statistics.median(delays_us):.0f} us, least {min(delays_us):.0f}, +- {statistics.median(bounds_us):.0f} us",
+            "none: it is the emulator's",
+        ),
+        Row(
+            f"{way}: reported less true",
+            f"median {statistics.median(off_us):+.0f} us, {min(off_us):+.0f} to {max(off_us):+.0f} us",
+            "none",
+        ),
+        Row.of(f"{way}: none arrives before it was sent", f"{sum(caused)} of {len(caused)}", "all", all(caused)),
+    ]
+
+
+def _passed(one: Station, other: Station, message: Sent, heard: Report) -> Passed:
+    sent = Stamp(message.sent_ns, _quality(one.report_at(message.at_s)))
+    received = Stamp(heard.said["received_ns"], _quality(other.report_at(heard.at_s)))
+    true_ns = (received.system_ns - other.off_ns(heard.at_s)) - (sent.system_ns - one.off_ns(message.at_s))
+    return Passed(one_way(sent, received), true_ns)
+
+
+def _quality(report: Report) -> TimeQuality:
+    said = report.said
+    return TimeQuality(Lock[said["state"].upper()], said["offset_ns"], said["uncertainty_ns"])
