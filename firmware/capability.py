@@ -11,6 +11,8 @@ from firmware.supervisor import Supervised
 
 UNITS = {"v": "V", "a": "A", "w": "W", "c": "C", "rpm": "rpm", "percent": "%"}
 ABSENT = "see its table in the board file"
+SILENT_S = 2.5  # without a pulse
+TOLD = frozenset({"settling", "locked", "holdover"})  # by pulses
 
 
 class Row(NamedTuple):
@@ -51,6 +53,23 @@ def of_board(carrier: Carrier) -> Iterator[Row]:
         )
     for name, slot in carrier.listed().items():
         yield of_slot(name, slot | {"device": str(carrier.look(name) or "")})
+
+
+def of_time(clock: Mapping[str, Any]) -> Iterator[Row]:
+    """Pulses and time, of the status of firmware/timekeeper.py; nothing where no input is declared."""
+    pulse, state = clock["pulse"], clock["state"]
+    if pulse is None:
+        return
+    first = "first: its receiver" if pulse["is_open"] else ""
+    is_heard = pulse["age_s"] is not None and pulse["age_s"] < SILENT_S
+    value = f"{pulse['taken']} taken, {pulse['seconds']} good" if pulse["is_open"] else pulse["why"]
+    wiring = "is the receiver's time pulse wired to this input? it gives none without satellites"
+    yield Row("pulses", pulse["is_open"], is_heard, value, "" if is_heard else pulse["hint"] or wiring)
+    works = state in TOLD
+    bound = "" if clock["uncertainty_ns"] is None else f", within {clock['uncertainty_ns'] / 1000:.1f} us"
+    why = first or "first: pulses"
+    told = ("", "") if works else (why if not is_heard else "`captain time` says why pulses are refused", "")
+    yield Row("time", works, works, f"{state}{bound}", *told)
 
 
 def of_expander_line(name: str, outcome: object) -> Row:

@@ -20,6 +20,7 @@ class Operator:
 
     interfaces  by name.
     carrier     gives what has brought up the board; None where there is nothing to.
+    clock       gives the status of the time.
     """
 
     def __init__(
@@ -28,10 +29,12 @@ class Operator:
         interfaces: Mapping[str, Supervised],
         carrier: Callable[[], "Carrier | None"],
         place: Place,
+        clock: Callable[[], Mapping[str, Any]],
         timeline: Timeline,
     ) -> None:
         self._loop = loop
         self._place = place
+        self._clock = clock
         self._interfaces = interfaces
         self._carrier = carrier
         self._timeline = timeline
@@ -68,7 +71,7 @@ class Operator:
         """{"do": "selftest", "within_s": 30}: each capability, once all have come up."""
         from firmware.selftest import Selftest  # with all that a board needs
 
-        Selftest(self._loop, self._carrier(), self._interfaces, self._place, answer).start()
+        Selftest(self._loop, self._carrier(), self._interfaces, self._place, self._clock, answer).start()
 
     def operate(self, question: Question, answer: Answer) -> None:
         """{"do": "operate", "interface": NAME, "ask": WORD, "arguments": {}} goes to that interface's driver."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from functools import partial
+from typing import Any
 
 from board.loop import Loop
 from drivers.contract import Answer, Can
@@ -19,15 +20,22 @@ ON_ITS_WAY = frozenset({State.STOPPED, State.POWERING, State.STARTING, State.CYC
 
 
 class Selftest:
-    """One run; answer is given {"rows": [...]} once."""
+    """One run; answer is given {"rows": [...]} once. clock gives the status of the time."""
 
     def __init__(
-        self, loop: Loop, carrier: Carrier | None, interfaces: Mapping[str, Supervised], place: Place, answer: Answer
+        self,
+        loop: Loop,
+        carrier: Carrier | None,
+        interfaces: Mapping[str, Supervised],
+        place: Place,
+        clock: Callable[[], Mapping[str, Any]],
+        answer: Answer,
     ) -> None:
         self._loop = loop
         self._carrier = carrier
         self._interfaces = interfaces
         self._place = place
+        self._clock = clock
         self._answer = answer
         self._until = loop.clock() + SETTLE_S
         self._lines: dict[str, Row | None] = {}  # of expanders; None: not read yet
@@ -46,7 +54,7 @@ class Selftest:
         self._finish()
 
     def _pending(self) -> tuple[Callable[[], bool], ...]:
-        return self._slots_are_pending, self._links_are_pending, self._measurements_are_pending
+        return self._slots_are_pending, self._links_are_pending, self._measurements_are_pending, self._time_is_pending
 
     def _slots_are_pending(self) -> bool:
         return self._carrier is not None and any(slot.state in ON_ITS_WAY for slot in self._carrier.slots.values())
@@ -65,6 +73,11 @@ class Selftest:
     def _measurements_are_pending(self) -> bool:
         return self._carrier is not None and not self._carrier.is_measured
 
+    def _time_is_pending(self) -> bool:
+        """Whether pulses may yet tell the time: their input is open, and a receiver is there that announces them."""
+        clock = self._clock()
+        return bool(clock["pulse"] and clock["pulse"]["is_open"]) and clock["state"] not in capability.TOLD
+
     def _read(self, name: str, outcome: object) -> None:
         self._lines[name] = capability.of_expander_line(name, outcome)
         self._finish()
@@ -76,4 +89,5 @@ class Selftest:
         rows = [*(capability.of_board(self._carrier) if self._carrier else ()), *lines]
         for name, one in self._interfaces.items():
             rows += capability.of_interface(name, one, self._place)
+        rows += capability.of_time(self._clock())
         self._answer({"rows": [row._asdict() for row in rows]})

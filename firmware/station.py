@@ -217,7 +217,9 @@ class Station:
             act()
             return {}
 
-        self._operator = Operator(self.loop, self._interfaces, lambda: self._carrier, self.place, self.timeline)
+        self._operator = Operator(
+            self.loop, self._interfaces, lambda: self._carrier, self.place, self.timekeeper.status, self.timeline
+        )
         return Commands(
             {
                 "status": lambda _: {"status": self.status()},

@@ -48,7 +48,7 @@ TABLE = {
     ),
     "firmware/commands": Rule(("board", "drivers", "pps", "firmware", "zmq", "rich")),
     "firmware/user": Rule(("board", "drivers.wire", *WORDS, "firmware", "zmq", "rich", "pygal"), frozenset({"firmware.lab"})),
-    "firmware/lab": Rule(("board", "drivers", "firmware", "zmq", "rich")),
+    "firmware/lab": Rule(("board", "drivers", "pps", "firmware", "zmq", "rich")),
     "firmware/tap": Rule(("board", "drivers", "firmware", "rich", "paho"), frozenset({"firmware.lab"})),
     "firmware/gateway": Rule(("board", "drivers", "pps", "zmq", "rich", "rclpy")),
     "asn1": Rule(("asn1tools",)),

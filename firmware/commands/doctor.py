@@ -11,7 +11,7 @@ from board import echo
 from drivers.contract import Shared
 from firmware import config
 from firmware.codec import library
-from firmware.lab import board_checks, checks, mqtt_checks, ports
+from firmware.lab import board_checks, checks, mqtt_checks, ports, time_checks
 from firmware.lab.checks import Finding, Level
 from firmware.station import topics_of
 from firmware.user.arguments import add_configuration
@@ -24,7 +24,8 @@ configuration, the ports, what the board file names, each interface (its driver
 is started for a moment and stopped; where a station runs already, that one is
 asked; of one in a slot its device is looked for; of one at a broker its
 certificates, and whether the broker accepts it), what the kernel lets sockets
-keep, the clock, child processes, versions; and which messages can be decoded.
+keep, the clock, where its time comes from, child processes, versions; and
+which messages can be decoded.
 
 Each line is ok, a warning (it runs, but not as well), or a problem, with what
 to do about it below.
@@ -95,6 +96,7 @@ def examine(arguments: argparse.Namespace) -> Iterator[Finding]:
             yield from mqtt_checks.reach(interface, shared) if is_whole else ()  # which would tell the same again
         else:
             yield from checks.interface(interface, read.mac, running)
+    yield from time_checks.time(read, running, time.time())
     yield from checks.receive_buffer(read.interfaces)
 
 

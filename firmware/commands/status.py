@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from board.errors import StationError
-from firmware.user import board, client
+from firmware.user import board, client, clock
 from firmware.user.arguments import add_station, address
 from firmware.user.table import Screen, Table, span, times
 from firmware.user.untrusted import listed, named, number, text, within
@@ -98,6 +98,7 @@ def tables(status: Mapping[str, object], now: float) -> list[Table]:
         _duplicates(status),
         _policy(status),
         *board.section(status),
+        *_time(status),
         _traffic(status),
         *_paths(status),
     ]
@@ -132,6 +133,11 @@ def _interfaces(status: Mapping[str, object]) -> Table:
         notes.append(f"{name}: {text(one, 'why')}" + (f"; started again {times(restarts)}" if restarts else ""))
     heads = ("interface", "driver", "link", ">for", ">received", ">sent", ">queue", ">max", ">heard")
     return Table("interfaces" if rows else "no interfaces", heads, rows, notes)
+
+
+def _time(status: Mapping[str, object]) -> list[Table]:
+    told = within(status, "clock")
+    return [Table(clock.title(told))] if told else []
 
 
 def _traffic(status: Mapping[str, object]) -> Table:

@@ -7,7 +7,7 @@ import pytest
 from board.errors import InterfaceError
 from board.time import Fix, FixKind, TimeMark
 from drivers.contract import Can
-from firmware.capability import Row, of_interface, of_slot
+from firmware.capability import Row, of_interface, of_slot, of_time
 from firmware.place import Place
 from firmware.supervisor import Supervised
 from tests.firmware.doubles import NotingStation, ScriptedDriver, interface_of
@@ -109,3 +109,39 @@ def test_what_a_link_misses_is_said_once_and_what_hangs_on_it_refers_to_it(loop:
         "bearer": first,
     }
     one.stop()
+
+
+CLOCK: dict[str, Any] = {
+    "state": "locked",
+    "uncertainty_ns": 5_190,
+    "pulse": {"is_open": True, "age_s": 0.4, "taken": 12, "seconds": 8, "why": "", "hint": ""},
+}
+
+
+def test_a_station_without_an_input_has_no_row_of_pulses() -> None:
+    assert list(of_time(CLOCK | {"pulse": None})) == []
+
+
+def test_pulses_and_time_work_while_they_come_and_are_believed() -> None:
+    assert list(of_time(CLOCK)) == [
+        Row("pulses", True, True, "12 taken, 8 good"),
+        Row("time", True, True, "locked, within 5.2 us"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("pulse", "state", "works", "remedies"),
+    [
+        ({"is_open": False, "why": "gone", "hint": "load it"}, "coarse", [False, False], ["load it", "first: pulses"]),
+        ({"age_s": None}, "coarse", [False, False], ["is the receiver's time pulse wired", "first: its receiver"]),
+        ({"age_s": 60.0}, "holdover", [False, True], ["is the receiver's time pulse wired", ""]),
+        ({}, "coarse", [True, False], ["", "`captain time` says why pulses are refused"]),
+    ],
+)
+def test_what_does_not_work_says_what_to_do(
+    pulse: dict[str, Any], state: str, works: list[bool], remedies: list[str]
+) -> None:
+    told = CLOCK["pulse"] | {"age_s": None} | pulse if "is_open" in pulse else CLOCK["pulse"] | pulse
+    rows = list(of_time(CLOCK | {"state": state, "pulse": told}))
+    assert [row.works for row in rows] == works
+    assert all(row.remedy.startswith(remedy) for row, remedy in zip(rows, remedies, strict=True))

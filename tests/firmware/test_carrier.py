@@ -15,7 +15,7 @@ from firmware import carrier as carrier_module
 from firmware.carrier import Carrier
 from firmware.selftest import Selftest
 from firmware.slots import RESWITCH_S
-from tests.firmware.whole_board import NearRemote, WholeBoard
+from tests.firmware.whole_board import NO_CLOCK, NearRemote, WholeBoard
 from tests.virtual import VirtualLoop
 
 
@@ -173,7 +173,7 @@ def test_a_second_start_of_the_station_cycles_no_module(running: WholeBoard) -> 
 def rows_of(running: WholeBoard) -> dict[str, dict[str, object]]:
     answers: list[dict[str, object]] = []
     interfaces = {"gnss": running.gnss, "cellular": running.cellular}
-    Selftest(running.loop, running.carrier, interfaces, running.place, answers.append).start()
+    Selftest(running.loop, running.carrier, interfaces, running.place, lambda: NO_CLOCK, answers.append).start()
     running.until(lambda: bool(answers), within=30)
     (answer,) = answers
     return {row["capability"]: row for row in answer["rows"]}

@@ -14,7 +14,7 @@ from firmware.question import Commands, Pending
 from firmware.supervisor import Supervised
 from firmware.timeline import MOST, Timeline
 from tests.firmware.doubles import NotingStation, ScriptedDriver, interface_of
-from tests.firmware.whole_board import NearRemote, WholeBoard
+from tests.firmware.whole_board import NO_CLOCK, NearRemote, WholeBoard
 from tests.virtual import VirtualLoop
 
 
@@ -43,6 +43,7 @@ class Bench:
             self.interfaces,
             lambda: board.carrier if board else None,
             Place(loop.clock, None, is_mobile=True),
+            lambda: NO_CLOCK,
             Timeline(loop.clock),
         )
         self.answers: list[dict[str, object]] = []

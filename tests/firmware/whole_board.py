@@ -26,6 +26,7 @@ from firmware.topics import Topics
 from tests.firmware.doubles import NotingStation
 from tests.virtual import VirtualLoop
 
+NO_CLOCK = {"pulse": None, "state": "system", "uncertainty_ns": None}  # of a station without pulses
 MAC = bytes.fromhex("02000000000b")
 
 

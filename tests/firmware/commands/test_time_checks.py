@@ -1,0 +1,69 @@
+"""What captain doctor says of pulses, chronyd's socket and leap seconds."""
+
+import os
+import socket
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from firmware import config
+from firmware.lab import time_checks
+from firmware.lab.checks import Finding, Level
+
+NOW = 1_795_182_426.0
+GNSS = '[interfaces.gnss]\ndriver = "zed_f9p"\nport = "/dev/ttyAMA0"\n'
+OK, WARNING = Level.OK, Level.WARNING
+
+
+def found(folder: Path, text: str = "", pulse: str = 'device = "/dev/none"', running: Any = None) -> dict[str, Finding]:
+    board, file = folder / "board.toml", folder / "captain.toml"
+    board.write_text('name = "a"\n' + (f"[pulse]\n{pulse}\n" if pulse else ""))
+    file.write_text(text)
+    read = config.load(str(file), (), str(board))
+    return {one.subject: one for one in time_checks.time(read, running, NOW)}
+
+
+def test_a_station_without_a_receiver_uses_nothing_of_it(tmp_path: Path) -> None:
+    assert found(tmp_path, pulse="") == {}
+    told = found(tmp_path)
+    assert (list(told), told["pulses"].level) == (["pulses"], OK)
+    assert told["pulses"].text == "/dev/none is not used: no interface announces pulses"
+
+
+def test_an_input_that_is_absent_is_a_warning_with_its_remedy(tmp_path: Path) -> None:
+    pulses = found(tmp_path, GNSS)["pulses"]
+    assert (pulses.level, pulses.text) == (WARNING, "/dev/none: No such file or directory; time is that of messages")
+    assert "pps-gpio" in pulses.remedy
+
+
+def test_an_input_that_is_no_pulse_is_a_warning(tmp_path: Path) -> None:
+    assert found(tmp_path, GNSS, 'device = "/dev/null"')["pulses"].level is WARNING
+    assert found(tmp_path, GNSS, 'chip = "gpiochip99"')["pulses"].level is WARNING
+
+
+def test_a_running_station_is_asked_in_place_of_the_input(tmp_path: Path) -> None:
+    clock = {"state": "locked", "uncertainty_ns": 5000, "leap": {"table": "receiver"}, "pulse": {"why": ""}}
+    told = found(tmp_path, GNSS, running={"clock": clock})
+    assert [(one.subject, one.level) for one in told.values()] == [("time", OK)]
+    clock |= {"state": "coarse", "pulse": {"why": "/dev/pps0: gone", "hint": "load it"}}
+    told = found(tmp_path, GNSS, running={"clock": clock})
+    assert (told["pulses"].level, told["pulses"].remedy) == (WARNING, "load it")
+    assert (told["time"].level, told["time"].remedy) == (WARNING, "`captain time` says more")
+
+
+def test_the_socket_of_chronyd_is_looked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "chrony.sock"
+    text = f'[time]\nchrony = "{path}"\n'
+    assert "refclock SOCK" in found(tmp_path, text)["chrony"].remedy
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as chronyd:
+        chronyd.bind(str(path))
+        assert found(tmp_path, text)["chrony"].level is OK
+        monkeypatch.setattr(os, "access", lambda *_: False)
+        assert found(tmp_path, text)["chrony"].text.endswith("may not be written to by this user")
+
+
+def test_a_list_of_leap_seconds_that_cannot_be_used_is_a_warning(tmp_path: Path) -> None:
+    told = found(tmp_path, f'[time]\nleap_list = "{tmp_path}/none"\n{GNSS}')["leap seconds"]
+    assert (told.level, "built in are used" in told.text) == (WARNING, True)
+    assert found(tmp_path, f'[time]\nleap_list = ""\n{GNSS}')["leap seconds"].level is OK
