@@ -4,8 +4,6 @@ paho keeps what was not acknowledged and sends it all again at a reconnect, stal
 looks names up where it is called; a Connector has done that before paho gets the socket.
 """
 
-import select
-import time
 from collections import deque
 from collections.abc import Callable, Collection
 from typing import Any
@@ -36,8 +34,6 @@ MOST_OWED = 1000
 
 # What a broker has not that the last will asks for (MQTT 5.0, clause 2.4): it says so only when it refuses.
 _OF_WILL: dict[int, dict[str, Any]] = {0x9A: {"retain": False}, 0x9B: {"qos": 0}}
-
-LINGER_S = 0.3  # for the last words to be read: the station kills this process a little later
 
 
 class Network:
@@ -142,23 +138,10 @@ class Network:
             self.session.writable(now)
 
     def finish(self) -> None:
-        """After disconnect(): wait until it is written and the broker has closed, or for LINGER_S."""
-        end = time.monotonic() + LINGER_S
-        paho = self._paho
-        if paho is None:
-            return
-        try:
-            while not paho.line.is_closed and (left := end - time.monotonic()) > 0:
-                if select.select([], [paho.line.fileno()], [], left)[1]:
-                    paho.loop_write()
-            paho.line.shut()
-            while (left := end - time.monotonic()) > 0:
-                if select.select([paho.line.fileno()], [], [], left)[0]:
-                    paho.line.skip()  # a socket that is closed with octets unread takes back what it has sent last
-        except (OSError, EOFError, ProtocolError):
-            pass
-        paho.line.end()
-        self.drop()
+        """After disconnect(): until it is written and the broker has closed, or for a moment."""
+        if self._paho is not None:
+            self._paho.finish()
+            self.drop()
 
     def _connect_ended(self, now: float) -> None:
         connector = self._connector

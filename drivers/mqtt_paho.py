@@ -1,5 +1,7 @@
 """paho-mqtt on a socket that is connected already: CONNECT, properties, and what its answers say."""
 
+import select
+import time
 from functools import lru_cache
 from typing import Any
 
@@ -21,6 +23,8 @@ from drivers.wire.v2n import Publication
 UNACCEPTABLE_VERSION = 1  # return code of CONNACK (MQTT 3.1.1, clause 3.2.2.3)
 
 MAX_WORDS = 200  # characters of a broker's own explanation
+
+LINGER_S = 0.3  # for the last words to be read: the station kills this process a little later
 
 
 class Paho(PahoClient):
@@ -67,6 +71,21 @@ class Paho(PahoClient):
         topic, payload, qos, retain, expiry_s = publication
         properties = _of_publish(expiry_s) if self.is_5 else None
         return self.publish(topic, payload, qos, retain, properties).mid
+
+    def finish(self) -> None:
+        """After disconnect(): wait until it is written and the broker has closed, or for LINGER_S."""
+        end, line = time.monotonic() + LINGER_S, self.line
+        try:
+            while not line.is_closed and (left := end - time.monotonic()) > 0:
+                if select.select([], [line.fileno()], [], left)[1]:
+                    self.loop_write()
+            line.shut()
+            while (left := end - time.monotonic()) > 0:
+                if select.select([line.fileno()], [], [], left)[0]:
+                    line.skip()  # a socket that is closed with octets unread takes back what it has sent last
+        except (OSError, EOFError, ProtocolError):
+            pass
+        line.end()
 
     def _create_socket(self) -> Any:
         return self.line

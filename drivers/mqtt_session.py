@@ -222,13 +222,7 @@ class Session:
             return self._since + limit_s, f"{self._client.waits_for} within {limit_s:g} s"
         if self.phase not in _CONNECTED:
             return math.inf, ""
-        at, why = math.inf, ""
-        if owed := self._subscriptions.awaits():
-            at, why = owed[1] + limit_s, f"no {owed[0]} within {limit_s:g} s"
-        if (oldest := self._window.oldest()) and oldest[0] + ack_s < at:
-            lacks = f"no PUBACK within {ack_s:g} s" if oldest[1] else f"reads nothing for {ack_s:g} s"
-            at, why = oldest[0] + ack_s, lacks
-        return at, why
+        return min(self._subscriptions.owed(limit_s), self._window.owed(ack_s))
 
     # Connecting.
 

@@ -1,5 +1,6 @@
 """What a station is subscribed to at a broker: follows what is wanted, one packet at a time, without a gap."""
 
+import math
 from collections.abc import Callable, Collection
 from typing import Protocol
 
@@ -68,6 +69,11 @@ class Subscriptions:
         if self._asked:
             return "SUBACK", self._since
         return ("UNSUBACK", self._since) if self._leaving else None
+
+    def owed(self, limit_s: float) -> tuple[float, str]:
+        """When it is too late for that packet, and what the broker did not do."""
+        awaited = self.awaits()
+        return (awaited[1] + limit_s, f"no {awaited[0]} within {limit_s:g} s") if awaited else (math.inf, "")
 
     def follow(self, now: float) -> None:
         """Ask for what is not subscribed to yet, else leave what is not wanted any more."""

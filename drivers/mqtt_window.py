@@ -90,11 +90,12 @@ class Window:
         """For the status."""
         return {"published": self.published, "confirmed": self.confirmed, "unacknowledged": self.unacknowledged}
 
-    def oldest(self) -> tuple[float, int] | None:
-        """Since when the broker owes its oldest acknowledgement, and the quality of service of that."""
+    def owed(self, limit_s: float) -> tuple[float, str]:
+        """When it is too late for the oldest acknowledgement, and what the broker did not do."""
         for out in self._out.values():
-            return out.since, out.qos
-        return None
+            lacks = f"no PUBACK within {limit_s:g} s" if out.qos else f"reads nothing for {limit_s:g} s"
+            return out.since + limit_s, lacks
+        return math.inf, ""
 
     def is_full(self) -> bool:
         """Whether the station sends more than it may."""
