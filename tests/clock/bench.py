@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -11,6 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
+from board.child import die_with_parent
 from board.loop import Loop
 from tests.clock.machine import Guest
 from tests.clock.truth import S, Span, Truth
@@ -44,6 +46,7 @@ class Pulser:
             [sys.executable, "-m", "tests.clock.pulser", *map(str, monitors)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
+            preexec_fn=die_with_parent(signal.SIGKILL),  # noqa: PLW1509 - no other thread runs here
         )
         loop.add(self)
         self._plan()

@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import socket
 import subprocess
 from collections import deque
@@ -11,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from board.child import die_with_parent
 from board.loop import Loop
 from pps.pulse import Clocks, Pulse, pulse_at
 from tests.clock.truth import Ruler, host_ns
@@ -62,7 +64,13 @@ class Guest:
         self._socket, far = socket.socketpair()
         with far, (MADE / f"qemu-{name}.log").open("wb") as complaints:
             words = _command(made, self.monitor, self.console, date, devices)
-            self._process = subprocess.Popen(words, stdin=far.fileno(), stdout=far.fileno(), stderr=complaints)
+            self._process = subprocess.Popen(
+                words,
+                stdin=far.fileno(),
+                stdout=far.fileno(),
+                stderr=complaints,
+                preexec_fn=die_with_parent(signal.SIGKILL),  # noqa: PLW1509 - no other thread runs here
+            )
         loop.add(self)
 
     # A source of the loop

@@ -157,6 +157,7 @@ class Station:
         return bool(self.reports)
 
     def close(self) -> None:
+        self.guest.kill()
         self._write_log()
         self._reports.close(0)
         self._context.term()
