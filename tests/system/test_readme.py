@@ -136,6 +136,8 @@ def test_every_option_is_in_a_table_or_an_example() -> None:
         NeighboursOptions,
         tables.EndpointOptions,
         tables.ReceptionOptions,
+        tables.TimeOptions,
+        description.PulseDescription,
         tables.QueueOptions,
     ]
     kinds += [tables.TypeConfig, tables.Match, tables.PolicyRow, tables.PlaceMatch, tables.NeighbourMatch]
