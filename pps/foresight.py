@@ -110,15 +110,18 @@ class Horizon:
 
 
 class Foresight:
-    """What the estimator has learnt of its own predictions."""
+    """What the estimator has learnt of its own predictions.
+
+    seen_s  seconds with pulses so far.
+    """
 
     def __init__(self) -> None:
         self._horizons = [Horizon(ahead_s) for ahead_s in HORIZONS_S]
-        self._pulses = 0
+        self.seen_s = 0
 
     def second(self, its_s: int, moment_s: float, phase_ns: float, rate_ppb: float) -> None:
         """The line as it is after a pulse: at a moment of the raw clock, in seconds."""
-        self._pulses += 1
+        self.seen_s += 1
         for horizon in self._horizons:
             if its_s % horizon.every_s == 0:
                 horizon.second(its_s, moment_s, phase_ns, rate_ppb)
@@ -136,7 +139,7 @@ class Foresight:
 
     def bound_ns(self, ahead_s: float) -> float:
         """How far off the line may be, so many seconds after its last pulse, by what was learnt and may happen."""
-        unseen = max(0.0, 1 - self._pulses / FADES_S)
+        unseen = max(0.0, 1 - self.seen_s / FADES_S)
         return self._learnt_ns(ahead_s) + unseen * unseen_ns(ahead_s)
 
     def _learnt_ns(self, ahead_s: float) -> float:

@@ -137,7 +137,8 @@ class Model:
             return
         if self.is_settled:
             self._compare(second, moment_s, found.phase_ns)
-        self._settling, self.is_settled, self._lag_ns = None, True, 0.0
+        self._settling, self.is_settled = None, True
+        self._lag_ns = self._foresight.bound_ns(found.span_s / 2)  # where it bends within, a straight line lags
         self._lateness = Lateness(found.mean_ns)
         self._trackers.begin(found.phase_ns, found.rate_ppb, ENOUGH, found.mean_ns**2)
         self._draw(second, moment_s)

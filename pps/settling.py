@@ -9,12 +9,16 @@ ENOUGH = 8
 
 
 class Line(NamedTuple):
-    """phase_ns at moment_s, changing by rate_ppb; mean_ns is the mean deviation of the pulses from it."""
+    """phase_ns at moment_s, changing by rate_ppb.
+
+    mean_ns  mean deviation of the pulses from it. span_s: between the first of them and the last.
+    """
 
     moment_s: float
     phase_ns: float
     rate_ppb: float
     mean_ns: float
+    span_s: float
 
 
 class Settling:
@@ -36,7 +40,8 @@ class Settling:
         rate_ppb = self._rate()
         levels = self._levels(rate_ppb)
         phase_ns = median(levels[ENOUGH // 4 :])  # late pulses are below the others
-        return Line(self._readings[-1][0], phase_ns, rate_ppb, 1.2 * _spread(levels, phase_ns))
+        first_s, last_s = self._readings[0][0], self._readings[-1][0]
+        return Line(last_s, phase_ns, rate_ppb, 1.2 * _spread(levels, phase_ns), last_s - first_s)
 
     def _rate(self) -> float:
         """The median of the slopes of all pairs (Theil-Sen), or the rate known before if that fits as well."""
