@@ -3,7 +3,8 @@
 The facts of schema/cam/cam_schema_2-4-0.json and of the envelopes in schema/ (github.com/Orange-OpenSource/its-client, MIT,
 Copyright 2016-2022 Orange) in words of our own: members, which of them have to be there, types and bounds. Where this
 differs, it is stricter: inside `message` no member is allowed that is not known; and low_frequency_container there names
-its member with two blanks behind it, so that nothing in it would be checked.
+its member with two blanks behind it, so that nothing in it would be checked. Its version there is "2.4.0-dev", as of a
+schema that is not finished; the one that its file is named after is taken.
 """
 
 from typing import Any
