@@ -89,6 +89,10 @@ class Horizon:
         if bin_ >= self._rare or self._seen % RECKONED == 0:
             self.bound_ns = self._quantile()
 
+    def break_off(self) -> None:
+        """Forget what is foretold, and keep what was learnt."""
+        self._under_way.clear()
+
     def _quantile(self) -> float:
         """What all but RARE of the predictions are within, by those seen."""
         wanted, above, bin_ = max(RARE * self._total, 0.5), 0.0, self._top + 1
@@ -130,6 +134,11 @@ class Foresight:
     def rate_ppb(self) -> float:
         """How far off the frequency of the line is at worst, by what it foretold for the next RATE_S."""
         return self._learnt_ns(RATE_S) / RATE_S
+
+    def break_off(self) -> None:
+        """The line goes on elsewhere: what it foretold of seconds to come says nothing any more."""
+        for horizon in self._horizons:
+            horizon.break_off()
 
     def returned(self, its_s: int, ahead_s: float, error_ns: float) -> None:
         """Pulses came again so long after the last, and the line was so far off: as many of one horizon as fit."""

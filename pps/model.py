@@ -27,6 +27,9 @@ CRYSTAL_PPB = 100_000
 # After a silence of so long the first pulses are looked at together before they are believed.
 SILENCE_S = 10.0
 
+# Pulses further apart than this make no line together.
+APART_S = 60.0
+
 # So many pulses after settling predictions begin to count: before, they are as good as the few pulses behind them,
 # which the line's own skew says.
 SEASONED = 64
@@ -109,8 +112,9 @@ class Model:
         if second.series != self._series:
             self._acquire(second.series, raw_ns, its_ns)
         moment_s, phase_ns = self._moment_s(raw_ns), float(its_ns - raw_ns - self._base_ns)
-        if self._settling is None and moment_s - self._good_s > SILENCE_S:
-            self._settling = Settling(self._trackers.best.rate)
+        limit_s = SILENCE_S if self._settling is None else APART_S
+        if moment_s - self._good_s > limit_s:
+            self._settling = Settling(self._trackers.best.rate if self.is_settled else None)
         if self._settling is None:
             self._track(second, moment_s, phase_ns)
         else:
@@ -127,6 +131,7 @@ class Model:
             self._settling = Settling(self.line.rate_ppb if self.line and self.is_settled else None)
             self.line, self.is_settled = None, False
             self._first_raw_ns, self._base_ns = raw_ns, its_ns - raw_ns
+            self._foresight.break_off()
 
     def _settle(self, settling: Settling, second: Second, moment_s: float, phase_ns: float) -> None:
         self._good_s = moment_s

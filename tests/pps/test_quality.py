@@ -319,6 +319,22 @@ def test_other_seconds_of_a_new_series_are_believed_at_once():
     assert station.estimator.surprises == 0
 
 
+def test_what_was_foretold_of_other_seconds_is_no_error_of_the_oscillator():
+    station, other = steady(3_000), steady(3_000)
+    other.pulses(range(3_002, 7_000))
+    for second in range(3_002, 7_000):
+        station.pulse(second, label_s=second + 1, series=2)
+    assert station.sample(10_000).uncertainty_ns < 1.2 * other.sample(10_000).uncertainty_ns
+
+
+def test_pulses_before_and_after_a_silence_make_no_line_together():
+    station = Station(1, crystal=LIVELY, air=Temperature(ramps=engine(100, 25, 600)), base_ns=5_000)
+    station.pulses(range(2, 6))
+    station.pulses(range(1_500, 1_508))
+    sample = station.sample(1_507.5)
+    assert abs(sample.error_ns) < sample.uncertainty_ns < 20_000
+
+
 def test_a_new_series_of_the_same_seconds_goes_on():
     station = steady()
     station.pulse(602, series=2)
