@@ -41,14 +41,14 @@ class Simulation:
             self.machine, self.worker = self.board.machine, "sim-board"
 
     def pulses(self, above: "Above", clocks: "Callable[[], Clocks]") -> "Pulses":
-        """Those of the simulated receiver: with an interrupt's latency, by seeded chance."""
+        """Those of the simulated receiver, or of the system's clock where there is none, late by seeded chance."""
         from pps.simulated import Simulated
 
         board, chance = self.board, random.Random(SEED)
         assert board is not None  # who reads board files has seen to it
 
         def truth(now: "Clocks") -> int:
-            return board.receiver.gps_ns(now.monotonic) if board.receiver else 0
+            return board.receiver.gps_ns(now.monotonic) if board.receiver else now.system_ns
 
         def late_ns() -> int:
             return max(LEAST_LATE_NS, round(chance.gauss(LATE_NS, JITTER_NS)))

@@ -97,7 +97,7 @@ class SimulatedBoard:
     def _poll(self) -> None:
         self._timer = self._loop.after(POLL_S, self._poll)
         self._simulated.poll()
-        self.silence(self.receiver is None or not self.receiver.gives_pulses)
+        self.silence(self.receiver is not None and not self.receiver.gives_pulses)
         for slot in self._slots.values():
             if slot.power:
                 self._simulated.supply(slot.usb, POWER, self.world.is_active(slot.power))
