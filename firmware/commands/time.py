@@ -152,8 +152,9 @@ def _plot(arguments: argparse.Namespace) -> None:
         raise StationError("the station has no history of its time yet", why)
     from firmware.user.time_plot import picture  # with pygal
 
+    drawn = picture(kept, within(answer, "clock"), deviations(kept))
     try:
-        path.write_text(picture(kept, within(answer, "clock"), deviations(kept)))
+        path.write_text(drawn)
     except OSError as error:
         raise StationError(
             f"{path}: cannot be written: {error.strerror}", "name a file in a folder of yours"
