@@ -58,7 +58,7 @@ class Tool:
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT,
-                env=_environment(),
+                env=environment(),
                 preexec_fn=None if quick else die_with_parent(signal.SIGTERM),  # noqa: PLW1509 one thread of Python
             )
             assert self._child.stdout is not None
@@ -141,7 +141,7 @@ class Tool:
         self._timer = timer
 
 
-def _environment() -> dict[str, str] | None:
+def environment() -> dict[str, str] | None:
     """Of a program of the system: the libraries of a frozen station are not for it. None: our own."""
     if not getattr(sys, "frozen", False):
         return None
