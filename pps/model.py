@@ -53,7 +53,7 @@ class Line(NamedTuple):
 
 
 class Model:
-    """The oscillator's line through the pulses. 10 us of work for each, 2 us for an estimate.
+    """The oscillator's line through the pulses. 10 us of work for each, 1 us for an estimate.
 
     latency_ns   the most that an ordinary stamp of a pulse is late.
     line         None before the first pulse. is_settled: it has been drawn through enough of them.

@@ -1,5 +1,7 @@
 """What time it is, and how well that is known: by pulses, by their memory, by messages, by the system's word."""
 
+from typing import NamedTuple
+
 from board.leaps import BUILT_IN, Leaps
 from board.time import Fix, LeapEvent, Lock, TimeQuality
 from pps.messages import Messages
@@ -16,6 +18,14 @@ LOCKED_NS = 1_000_000
 
 # A system's clock may be off by this more for each second since it spoke: RFC 5905, PHI.
 SYSTEM_PPM = 15
+
+
+class Word(NamedTuple):
+    """What a source says of the system's clock: true time less it, and how far off that may be."""
+
+    state: Lock
+    offset_ns: int
+    within_ns: int
 
 
 class Estimator:
@@ -59,11 +69,11 @@ class Estimator:
         return self.model.estimate(raw_ns)
 
     def quality(self, clocks: Clocks) -> TimeQuality:
-        """How well the time is known now, by the source that knows it best."""
+        """How well the time is known now: by pulses while they come, else by the source that knows it best."""
         said = self._by_pulses(clocks) + self._by_messages(clocks) + self._by_system(clocks)
         if not said:
             return TimeQuality(source=self.source)
-        state, offset_ns, uncertainty_ns = min(said, key=lambda word: word[2])
+        state, offset_ns, uncertainty_ns = min(said, key=lambda word: (word.state is not Lock.LOCKED, word.within_ns))
         model = self.model
         if model.line is None:
             return TimeQuality(state, offset_ns, uncertainty_ns, source=self.source)
@@ -79,21 +89,21 @@ class Estimator:
             source=self.source,
         )
 
-    def _by_pulses(self, clocks: Clocks) -> list[tuple[Lock, int, int]]:
+    def _by_pulses(self, clocks: Clocks) -> list[Word]:
         known = self.model.estimate(clocks.raw_ns)
         if known is None:
             return []
         state = Lock.LOCKED if known[1] <= LOCKED_NS and not self.model.is_settling else Lock.SETTLING
         if self.model.age_s(clocks.raw_ns) > HOLDOVER_S:
             state = Lock.HOLDOVER
-        return [(state, self.leaps.unix_ns(known[0]) - clocks.system_ns, known[1])]
+        return [Word(state, self.leaps.unix_ns(known[0]) - clocks.system_ns, known[1])]
 
-    def _by_messages(self, clocks: Clocks) -> list[tuple[Lock, int, int]]:
+    def _by_messages(self, clocks: Clocks) -> list[Word]:
         known = self._messages.estimate(clocks.raw_ns)
-        return [(Lock.COARSE, self.leaps.unix_ns(known[0]) - clocks.system_ns, known[1])] if known else []
+        return [Word(Lock.COARSE, self.leaps.unix_ns(known[0]) - clocks.system_ns, known[1])] if known else []
 
-    def _by_system(self, clocks: Clocks) -> list[tuple[Lock, int, int]]:
+    def _by_system(self, clocks: Clocks) -> list[Word]:
         if self._system is None:
             return []
         offset_ns, uncertainty_ns, raw_ns = self._system
-        return [(Lock.SYSTEM, offset_ns, uncertainty_ns + abs(clocks.raw_ns - raw_ns) * SYSTEM_PPM // 1_000_000)]
+        return [Word(Lock.SYSTEM, offset_ns, uncertainty_ns + abs(clocks.raw_ns - raw_ns) * SYSTEM_PPM // 1_000_000)]

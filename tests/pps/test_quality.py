@@ -390,6 +390,13 @@ def test_messages_are_better_than_an_oscillator_that_has_been_alone_for_a_day():
     assert quality(station, later + 0.2).state == Lock.COARSE
 
 
+def test_pulses_are_believed_before_a_system_that_says_it_is_better():
+    station = steady()
+    for at_s in (601.3, 640.0):
+        station.estimator.system(2_000, 300, station.machine.clocks(START_NS + round(at_s * SECOND_NS)).raw_ns)
+        assert quality(station, at_s).state == (Lock.LOCKED if at_s < 605 else Lock.SYSTEM)
+
+
 def test_the_system_is_believed_less_the_longer_it_says_nothing():
     station = Station(1)
     station.estimator.system(2_000, 5_000_000, station.machine.clocks(START_NS).raw_ns)
