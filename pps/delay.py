@@ -7,7 +7,10 @@ from board.time import TimeQuality
 
 
 class Stamp(NamedTuple):
-    """A moment by a station's system clock (Unix time), with what the station said of that clock then."""
+    """A moment by a station's system clock, with what the station said of that clock then.
+
+    It is Unix time: between stamps before and after a leap second lies one second more, or one less.
+    """
 
     system_ns: int
     quality: TimeQuality

@@ -10,10 +10,18 @@ from pps.sim.interrupts import Edges, Interrupts
 from pps.sim.machine import Machine
 from pps.sim.oscillator import INFLECTION_C, START_NS, Crystal, Oscillator, drawn
 from pps.sim.temperature import Ramp, Temperature, clouds, engine, fan
+from tests.test_imports import ROOT, imports, is_within
 
 SECOND = 1_000_000_000
 CALM = Crystal(white_ppb=0, flicker_ppb=0, walk_ppb=0, ageing_ppb=0)
 EVEN = Temperature(mean_c=INFLECTION_C, diurnal_k=0)
+
+
+def test_what_judges_a_clock_cannot_know_how_it_was_made():
+    others = list((ROOT / "pps").glob("*.py"))
+    assert others
+    for path in others:
+        assert not any(is_within(name, "pps.sim") for name in imports(path.read_text(), path)), path
 
 
 def oscillator(seed: int = 1, crystal: Crystal | None = None, temperature: Temperature = EVEN) -> Oscillator:
