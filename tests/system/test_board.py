@@ -4,18 +4,22 @@ import json
 import os
 import signal
 import subprocess
+import time
 from pathlib import Path
 from typing import Any
 
 import pytest
+import zmq
 
 from firmware.board_file import BOARDS
 from tests.system.conftest import Launcher
 from tests.system.station import PROGRAM, Station
-from tests.system.user import User
+from tests.system.user import Reports, User
 
 # A modem needs ten seconds to find a network: it has tests of its own.
 WITHOUT = "[interfaces.cellular]"
+BY_PULSES = ("settling", "locked")
+ITS_EPOCH = 1_072_915_200  # as Unix time
 MODULES_S = 30.0  # at most, until the others are up, on a machine that does more than this
 
 
@@ -65,6 +69,12 @@ def bench(launch_shared: Launcher, tmp_path_factory: pytest.TempPathFactory) -> 
     bench = Bench(launch_shared, tmp_path_factory.mktemp("board"))
     bench.until_up()
     return bench
+
+
+@pytest.fixture(scope="module", autouse=True)
+def timed(launch_shared: Launcher, tmp_path_factory: pytest.TempPathFactory) -> Bench:
+    """Another one, which nobody disturbs: its pulses come while the first is tested."""
+    return Bench(launch_shared, tmp_path_factory.mktemp("timed"))
 
 
 def test_radio_and_receiver_come_up_through_their_slots(bench: Bench) -> None:
@@ -135,9 +145,40 @@ def test_a_driver_is_asked_over_the_control_socket(bench: Bench) -> None:
     assert refused["error"] == "interface g5 (som301e) cannot be asked anything"
 
 
-def test_the_self_test_passes(bench: Bench) -> None:
-    bench.station.until(lambda status: status["position"]["source"] == "gnss")
-    answer = bench.station.ask(do="selftest", within_s=30)
+def test_pulses_tell_the_time_and_say_how_well(timed: Bench) -> None:
+    # Locked after 15 s: nobody waits for that here. tests/firmware/test_station_time.py does, in virtual time.
+    clock = timed.station.until(lambda status: status["clock"]["state"] in BY_PULSES, MODULES_S)["clock"]
+    assert clock["error_ns"] == abs(clock["offset_ns"]) + clock["uncertainty_ns"]
+    assert clock["uncertainty_ns"] < 1_000_000
+    assert (clock["receiver"], clock["pulse"]["is_open"], clock["missing"]) == ("gnss", True, "")
+    assert clock["its_ms"] / 1000 == pytest.approx(time.time() - ITS_EPOCH + clock["leap"]["seconds"], abs=2.0)
+
+
+def test_the_time_is_told_by_a_command(timed: Bench, tmp_path: Path) -> None:
+    code, told = timed.captain("time", "--history")
+    assert code == 0
+    assert told["state"] in BY_PULSES
+    assert told["history"]["seconds"]
+    timed.station.until(lambda status: status["clock"]["pulse"]["seconds"] >= 2, MODULES_S)
+    command = [*PROGRAM, "time", "--plot", str(tmp_path / "time.svg"), "--control", str(timed.station.control)]
+    subprocess.run(command, check=True, timeout=20, capture_output=True)
+    assert (tmp_path / "time.svg").read_text().startswith("<svg")
+
+
+def test_every_message_has_the_quality_of_its_time(timed: Bench) -> None:
+    context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+    reports = Reports(context, timed.station, b"indication.cam.")
+    said = reports.next("indication.cam.")[1]
+    reports.close()
+    context.term()
+    assert said["interface"] == "g5"
+    assert said["quality"]["state"] in BY_PULSES
+    assert said["quality"]["error_ns"] < 1_000_000_000
+
+
+def test_the_self_test_passes(timed: Bench) -> None:
+    timed.station.until(lambda status: status["position"]["source"] == "gnss")
+    answer = timed.station.ask(do="selftest", within_s=30)
     assert [row for row in answer["rows"] if row["works"] is False] == []
 
 

@@ -1,7 +1,9 @@
 """Options on 5557, and what 5558 says: status once a second, a confirm for every step of every request."""
 
+import hashlib
 import json
 import struct
+import time
 from typing import Any
 
 import pytest
@@ -18,7 +20,15 @@ CONFIRM_KEYS = {
 }  # fmt: skip
 STATUS_KEYS = {
     "station", "version", "profile", "pid", "time", "uptime_s", "interfaces", "endpoint",
-    "drops", "duplicates", "policy", "cpu_s", "memory_kb",
+    "drops", "duplicates", "policy", "cpu_s", "memory_kb", "clock",
+}  # fmt: skip
+CLOCK_KEYS = {
+    "state", "offset_ns", "uncertainty_ns", "error_ns", "jitter_ns", "frequency_ppb", "skew_ppb", "age_s", "its_ms",
+    "leap", "receiver", "pulse", "refclock", "tracking", "missing",
+}  # fmt: skip
+INDICATION_KEYS = {
+    "type", "station_id", "octets", "digest", "interface", "received_ns", "monotonic", "btp_port", "rssi_dbm", "source",
+    "quality",
 }  # fmt: skip
 INTERFACE_KEYS = {
     "driver", "technology", "state", "why", "since_s", "restarts", "neighbours",
@@ -41,6 +51,28 @@ def test_status_comes_by_itself_and_says_what_is_promised(btp: Bench, shared_rep
     assert (status["station"], status["profile"]) == ("captain", "standard")
     assert (status["interfaces"]["g5"]["driver"], status["interfaces"]["g5"]["state"]) == ("udp", "up")
     assert str(btp.air.station[1]) in status["interfaces"]["g5"]["why"]
+
+
+def test_the_time_comes_once_a_second_and_says_what_is_promised(shared_reports: Reports) -> None:
+    topic, clock = shared_reports.next("time.")
+    assert topic == "time."
+    assert set(clock) == CLOCK_KEYS
+    assert clock["state"] in ("unknown", "system")  # a station with udp alone
+    assert (clock["pulse"], clock["receiver"]) == (None, "")
+    assert abs(clock["its_ms"] / 1000 - (time.time() - 1_072_915_200)) < 60.0
+
+
+def test_an_indication_comes_for_each_message_with_the_quality_of_its_time(btp: Bench, shared_reports: Reports) -> None:
+    btp.air.send(pdu := mark())
+    said: dict[str, Any] = {}
+    while said.get("digest") != hashlib.sha256(pdu).hexdigest()[:16]:
+        topic, said = shared_reports.next("indication.")
+        assert topic == f"indication.{said['type']}."
+    assert set(said) == INDICATION_KEYS
+    assert (said["type"], said["station_id"], said["octets"]) == ("cam", int.from_bytes(pdu[2:6], "big"), len(pdu))
+    assert (said["interface"], said["btp_port"]) == ("g5", 2001)
+    assert abs(said["received_ns"] / 1e9 - time.time()) < 60.0
+    assert said["quality"]["state"] in ("unknown", "system")
 
 
 @pytest.mark.parametrize(("endpoint", "place"), [("to_users", "endpoint"), ("report", "report")])
@@ -115,13 +147,13 @@ def test_a_refusal_says_why(btp: Bench, shared_reports: Reports, envelope: bytes
     assert refused["interfaces"] == []
 
 
-def test_nothing_but_status_and_confirm_is_on_5558(btp: Bench, shared_reports: Reports) -> None:
+def test_nothing_but_the_four_topics_is_on_5558(btp: Bench, shared_reports: Reports) -> None:
     for _ in range(20):
         btp.user.push_pdu(b"v2x.", CAM)
         btp.air.send(CAM)
     for _ in range(40):
         topic, body = shared_reports.next("")
-        assert topic == "status." or topic.startswith("confirm.")
+        assert topic in ("status.", "time.") or topic.startswith(("confirm.", "indication."))
         assert isinstance(body, dict)
 
 
