@@ -36,10 +36,13 @@ class Passed(NamedTuple):
     """A message from one station to the other.
 
     delay    as the two stations' reports have it. true_ns: as the host has it.
+    off_ns   by how much the receiving station's clock was wrong. error_ns: no more than this, as the message says.
     """
 
     delay: Delay
     true_ns: int
+    off_ns: int
+    error_ns: int
 
 
 def measure(made: Made, seconds: float) -> list[Row]:
@@ -119,6 +122,7 @@ def _rows(way: str, passed: list[Passed], known_ns: int) -> list[Row]:
     off_us = [(one.delay.ns - one.true_ns) / 1000 for one in passed]
     inside = [abs(one.delay.ns - one.true_ns) <= one.delay.uncertainty_ns + known_ns for one in passed]
     caused = [one.delay.ns + one.delay.uncertainty_ns > 0 for one in passed]
+    stated = [abs(one.off_ns) <= one.error_ns + known_ns for one in passed]
     delays_us = [one.delay.ns / 1000 for one in passed]
     bounds_us = [one.delay.uncertainty_ns / 1000 for one in passed]
     return [
@@ -138,6 +142,12 @@ def _rows(way: str, passed: list[Passed], known_ns: int) -> list[Row]:
             f"median {statistics.median(off_us):+.0f} us, {min(off_us):+.0f} to {max(off_us):+.0f} us",
             "none",
         ),
+        Row.of(
+            f"{way}: times of reception that are no further off than the message says",
+            f"{sum(stated)} of {len(stated)}, median bound {statistics.median(one.error_ns for one in passed) / 1000:.0f} us",
+            "99.9 %",
+            len(stated) - sum(stated) <= len(stated) // 1000,
+        ),
         Row.of(f"{way}: none arrives before it was sent", f"{sum(caused)} of {len(caused)}", "all", all(caused)),
     ]
 
@@ -156,7 +166,8 @@ def _passed(one: Station, other: Station, message: Sent, heard: Report) -> Passe
     sent = Stamp(message.sent_ns, _quality(one.report_at(message.at_s)))
     received = Stamp(heard.said["received_ns"], _quality(other.report_at(heard.at_s)))
     true_ns = (received.system_ns - other.off_ns(heard.at_s)) - (sent.system_ns - one.off_ns(message.at_s))
-    return Passed(one_way(sent, received), true_ns)
+    off_ns, error_ns = other.off_ns(heard.at_s), heard.said["quality"]["error_ns"]
+    return Passed(one_way(sent, received), true_ns, off_ns, error_ns or 0)
 
 
 def _quality(report: Report) -> TimeQuality:

@@ -203,9 +203,8 @@ class Station:
 
     def between(self, earliest_s: float, latest_s: float) -> list[Sample]:
         """Samples of a time, with the one before it and the one behind."""
-        moments = [sample.at_s for sample in self.samples]
-        first = max(0, bisect_left(moments, earliest_s) - 1)
-        return self.samples[first : bisect_left(moments, latest_s) + 1]
+        first = max(0, bisect_left(self.samples, earliest_s, key=_moment) - 1)
+        return self.samples[first : bisect_left(self.samples, latest_s, key=_moment) + 1]
 
     def _sampled(self, clocks: Clocks) -> None:
         self.samples.append(Sample(self._on.loop.clock(), clocks.system_ns, clocks.raw_ns))
@@ -240,6 +239,10 @@ class Station:
                 self.reports.append(report)
             else:
                 self.heard[report.said["digest"]] = report
+
+
+def _moment(sample: Sample) -> float:
+    return sample.at_s
 
 
 def _free_port() -> int:

@@ -91,7 +91,7 @@ def _found(on: Bench, station: Station, began_s: float) -> Iterator[Row]:
         "the system's clock begins wrong",
         f"by {off_s:+.4f} s, {FAST_PPB / 1000:.0f} ppm",
         "by 3.7 s, 40 ppm",
-        abs(off_s - 3.7) < 0.002,
+        abs(off_s - WRONG_NS / S) < 0.01,
     )
     on.until(station.is_up, START_S, "the station's first report")
     station.guest.hurry()
@@ -99,11 +99,14 @@ def _found(on: Bench, station: Station, began_s: float) -> Iterator[Row]:
     on.until(lambda: abs(station.error_ns(station.samples[-1])) < OFF_NS, SETTLE_S, "the right second")
     took_s = on.loop.clock() - up_s
     yield Row.of(
-        "the right second, after the station's start-up", f"{took_s:.0f} s", f"{SECOND_S:.0f} s", took_s <= SECOND_S
+        "the right second, after the station's first report",
+        f"{took_s:.0f} s, {on.loop.clock() - began_s:.0f} s after it was started",
+        f"{SECOND_S:.0f} s",
+        took_s <= SECOND_S,
     )
     on.until(lambda: is_calm(station, on.loop.clock()), SETTLE_S, "an offset below 1 ms")
     yield Row(
-        "settled, after the station's start-up",
+        "settled, after the station's first report",
         f"{on.loop.clock() - up_s:.0f} s, {CALM_S:.0f} s of them below 1 ms",
         "none",
     )
