@@ -45,6 +45,7 @@ class OwnTime:
         self._second: Told | None = None  # of the last pulse that was announced
         self._leap_seconds: int | None = None
         self._leap_event: LeapEvent | None = None
+        self._placed: tuple[Fix, int] | None = None  # the last epoch whose time was told by pulses as well
 
     def fix(self, fix: Fix) -> None:
         """Note the time of an epoch, whatever it says of the place."""
@@ -80,16 +81,15 @@ class OwnTime:
 
     def of_fix(self, fix: Fix) -> int | None:
         """ITS time of the epoch of a fix: its receiver knows that best, but for a second that pulses say is wrong."""
+        if self._placed is not None and self._placed[0] is fix:  # it is asked for with each packet that leaves
+            return self._placed[1]
         pulsed = self.by_pulses(fix.monotonic)
         if pulsed is None:
             return self.its_ms(fix.monotonic)
         told = self._told(fix)
         is_agreed = told is not None and -SLACK_MS <= pulsed - told.its_ms <= LATEST_MS
-        return round(told.its_ms) if told is not None and is_agreed else pulsed
-
-    def by_messages(self) -> Told | None:
-        """What a receiver that is sure of its time said last."""
-        return self._sure
+        self._placed = fix, round(told.its_ms) if told is not None and is_agreed else pulsed
+        return self._placed[1]
 
     def _told(self, fix: Fix) -> Told | None:
         if fix.utc_ns is None or not EPOCH <= fix.utc_ns / 1e9 < END:

@@ -2,6 +2,7 @@
 
 import logging
 import math
+import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -66,6 +67,7 @@ class PulsedTime:
         self._timer: Timer | None = None
         self._phase: tuple[int, int] | None = None  # ITS second and raw clock of the first pulse: where phases begin
         self._state = Lock.UNKNOWN
+        self._anchor: tuple[int, int] | None = None  # ITS time in ns and raw clock of the last second, where usable
 
     def start(self) -> None:
         if self._input is not None:
@@ -97,11 +99,15 @@ class PulsedTime:
     # What is known
 
     def its_ms(self, monotonic: float) -> int | None:
-        """ITS time of a moment of the loop's clock; None while pulses do not tell it, or too badly."""
-        now = self._clocks()
-        found = self._estimator.estimate(now.raw_ns - round((now.monotonic - monotonic) * 1e9))
-        is_usable = self._state in (Lock.LOCKED, Lock.HOLDOVER) and found is not None and found[1] <= USABLE_NS
-        return found[0] // 1_000_000 if is_usable and found is not None else None
+        """ITS time of a moment of the loop's clock; None while pulses do not tell it, or too badly.
+
+        Asked for each packet that leaves: from the last second on the oscillator goes on by itself, which is 0.1 ms at
+        most, and not the loop's clock, which chronyd may slew by 80 ms in a second.
+        """
+        if self._anchor is None:
+            return None
+        its_ns, at_ns = self._anchor
+        return (its_ns + raw_ns() - at_ns - round((self._loop.clock() - monotonic) * 1e9)) // 1_000_000
 
     def quality(self, word: tuple[int, int] | None = None) -> TimeQuality:
         """Of now; once a second. word: offset and uncertainty of the system's clock in ns as chronyd has them."""
@@ -109,6 +115,9 @@ class PulsedTime:
         if word is not None and self._refclock is None:  # what it has from here is no second opinion
             self._estimator.system(*word, now.raw_ns)
         quality = self._estimator.quality(now)
+        found = self._estimator.estimate(now.raw_ns)
+        is_usable = quality.state in (Lock.LOCKED, Lock.HOLDOVER) and found is not None and found[1] <= USABLE_NS
+        self._anchor = (found[0], now.raw_ns) if found is not None and is_usable else None
         if quality.state is not self._state:
             self._journal.say(logging.INFO, _sentence(self._state, quality), quality.state.name)
             self._state = quality.state
@@ -217,6 +226,11 @@ class PulsedTime:
         from pps.chrony import Refclock
 
         return Refclock(path, Journal(log, "chrony", self._loop.clock))
+
+
+def raw_ns() -> int:
+    """The oscillator's clock alone."""
+    return time.clock_gettime_ns(time.CLOCK_MONOTONIC_RAW)
 
 
 def _sentence(before: Lock, quality: TimeQuality) -> str:

@@ -25,7 +25,7 @@ from drivers.sim import board as simulated_board
 from drivers.sim.modules import Radio
 from drivers.sim.trouble import BOARD
 from drivers.udp import Udp
-from firmware import board_file, config
+from firmware import board_file, config, pulsed_time
 from firmware.interface import Interface
 from firmware.slot_states import State
 from firmware.station import Station
@@ -143,7 +143,9 @@ class Stage:
         self.loop = StageLoop(Ptys(patch))
         self.journal = Journal(self.loop.clock)
         patch.setattr(simulated_board, "POLL_S", POLL_S)
-        patch.setattr(pulse, "read_clocks", self._clocks(time.time_ns()))
+        clocks = self._clocks(time.time_ns())
+        patch.setattr(pulse, "read_clocks", clocks)
+        patch.setattr(pulsed_time, "raw_ns", lambda: clocks().raw_ns)
         patch.setattr(worker, "Child", PlayedChild)
         patch.setitem(worker.Worker.__init__.__kwdefaults__, "jitter", random.random)
         patch.setattr(Radio, "say", lambda radio, words: PlayedRadio.tell(words))

@@ -29,6 +29,7 @@ class TimeBench:
         self.error_ns = 0
         self._began = loop.now
         patch.setattr("time.time", lambda: self.clocks().system_ns / 1e9)
+        patch.setattr("firmware.pulsed_time.raw_ns", lambda: self.clocks().raw_ns)
         self.whole = WholeBoard(loop)
         self.place = self.whole.place
         self.told: list[TimeQuality] = []
