@@ -18,8 +18,8 @@ none, so all have to agree. The rules:
 # FOLLOWING  an edge whole seconds after the last good one,  same       passed on
 #            TIM-TP and NAV-PVT of the second that it is by
 #            the raw clock, even if they come late
-# FOLLOWING  two edges of one second                         same       the one nearer to the grid is meant, the
-#                                                                       other is refused
+# FOLLOWING  two edges of one second                         same       the first that is not early by the grid is
+#                                                                       meant, the other is refused
 # FOLLOWING  an edge between whole seconds                   same       refused
 # FOLLOWING  TIM-TP or NAV-PVT name another second           same       refused
 # FOLLOWING  the first edge FOLLOW_NS after the last good    RETURNING
@@ -60,6 +60,9 @@ FOLLOW_NS = 60 * SECOND_NS
 
 TRAILING_NS = SECOND_NS // 2  # pulses are shorter than that: the driver sets 100 ms
 WAITING = 64  # edges at a time
+
+# The grid may be later than a pulse by what late interrupts have moved it.
+EARLY_NS = 500_000
 
 # chronyd slews by 83,333 ppm at most (maxslewrate), the kernel by 500 ppm beside that: what is more was a step. The
 # rest is what a late interrupt may make of it.
@@ -114,6 +117,12 @@ class _Edge:
         self.is_graced = False
         self.its_s: int | None = None
         self.error_ns = 0
+
+
+def _by_merit(edge: _Edge) -> tuple[bool, int]:
+    """For edges of one second: the first that is not early, for contacts bounce behind it; else the least early."""
+    is_early = edge.error_ns < -EARLY_NS
+    return is_early, -edge.error_ns if is_early else edge.error_ns
 
 
 class Pairing:
@@ -215,9 +224,11 @@ class Pairing:
         assert self._chain is not None
         found: list[Event] = []
         if len(self._edges) > 1:
-            same = sorted((one for one in self._edges if one.its_s == its_s), key=lambda one: abs(one.error_ns))
-            edge = same[0]
-            found = [self._refuse(one, Why.DUPLICATE, f"{one.error_ns} ns off, {edge.error_ns}") for one in same[1:]]
+            edge, *others = sorted((one for one in self._edges if one.its_s == its_s), key=_by_merit)
+            found = [
+                self._refuse(one, Why.DUPLICATE, f"{one.error_ns} ns off second {its_s}, another {edge.error_ns} ns")
+                for one in others
+            ]
             self._edges = [one for one in self._edges if one.its_s != its_s]
         else:
             self._edges.clear()

@@ -276,13 +276,19 @@ def test_an_oscillator_may_be_as_wrong_as_oscillators_are(ppm):
 
 
 @pytest.mark.parametrize("ppm", [-95, 95])
-def test_the_grid_follows_an_oscillator_so_that_a_bounce_cannot_pass_for_the_pulse(ppm):
-    pairing = following(60, ppm)
-    for late_us in (-30, 30):
-        number = 61 if late_us < 0 else 62
-        bounce = pulse(number, late_ns=late_us * 1_000, ppm=ppm)
-        events = play(pairing, [*second(number, ppm=ppm), Said(number + late_us / 1e6, bounce)])
-        assert [one.pulse for one in events if isinstance(one, Second)] == [pulse(number, ppm=ppm)]
+def test_a_bounce_is_not_taken_for_the_pulse_however_wrong_the_oscillator_is(ppm):
+    said = [*second(4, ppm=ppm), Said(4.00003, pulse(4, late_ns=30_000, ppm=ppm))]
+    events = play(following(ppm=ppm), said)
+    assert [one.pulse for one in events if isinstance(one, Second)] == [pulse(4, ppm=ppm)]
+
+
+def test_after_a_late_interrupt_a_bounce_is_still_no_pulse():
+    # The late one has moved the grid to where the bounces of the others are.
+    pairing = following()
+    assert labels(play(pairing, second(4, late_ns=90_000))) == [4]
+    said = [one for number in range(5, 30) for one in [*second(number), Said(number + 9e-5, pulse(number, 90_000))]]
+    events = play(pairing, said)
+    assert [one.pulse for one in events if isinstance(one, Second)] == [pulse(number) for number in range(5, 30)]
 
 
 def test_late_interrupts_for_a_minute_do_not_make_the_pulses_behind_them_early():

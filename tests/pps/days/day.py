@@ -28,7 +28,7 @@ FIX_S, MARK_S = 0.055, 0.075  # after the pulse, and up to SPREAD_S more
 SPREAD_S = 0.06
 END_S = 0.95  # of a second: when samples are taken
 
-SAMPLE_S, QUALITY_S = 10, 60
+SAMPLE_S = 10
 
 FORGOTTEN_S = 200  # pulses of so long ago are not asked for any more
 
@@ -258,10 +258,6 @@ class Day:
             return
         state = PULSES if second - self._followed < HOLDOVER_S else HOLDOVER
         self.account.known[state].add(known[0] - its_ns, known[1])
-        if second % QUALITY_S == 0:
-            self._look(its_ns)
-
-    def _look(self, its_ns: int) -> None:
         quality = self._estimator.quality(self._machine.clocks(its_ns))
         assert quality.offset_ns is not None
         assert quality.uncertainty_ns is not None
