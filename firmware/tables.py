@@ -3,13 +3,23 @@
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
-from board.describe import Range
+from board.describe import Check, Range
+from board.errors import ConfigurationError
 
 Port = Annotated[int, Range(0, 65535)]
 Octet = Annotated[int, Range(0, 255)]
 StationId = Annotated[int, Range(0, 4294967295)]
 Priority = Annotated[int, Range(0, 7)]
 Seconds = Annotated[float, Range(0.0, 86400.0)]
+
+
+MAX_PATH = 107  # octets: sun_path of unix(7) and its final zero
+
+
+def _socket(path: str) -> None:
+    if path and (not path.startswith("/") or len(path.encode()) > MAX_PATH):
+        hint = f"an absolute path of at most {MAX_PATH} octets: /run/chrony.captain.sock"
+        raise ConfigurationError(f"{path!r} is no socket that chronyd could make", hint)
 
 
 @dataclass(frozen=True)
@@ -75,7 +85,7 @@ class TimeOptions:
     """
 
     receiver: str = ""
-    chrony: str = ""
+    chrony: Annotated[str, Check(_socket)] = ""
     tracking: bool | None = None
     leap_list: str = "/usr/share/zoneinfo/leap-seconds.list"
 

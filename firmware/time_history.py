@@ -8,6 +8,7 @@ from typing import NamedTuple
 SECONDS = 3600
 MINUTES = 1440
 MINUTE_S = 60
+SHOWN = 120  # rows: twice the columns that a line of text has for them
 
 
 class Row(NamedTuple):
@@ -40,15 +41,23 @@ class Rows:
         self._values[at : at + self._width] = array("d", row)
         self._count += 1
 
-    def octets(self) -> bytes:
-        """All of them, the oldest first, as doubles of this machine."""
-        filled = min(self._count, self._capacity) * self._width
-        at = self._count % self._capacity * self._width if self._count > self._capacity else 0
-        return (self._values[at:filled] + self._values[:at]).tobytes()
+    def octets(self, most: int = 0) -> bytes:
+        """All of them, the oldest first, as doubles of this machine; of more than `most`, as many evenly apart."""
+        kept = min(self._count, self._capacity)
+        oldest = self._count - kept
+        step = max(1, -(-kept // most)) if most else 1
+        if step == 1:
+            at = oldest % self._capacity * self._width
+            return (self._values[at : kept * self._width] + self._values[:at]).tobytes()
+        return b"".join(self._row(number) for number in range(oldest + (kept - 1) % step, self._count, step))
+
+    def _row(self, number: int) -> bytes:
+        at = number % self._capacity * self._width
+        return self._values[at : at + self._width].tobytes()
 
 
 class TimeHistory:
-    """240 kB in all."""
+    """200 kB in all."""
 
     def __init__(self) -> None:
         self._seconds = Rows(SECONDS)
@@ -65,12 +74,20 @@ class TimeHistory:
             self._minute.append(row)
 
     def told(self) -> dict[str, object]:
-        """As JSON: names of columns, and base64 of their doubles, row by row, little-endian as all our machines."""
-        return {
-            "columns": list(Row._fields),
-            "seconds": b64encode(self._seconds.octets()).decode(),
-            "minutes": b64encode(self._minutes.octets()).decode(),
-        }
+        """As JSON: names of columns, and base64 of their doubles, row by row, little-endian as all our machines.
+
+        It takes some milliseconds, in which nothing else is done: nobody is to ask for it again and again.
+        """
+        return _json(self._seconds.octets(), self._minutes.octets())
+
+    def brief(self) -> dict[str, object]:
+        """As told(), but SHOWN of the seconds, and no minutes."""
+        return _json(self._seconds.octets(SHOWN), b"")
+
+
+def _json(seconds: bytes, minutes: bytes) -> dict[str, object]:
+    rows = {"seconds": b64encode(seconds).decode(), "minutes": b64encode(minutes).decode()}
+    return {"columns": list(Row._fields), **rows}
 
 
 def _summed(rows: list[Row]) -> Row:

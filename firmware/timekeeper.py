@@ -52,6 +52,7 @@ class Timekeeper:
         self._tell = tell
         self._simulation = simulation
         self._clocks = clocks
+        self._announcing: Collection[str] = ()
         self._receiver = ""
         self._pulsed: PulsedTime | None = None
         self._tracker: Tracker | None = None
@@ -62,6 +63,7 @@ class Timekeeper:
 
         announcing  interfaces whose receivers announce pulses.
         """
+        self._announcing = announcing
         self._receiver = receivers.chosen(self._options, self._pulse, announcing)
         self._is_running = True
         self._loop.soon(self._open)
@@ -100,8 +102,14 @@ class Timekeeper:
         }
 
     def told(self, question: Question) -> dict[str, object]:
-        """{"do": "time"}: the status, and how it was in the form of firmware/time_history.py."""
-        return {"clock": self.status(), "history": self._pulsed.history.told() if self._pulsed else {}}
+        """{"do": "time"}: the status, and how it was in the last hour, as far as a line of text has room for it;
+        with "history": true all that is kept, in the form of firmware/time_history.py.
+        """
+        told: dict[str, object] = {}
+        if self._pulsed is not None:
+            kept = self._pulsed.history
+            told = kept.told() if question.get("history") is True else kept.brief()
+        return {"clock": self.status(), "history": told}
 
     def _open(self) -> None:
         if not self._is_running:
@@ -170,6 +178,9 @@ class Timekeeper:
 
     def _missing(self) -> str:
         """What to do for a better time, in words; empty where pulses come in, or why they do not is told with them."""
+        if not self._receiver and len(self._announcing) > 1:
+            names = " and ".join(self._announcing)
+            return f"{names} announce pulses: captain.toml needs [time] with receiver, one of them"
         if not self._receiver:
             return 'no interface announces pulses: captain.toml needs one with driver = "zed_f9p" and pulse = true'
         if self._pulse is None:

@@ -79,7 +79,8 @@ def main(arguments: argparse.Namespace) -> int:
 
 def _asked(arguments: argparse.Namespace) -> dict[str, object]:
     """Clock and history. Raises StationError."""
-    answer = client.ask_local(address(arguments), arguments.control, "time")
+    is_whole = bool(arguments.plot or (arguments.json and arguments.history))
+    answer = client.ask_local(address(arguments), arguments.control, "time", history=is_whole)
     return {key: within(answer, key) for key in ("clock", "history")}
 
 

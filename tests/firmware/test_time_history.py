@@ -2,8 +2,11 @@
 
 import math
 import sys
+from itertools import pairwise
 
-from firmware.time_history import MINUTES, SECONDS, Row, TimeHistory
+import pytest
+
+from firmware.time_history import MINUTES, SECONDS, SHOWN, Row, TimeHistory
 from firmware.user import time_record
 
 START = 722_454_180  # begins a minute
@@ -30,6 +33,20 @@ def test_of_seconds_the_last_hour_is_kept_in_order() -> None:
     for second in range(SECONDS + 100):
         history.add(row(START + second))
     assert [one.its_s for one in kept(history).seconds] == [START + second for second in range(100, SECONDS + 100)]
+
+
+@pytest.mark.parametrize("count", [0, 1, 119, 120, 121, 500, SECONDS, SECONDS + 77, 3 * SECONDS + 1])
+def test_for_a_line_of_text_there_are_as_many_rows_as_it_shows_evenly_apart_to_the_last(count: int) -> None:
+    history = TimeHistory()
+    for second in range(count):
+        history.add(row(START + second))
+    brief, whole = time_record.record(history.brief()), kept(history)
+    assert len(brief.seconds) <= SHOWN
+    assert len(brief.seconds) >= min(count, SHOWN // 2)
+    assert brief.seconds[-1:] == whole.seconds[-1:]
+    assert set(brief.seconds) <= set(whole.seconds)
+    assert len({b.its_s - a.its_s for a, b in pairwise(brief.seconds)}) <= 1
+    assert brief.minutes == []
 
 
 def test_a_minute_has_means_the_largest_uncertainty_and_the_phase_that_begins_it() -> None:

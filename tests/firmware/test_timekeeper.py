@@ -153,11 +153,20 @@ def test_without_an_input_for_pulses_it_is_that_of_the_messages(make: Make) -> N
     assert bench.told[-1].error_ns < 500_000_000
 
 
+def test_of_two_receivers_one_has_to_be_named(make: Make) -> None:
+    bench = make(has_pulse=False)
+    bench.keeper.stop()
+    bench.keeper.start(["gnss", "second"])
+    assert str(bench.keeper.status()["missing"]).startswith(
+        "gnss and second announce pulses: captain.toml needs [time]"
+    )
+
+
 def test_a_second_is_kept_for_each_pulse_and_for_each_without(bench: TimeBench) -> None:
     bench.loop.run_for(30)
     bench.lose()
     bench.loop.run_for(30)
-    kept = time_record.record(bench.keeper.told({})["history"])  # type: ignore[arg-type]
+    kept = time_record.record(bench.keeper.told({"history": True})["history"])  # type: ignore[arg-type]
     assert len(kept.seconds) == pytest.approx(66, abs=4)
     with_phase = [row for row in kept.seconds if row.phase_ns == row.phase_ns]
     slopes = [(b.phase_ns - a.phase_ns) / (b.its_s - a.its_s) for a, b in pairwise(with_phase)]
