@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from board.errors import InterfaceError, RequestError
 from board.journal import DECISIONS
+from board.time import Lock, TimeQuality
 from drivers.contract import Can, Sent
 from drivers.message import Area, Outcome, Position, RxInfo, Shape
 from drivers.reason import Reason
@@ -57,6 +58,13 @@ def test_a_pdu_of_this_size_goes_no_further(bench: Bench, size: int, reason: Rea
     assert bench.drops.total("g5", reason) == 1
     bench.interface.indicate(CAM_PDU, 0)
     assert bench.indicated == [CAM_PDU]
+
+
+def test_an_indication_has_the_quality_of_the_time_when_it_came(bench: Bench) -> None:
+    for quality in (TimeQuality(), TimeQuality(Lock.LOCKED, 100, 5000)):
+        bench.above.quality = quality
+        bench.interface.indicate(CAM_PDU, 0)
+        assert bench.above.indications[-1].quality is quality
 
 
 @pytest.mark.parametrize("size", [6, 7, 1499, 1500])

@@ -367,6 +367,19 @@ def test_what_a_stage_takes_out_meets_no_further_stage_and_no_user(bench: Bench)
     assert users == [b"other2"]
 
 
+def test_who_observes_sees_what_came_before_any_stage_and_is_asked_no_more_when_gone(bench: Bench) -> None:
+    seen: list[bytes] = []
+    bench.router.observe = lambda indications: seen.extend(one.pdu for one in indications)
+    bench.router.stages = (lambda indications: [],)
+    bench.router.indicate(indication_of())
+    bench.router.flush()
+    assert seen == [CAM_PDU]
+    bench.router.observe = None
+    bench.router.indicate(indication_of())
+    bench.router.flush()
+    assert seen == [CAM_PDU]
+
+
 def test_what_one_turn_brings_goes_up_at_its_end_in_order(bench: Bench) -> None:
     users = Above()
     bench.router.publish = users.publish
