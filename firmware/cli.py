@@ -16,6 +16,7 @@ from firmware import VERSION
 VERBS = {
     "run": "run the station in the foreground",
     "status": "what a running station does: interfaces, queues, counters, drops with their reasons",
+    "console": "the status screen of a serial console: 80 columns, 24 lines, a key for a shell",
     "listen": "live table of received messages with their fields, or one JSON object a line",
     "send": "send messages from hex, base64, files or directories, and say what became of each",
     "decode": "octets of messages to their fields, from hex, base64, files or captures",
@@ -51,6 +52,10 @@ def load(verb: str) -> ModuleType:
             from firmware.commands import status
 
             return status
+        case "console":
+            from firmware.commands import console
+
+            return console
         case "listen":
             from firmware.commands import listen
 

@@ -41,13 +41,17 @@ TABLE = {
     # The station itself knows nothing of its commands, and draws and decodes nothing.
     "firmware": Rule(
         ("board", "drivers", "pps", "zmq"),
-        frozenset({"firmware.codec", "firmware.lab", "firmware.tap", "firmware.user"}),
+        frozenset({"firmware.codec", "firmware.console", "firmware.lab", "firmware.tap", "firmware.user"}),
     ),
     "firmware/codec": Rule(
         ("board", "drivers.wire", *WORDS, "firmware", "captain_messages"), frozenset({"firmware.lab"})
     ),
+    # It runs for as long as the machine does: without the libraries of users and stations, it takes half the memory.
+    "firmware/console": Rule(("board", "firmware"), frozenset({"firmware.lab", "firmware.user.client"})),
     "firmware/commands": Rule(("board", "drivers", "pps", "firmware", "zmq", "rich")),
-    "firmware/user": Rule(("board", "drivers.wire", *WORDS, "firmware", "zmq", "rich", "pygal"), frozenset({"firmware.lab"})),
+    "firmware/user": Rule(
+        ("board", "drivers.wire", *WORDS, "firmware", "zmq", "rich", "pygal"), frozenset({"firmware.lab"})
+    ),
     "firmware/lab": Rule(("board", "drivers", "pps", "firmware", "zmq", "rich")),
     "firmware/tap": Rule(("board", "drivers", "firmware", "rich", "paho"), frozenset({"firmware.lab"})),
     "firmware/gateway": Rule(("board", "drivers", "pps", "zmq", "rich", "rclpy")),

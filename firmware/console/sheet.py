@@ -1,0 +1,228 @@
+"""What the serial console says: facts to sections of lines, the most urgent first."""
+
+import textwrap
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+from firmware import VERSION
+from firmware.console.addresses import Device
+from firmware.console.journal import Trouble
+from firmware.console.rates import Rate
+from firmware.user import board, clock
+from firmware.user.clock import LAST_TIME
+from firmware.user.table import Table, clean, plain, span, times
+from firmware.user.untrusted import listed, named, number, text, texts, within
+
+NOTES_ABOVE = 8  # lines of notes on the first page; all of them are on the last
+FOLDED = 3  # lines of one trouble at most
+DROPS = 5
+DEVICES = 12
+
+Status = Mapping[str, object]
+Section = list[str]
+
+
+class Facts(NamedTuple):
+    """What is known at one moment.
+
+    status    of the station; empty where none answers: `why` says why, and `service` who starts it.
+    rates     by interface.
+    is_open   whether other machines reach the endpoint.
+    notes     lines of whoever made this machine start.
+    troubles  of the journal, the newest first.
+    now       Unix time in seconds.
+    """
+
+    status: Status
+    why: str
+    service: str
+    rates: Mapping[str, Rate]
+    devices: Sequence[Device]
+    is_open: bool
+    notes: Sequence[str]
+    troubles: Sequence[Trouble]
+    now: float
+
+
+def head(facts: Facts) -> str:
+    """The first line: who, since when, and the clock of the machine."""
+    status = facts.status
+    day = time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime(min(max(0.0, facts.now), LAST_TIME)))
+    if not status:
+        return f"captain {VERSION}  no station  {day}"
+    return f"{text(status, 'station')}  captain {text(status, 'version')}  up {span(number(status, 'uptime_s'))}  {day}"
+
+
+def sections(facts: Facts, width: int) -> list[Section]:
+    """Lines of ASCII, none longer than width; no section is empty."""
+    made = [
+        _notes(facts.notes[:NOTES_ABOVE], len(facts.notes) - NOTES_ABOVE, width),
+        *(_of_station(facts, width) if facts.status else [_nobody(facts, width)]),
+        _addresses(facts, width),
+        _troubles(facts, width),
+        _in_full(facts, width),
+        _notes(facts.notes, 0, width) if len(facts.notes) > NOTES_ABOVE else [],
+    ]
+    return [[shown(line, width) for line in section] for section in made if section]
+
+
+def shown(line: str, width: int) -> str:
+    """A line as each terminal can show it: ASCII, nothing that it would obey, not longer than width."""
+    return clean(line).encode("ascii", "replace").decode()[:width]
+
+
+def _notes(lines: Sequence[str], more: int, width: int) -> Section:
+    folded = [part for line in lines for part in _folded(f"! {line}", width)]
+    return [*folded, *([f"! {more} lines more on the last page"] if more > 0 else [])]
+
+
+def _nobody(facts: Facts, width: int) -> Section:
+    return [*_folded(facts.why, width), *_folded(facts.service, width)]
+
+
+def _of_station(facts: Facts, width: int) -> Iterator[Section]:
+    status = facts.status
+    yield [*_folded(_time(status), width), *_folded(_place(within(status, "position")), width)]
+    told = within(status, "board")
+    if told:
+        yield plain(_slots(told), width)
+        yield _folded(_board(told), width)
+    yield plain(_interfaces(facts), width)
+    yield _folded(_users(status), width)
+
+
+def _time(status: Status) -> str:
+    told = within(status, "clock")
+    unset = "" if status.get("is_clock_set") is not False else "; the system's clock is NOT SET"
+    return (clock.title(told) if told else "time: the station says nothing of it") + unset
+
+
+def _place(position: Status) -> str:
+    if not text(position, "source"):
+        return "position unknown"
+    words = [
+        f"position {number(position, 'latitude'):.7f} {number(position, 'longitude'):.7f}",
+        f"by {text(position, 'source')}",
+    ]
+    if text(position, "fix"):
+        words += [
+            f"fix {text(position, 'fix')}, carrier {text(position, 'carrier')}",
+            f"{number(position, 'satellites'):.0f} satellites",
+            f"within {number(position, 'horizontal_m'):.2f} m",
+        ]
+    if number(position, "age_s") >= 2:
+        words.append(f"{span(number(position, 'age_s'))} ago")
+    return ", ".join(words)
+
+
+def _slots(told: Status) -> Table:
+    rows, notes = [], []
+    for name, one in named(told, "slots"):
+        state = text(one, "state")
+        device = f"{text(one, 'device') or 'none'} {text(one, 'title')}".rstrip()
+        rows.append((f"{number(one, 'number'):.0f}", name, _power(one), state, span(number(one, "since_s")), device))
+        if state not in ("running", "unused"):
+            notes.append(f"{name}: {text(one, 'cause') or text(one, 'why')}")
+    return Table("" if rows else "no slots", (">slot", "name", "power", "state", ">for", "device"), rows, notes)
+
+
+def _board(told: Status) -> str:
+    """What is measured, and whether anything is."""
+    worker = within(told, "worker")
+    runs = [] if worker.get("is_up") is True else [f"its worker does not run: {text(worker, 'why')}"]
+    measured = [f"{name or kind} {values}" for kind, name, values, _ in board.measured(told)]
+    return f"board {text(told, 'name')}: {', '.join([*runs, *measured]) or 'nothing is measured'}"
+
+
+def _power(slot: Status) -> str:
+    """Of a slot whose power nothing switches it is as on as the board."""
+    if text(slot, "switched_by").startswith("nothing"):
+        return "always"
+    return {"off": "off", "fault": "?"}.get(text(slot, "sequence"), "on")
+
+
+def _interfaces(facts: Facts) -> Table:
+    dropped: dict[str, float] = {}
+    for drop in listed(facts.status, "drops"):
+        dropped[text(drop, "where")] = dropped.get(text(drop, "where"), 0.0) + number(drop, "count")
+    rows = []
+    for name, one in named(facts.status, "interfaces"):
+        rate = facts.rates.get(name)
+        rates = (f"{rate.received:.1f}", f"{rate.sent:.1f}") if rate else ("-", "-")
+        rows.append(
+            (
+                name,
+                text(one, "driver"),
+                text(one, "state"),
+                span(number(one, "since_s")),
+                *rates,
+                f"{dropped.get(name, 0.0):.0f}",
+                text(one, "why"),
+            )
+        )
+    heads = ("interface", "driver", "link", ">for", ">in/s", ">out/s", ">drops", "why")
+    return Table("" if rows else "no interfaces", heads, rows)
+
+
+def _users(status: Status) -> str:
+    endpoint = within(status, "endpoint")
+    slow = "; one does NOT KEEP UP" if number(endpoint, "slow_since") > 0 else ""
+    return (
+        f"users: {number(endpoint, 'requests'):.0f} requests, {number(endpoint, 'published'):.0f} messages to them"
+        f"{slow}; CPU {number(status, 'cpu_s'):.1f} s, {number(status, 'memory_kb') / 1024:.0f} MB"
+    )
+
+
+def _addresses(facts: Facts, width: int) -> Section:
+    lines = [line for one in facts.devices[:DEVICES] for line in _folded(_device(one), width)]
+    if (more := len(facts.devices) - DEVICES) > 0:
+        lines.append(f"{more} network devices more")
+    if facts.is_open:
+        lines += _folded("whoever reaches an address of these can send and receive: no user is authenticated", width)
+    return lines or ["no network device"]
+
+
+def _device(one: Device) -> str:
+    return f"{one.name:6} {one.state:7} {' '.join(one.addresses) or 'no address'}"
+
+
+def _troubles(facts: Facts, width: int) -> Section:
+    found = [f"WRONG: {complaint}" for complaint in texts(within(facts.status, "board"), "complaints")]
+    drops = sorted(listed(facts.status, "drops"), key=lambda drop: -number(drop, "time"))
+    found += [_drop(drop, facts.now) for drop in drops[:DROPS]]
+    found += [_logged(one) for one in facts.troubles]
+    return [line for one in found for line in _folded(one, width)[:FOLDED]] or ["no drops, no errors"]
+
+
+def _drop(drop: Status, now: float) -> str:
+    ago = span(max(0.0, now - number(drop, "time")))
+    detail = f" ({text(drop, 'detail')})" if text(drop, "detail") else ""
+    return (
+        f"{text(drop, 'where')} dropped {times(number(drop, 'count'))}, {ago} ago: "
+        f"{text(drop, 'reason')}: {text(drop, 'meaning')}{detail}"
+    )
+
+
+def _logged(one: Trouble) -> str:
+    moment = time.strftime("%H:%M:%S", time.gmtime(min(max(0.0, one.time), LAST_TIME)))
+    return f"{moment} {one.who}{': ' if one.who else ''}{one.text}"
+
+
+def _in_full(facts: Facts, width: int) -> Section:
+    """What the table of the interfaces had no room for."""
+    table = "\n".join(plain(_interfaces(facts), width))
+    return [
+        line
+        for name, one in named(facts.status, "interfaces")
+        if clean(text(one, "why")) not in table
+        for line in _folded(f"{name}: {text(one, 'why')}{_hint(one)}", width)
+    ]
+
+
+def _hint(one: Status) -> str:
+    return f" ({text(one, 'hint')})" if text(one, "hint") else ""
+
+
+def _folded(line: str, width: int) -> Section:
+    return textwrap.wrap(clean(line), width, subsequent_indent="  " if width > 20 else "")

@@ -1,0 +1,108 @@
+"""Gathers what the serial console shows: asks the station, the kernel, the journal; waits for none of them."""
+
+import re
+import time
+from collections.abc import Callable, Sequence
+
+from board.errors import StationError
+from board.loop import Loop
+from firmware.console.addresses import devices, is_open
+from firmware.console.asking import Asking, Status
+from firmware.console.journal import Journal
+from firmware.console.notes import Notes
+from firmware.console.rates import Rates
+from firmware.console.service import Service
+from firmware.console.sheet import Facts
+
+# Between two questions, whatever is typed: a status costs a station 0.3 ms.
+ASKED_S = 1.9
+JOURNAL_S = 30.0  # 0.1 s of processor time each
+SERVICE_S = 10.0
+FIRST_PORT = 5555  # of a station whose control socket has no number in its name
+NUMBER = re.compile(r"captain-(?:.*-)?(\d{1,5})\.sock$")
+
+
+class Survey:
+    """What is known, and look() for more; changed() is called when some of it has come.
+
+    paths  of its control socket: the first that somebody listens at is its own.
+    notes  path of a file, or empty.
+    """
+
+    def __init__(self, loop: Loop, paths: Sequence[str], notes: str, changed: Callable[[], None]) -> None:
+        self._loop = loop
+        self._paths = paths
+        self._changed = changed
+        self._notes = Notes(notes)
+        self._rates = Rates()
+        self._journal = Journal(loop, changed)
+        self._service = Service(loop, changed)
+        self._asking: Asking | None = None
+        self._status: Status = {}
+        self._why = "the station has not answered yet"
+        self._is_known = False
+        self._due: dict[str, float] = {}
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether all that was asked for has come."""
+        return self._is_known and self._asking is None and self._journal.is_read and self._service.is_read
+
+    @property
+    def is_answered(self) -> bool:
+        """Whether a station has answered the last question."""
+        return bool(self._status)
+
+    def look(self) -> None:
+        """Ask all that has not been asked of late."""
+        if self._is_due("station", ASKED_S) and self._asking is None:
+            self._asking = Asking(self._loop, self._paths, self._told)
+        if self._is_due("journal", JOURNAL_S):
+            self._journal.look()
+
+    def facts(self) -> Facts:
+        """With what the kernel and the file of notes say now."""
+        self._notes.look()
+        return Facts(
+            self._status,
+            self._why,
+            self._service.words,
+            self._rates.of,
+            devices(),
+            is_open(_port(self._paths)),
+            self._notes.lines,
+            self._journal.troubles,
+            time.time(),
+        )
+
+    def leave(self) -> None:
+        """Wait for nothing any more."""
+        if self._asking is not None:
+            self._asking.leave()
+        self._journal.leave()
+        self._service.leave()
+
+    def _told(self, answer: Status | StationError) -> None:
+        self._asking = None
+        self._is_known = True
+        if isinstance(answer, StationError):
+            self._status, self._why = {}, answer.message
+            if self._is_due("service", SERVICE_S):
+                self._service.look()
+        else:
+            self._status = answer
+            self._rates.add(answer, self._loop.clock())
+        self._changed()
+
+    def _is_due(self, what: str, every_s: float) -> bool:
+        now = self._loop.clock()
+        if now < self._due.get(what, now):
+            return False
+        self._due[what] = now + every_s
+        return True
+
+
+def _port(paths: Sequence[str]) -> int:
+    """Where users publish to, as the name of the control socket says."""
+    found = NUMBER.search(paths[0]) if paths else None
+    return int(found[1]) if found else FIRST_PORT

@@ -1,0 +1,32 @@
+import json
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from firmware.console import journal, survey
+from firmware.console.addresses import Device
+from tests.firmware.console.emulated import Bench
+from tests.virtual import VirtualLoop
+
+ETH0 = Device("eth0", "up", ("192.168.1.20/24", "fe80::1/64"))
+
+
+@pytest.fixture
+def status() -> dict[str, Any]:
+    """What a station with the simulated board has said."""
+    found: dict[str, Any] = json.loads(Path(__file__).with_name("status.json").read_text())
+    return found
+
+
+@pytest.fixture
+def bench(tmp_path: Path, status: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
+    """A console on a machine with one address, without a journal and without a service manager."""
+    monkeypatch.setattr(survey, "devices", lambda: [ETH0])
+    monkeypatch.setattr(survey, "is_open", lambda port: False)
+    monkeypatch.setattr(journal, "COMMAND", ("no-such-program",))
+    # What the kernel passes from one end of a pty to the other is there within microseconds, but not at once.
+    with closing(VirtualLoop(patience_s=0.002)) as loop, closing(Bench(loop, tmp_path, status)) as bench:
+        yield bench
