@@ -21,12 +21,12 @@ TAIL = 3.0
 # What was seen counts half after so long: summer is not winter.
 HALF_LIFE_S = 14 * 86400
 
-# What may happen though it never has: the air in the box changes just after the last pulse by 10 K, as when an engine
-# starts or a fan stops, and the crystal is an AT cut of 0.4 ppm/K, which follows within a minute. (NTP takes 15 ppm for
-# any clock: RFC 5905, PHI.) A quiet day is no promise against it. After 1000 hours of pulses without it, it is rarer in
-# the next hour than RARE, and what was seen is all that is stated; until then it fades.
-STEP_PPB = 4_000.0
-THERMAL_S = 60.0
+# What may happen though it never has, just after the last pulse: ppb, and seconds by which the crystal follows. It is
+# an AT cut, of 0.2 to 0.4 ppm/K. A fan stops, and the air in the box is 10 K warmer at once; an engine is started, and
+# it is 15 K warmer after half an hour. (NTP takes 15 ppm for any clock: RFC 5905, PHI.) A quiet day is no promise
+# against it. After 1000 hours of pulses without it, it is rarer in the next hour than RARE, and what was seen is all
+# that is stated; until then it fades.
+CHANGES = ((3_000.0, 60.0), (4_000.0, 1_200.0))
 FADES_S = 1000 * 3600
 
 # Over so long the line's frequency shows: pulses are too coarse before, and it is another after.
@@ -52,7 +52,7 @@ class Prediction(NamedTuple):
 
 def unseen_ns(ahead_s: float) -> float:
     """How far off a prediction so far ahead may be by what has never been seen."""
-    return STEP_PPB * (ahead_s - THERMAL_S * (1 - exp(-ahead_s / THERMAL_S)))
+    return sum(ppb * (ahead_s - follows_s * (1 - exp(-ahead_s / follows_s))) for ppb, follows_s in CHANGES)
 
 
 class Horizon:

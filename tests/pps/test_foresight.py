@@ -30,8 +30,8 @@ def learnt_ns(foresight: Foresight, ahead_s: float) -> float:
 
 def test_before_anything_is_known_the_bound_is_what_may_happen():
     assert Foresight().bound_ns(0) == 0
-    assert Foresight().bound_ns(10) == unseen_ns(10) == pytest.approx(3_100, rel=0.05)
-    assert Foresight().bound_ns(3600) == unseen_ns(3600) == pytest.approx(14_160_000, rel=0.001)
+    assert Foresight().bound_ns(10) == unseen_ns(10) == pytest.approx(2_530, rel=0.05)
+    assert Foresight().bound_ns(3600) == unseen_ns(3600) == pytest.approx(20_459_000, rel=0.001)
 
 
 def test_often_seen_errors_give_their_rare_quantile():
