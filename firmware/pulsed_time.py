@@ -139,9 +139,10 @@ class PulsedTime:
             for why, count in self._pairing.refused.items()
         ]
         pulse = self._input.status() if self._input else None
+        counts = {"seconds": self.seconds, "late": self.late, "surprises": self._estimator.surprises}
         return {
             "receiver": self.receiver,
-            "pulse": pulse and {**pulse, "seconds": self.seconds, "late": self.late, "refused": refusals},
+            "pulse": pulse and {**pulse, **counts, "refused": refusals},
             "refclock": self._refclock.status() if self._refclock else None,
         }
 

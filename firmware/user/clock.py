@@ -144,6 +144,9 @@ def _notes(clock: Mapping[str, object]) -> Iterator[str]:
     if text(within(clock, "leap"), "doubt"):
         yield text(within(clock, "leap"), "doubt")
     refused = [one for one in listed(pulse, "refused") if text(one, "reason") != "acquiring"]  # which is no fault
+    if number(pulse, "surprises"):
+        how_often = times(number(pulse, "surprises"))
+        yield f"{how_often} pulses came back and the time was further off than had been stated"
     for one in sorted(refused, key=lambda one: -number(one, "count")):
         detail = f"; the last: {text(one, 'detail')}" if text(one, "detail") else ""
         yield f"refused {times(number(one, 'count'))}, {text(one, 'reason')}: {text(one, 'meaning')}{detail}"

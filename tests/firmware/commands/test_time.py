@@ -50,6 +50,7 @@ CLOCK: dict[str, Any] = {
         "extra": 1,
         "seconds": 3590,
         "late": 4,
+        "surprises": 1,
         "refused": [
             {"reason": "acquiring", "meaning": "good as far as is known", "count": 3, "time": 1.0, "detail": "3 of 4"},
             {"reason": "unlocked", "meaning": "no satellites", "count": 5, "time": 1.0, "detail": "second 722454236"},
@@ -85,6 +86,7 @@ pulses        /dev/pps0, the last 13 s ago
 chronyd       is not fed: 3000 samples sent, 12 absent
               stratum 1 by PPS, offset 120 ns, 12.346 ppm, leap Insert second
   chronyd is not fed: there is no socket
+  once pulses came back and the time was further off than had been stated
   refused 5 times, unlocked: no satellites; the last: second 722454236"""
 
 
