@@ -13,9 +13,10 @@ from tests.pps.days.account import HOLDOVER, PULSES, Account
 from tests.pps.days.day import Day, Plan
 from tests.pps.days.plans import days, random_day
 
-# Error: what 95 % are below, and the worst; bound: the median; hold: the same of the time without pulses.
+# wrong: seconds passed on that are not the true ones. false: edges that are not the receiver's, in a right second.
+# lost: good pulses that were refused. error: what 95 % are below; bound: the median. hold: the time without pulses.
 HEADS = (
-    f"{'day':22} {'passed':>6} {'wrong':>5} {'lost':>4} {'back s':>6} {'inside %':>8} {'error us':>8} {'bound us':>8}"
+    f"{'day':22} {'passed':>6} {'wrong':>5} {'false':>5} {'lost':>4} {'back s':>6} {'inside %':>8} {'error us':>8} {'bound us':>8}"
     f" {'ratio':>5} {'hold: %':>7} {'error us':>8} {'worst us':>8} {'bound us':>8} {'ratio':>5} {'cpu s':>5}"
 )
 
@@ -40,7 +41,7 @@ def row(played: Played) -> str:
     account = played.account
     pulses, hold = account.known[PULSES], account.known[HOLDOVER]
     line = (
-        f"{played.name:22} {account.passed:6} {account.wrong:5} {account.refused_good:4} {account.back_s:6}"
+        f"{played.name:22} {account.passed:6} {account.wrong:5} {account.false:5} {account.refused_good:4} {account.back_s:6}"
         f" {account.all.inside_share:8.3%} {pulses.usual_error_ns / 1e3:8.1f} {pulses.usual_bound_ns / 1e3:8.1f}"
         f" {pulses.ratio:5.2f}"
     )

@@ -58,7 +58,7 @@ class Account:
     """Of one day, or of several.
 
     passed, wrong  seconds passed on, and those of them that were not the true one.
-    off_ns         the most that an edge that was passed on was off its second.
+    false          of those passed on, edges that were not the receiver's. off_ns: the most that one was off its second.
     refused_good   good pulses that were not passed on, RECOVERY_S and more after the trouble before them.
     back_s         the longest from the first good second after trouble to the first that was passed on.
     known          samples of the estimate: with pulses, and without any of late. blind: moments without an estimate.
@@ -68,6 +68,7 @@ class Account:
 
     passed: int = 0
     wrong: int = 0
+    false: int = 0
     off_ns: int = 0
     refused_good: int = 0
     back_s: int = 0
@@ -83,7 +84,7 @@ class Account:
         """Take another day in."""
         self.off_ns = max(self.off_ns, other.off_ns)
         self.back_s = max(self.back_s, other.back_s)
-        for name in ("passed", "wrong", "refused_good", "blind", "stepped", "acquired"):
+        for name in ("passed", "wrong", "false", "refused_good", "blind", "stepped", "acquired"):
             setattr(self, name, getattr(self, name) + getattr(other, name))
         for name, samples in self.known.items():
             samples.extend(other.known[name])

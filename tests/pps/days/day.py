@@ -240,6 +240,7 @@ class Day:
                 account.passed += 1
                 account.stepped += event.is_stepped
                 off_ns = abs(self._truth[event.pulse.sequence] - event.its_s * SECOND_NS)
+                account.false += off_ns > 0
                 account.off_ns = max(account.off_ns, off_ns)
                 account.wrong += off_ns >= SECOND_NS // 2
                 self._followed = second = event.its_s - self.plan.start_s

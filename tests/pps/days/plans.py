@@ -12,7 +12,7 @@ from tests.pps.days.trouble import Kind, Trouble
 from tests.pps.days.words import WEEK_S, Leaping
 
 HOUR = 3600
-YEAR_2016 = 410_270_404  # ITS second of 2016-12-31T12:00:00Z
+NOON_2016 = 410_270_404  # ITS second of 2016-12-31T12:00:00Z
 START = START_NS // SECOND_NS
 
 # A receiver that came back with a wrong second keeps to it for less than RELABEL_S, and the raw clock can tell.
@@ -111,10 +111,10 @@ def days(seed: int = 1) -> list[Plan]:
 
 def leaping_day(name: str, seed: int, change: int) -> Plan:
     """From noon on 31 December 2016; what was inserted then may as well have been left out."""
-    midnight_s = YEAR_2016 + 12 * HOUR
+    midnight_s = NOON_2016 + 12 * HOUR
     event = LeapEvent(midnight_s - (change < 0), change)
     around = (Trouble(6 * HOUR, 900, Kind.LOSS), Trouble(12 * HOUR + 600, 300, Kind.RESTART))
-    return Plan(name, seed, around, start_s=YEAR_2016, leaping=Leaping(17, event))
+    return Plan(name, seed, around, start_s=NOON_2016, leaping=Leaping(17, event))
 
 
 def _week(seed: int) -> Plan:
