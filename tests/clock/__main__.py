@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from tests.clock import delay, pulses, steered
+from tests.clock import delay, leap, pulses, steered
 from tests.clock.bench import LateError
 from tests.clock.machine import MADE, Made
 from tests.clock.rows import Row
@@ -21,7 +21,7 @@ def main() -> int:
     parts: dict[str, Callable[[], list[Row]]] = {
         "pulses": lambda: pulses.measure(made, arguments.pulses),
         "steered": lambda: steered.measure(made, arguments.calm_s, arguments.outage_s),
-        "leap": lambda: steered.measure_leap(made),
+        "leap": lambda: leap.measure(made),
         "delay": lambda: delay.measure(made, arguments.calm_s),
     }
     rows: list[Row] = []

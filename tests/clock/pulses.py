@@ -76,7 +76,8 @@ def _exchange(on: Bench, guest: Guest) -> None:
 
 
 def _rows(taken: Taken, guest: Guest) -> list[Row]:
-    pairs = list(zip(taken.struck, taken.pulses, strict=False))
+    # The kernel counts edges from its start on, of which the bench gave the first.
+    pairs = [(taken.struck[pulse.sequence - 1], pulse) for pulse in taken.pulses if pulse.sequence <= len(taken.struck)]
     for struck, pulse in pairs:
         guest.ruler.after(struck.at_ns.earliest, pulse.raw_ns)
     known_us = guest.ruler.host(0).half / 1000

@@ -4,7 +4,6 @@ import statistics
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from itertools import pairwise
 
 from drivers.sim.receiver import Receiver
 from drivers.sim.receiver_habits import Habits
@@ -13,17 +12,14 @@ from drivers.wire.gnss_time import Leap
 from tests.clock.bench import Bench, Pulser, bench
 from tests.clock.machine import Made
 from tests.clock.rows import Row
-from tests.clock.station import GPS_LEAD, STALE_S, Report, Station
+from tests.clock.stated import asked, field, sound, statements
+from tests.clock.station import GPS_LEAD, Station
 from tests.clock.truth import EPOCH, LEAPS, S, Truth
 
 FAST_PPB = 40_000
 WRONG_NS = 3_700_000_000
 ITS_S = 1_780_300_800 - EPOCH + LEAPS  # 2026-06-01T08:00:00Z
 DATE = "2026-06-01T08:00:00"
-
-LEAP_ITS_S = 1_483_228_800 - EPOCH + LEAPS - 1  # 2016-12-31T23:59:60Z
-LEAP_LEAD_S = 150  # before it, when its guest gets power: it is settled by then
-LEAP_DATE = "2016-12-31T23:57:30"
 
 START_S = 180.0  # the first time: the guest's Python compiles all sources; 15 s after that
 SECOND_S = 60.0  # the goal
@@ -56,36 +52,17 @@ def measure(made: Made, calm_s: float, outage_s: float) -> list[Row]:
     truth = Truth(ITS_S, FAST_PPB)
     with running(made, truth, DATE, Leap(18)) as (on, station):
         began_s = on.loop.clock()
-        rows = list(_found(on, station, began_s))
+        rows = list(found(on, station, began_s))
         rows += _at_rest(on, station, calm_s)
         rows += _without(on, station, outage_s)
-        rows += [_statements(station, began_s, on.loop.clock(), "all the time"), _sound(station)]
-        return rows
-
-
-def measure_leap(made: Made) -> list[Row]:
-    """Across 2016-12-31T23:59:60."""
-    truth = Truth(LEAP_ITS_S - LEAP_LEAD_S, FAST_PPB, LEAP_ITS_S, LEAPS - 1)
-    with running(made, truth, LEAP_DATE, Leap(17, LEAP_ITS_S + GPS_LEAD, 1)) as (on, station):
-        rows = list(_found(on, station, on.loop.clock()))
-        settled_s = on.loop.clock()
-        on.until(lambda: on.loop.clock() > LEAP_LEAD_S - 10, LEAP_LEAD_S, "the last minute")
-        tracking = _asked(on, station, "chronyc", "-n", "tracking")
-        on.turn_for(10 + 30)
-        rows.append(_row_of_word(tracking, "Leap status", "Insert second"))
-        rows += _leapt(station, settled_s)
-        rows += [_statements(station, settled_s, LEAP_LEAD_S - STALE_S, "before it")]
-        rows += [
-            _statements(station, LEAP_LEAD_S + 2 + STALE_S, on.loop.clock(), "from 2 s after it on"),
-            _sound(station),
-        ]
+        rows += [statements(station, began_s, on.loop.clock(), "all the time"), sound(station)]
         return rows
 
 
 # From the wrong time to the right one
 
 
-def _found(on: Bench, station: Station, began_s: float) -> Iterator[Row]:
+def found(on: Bench, station: Station, began_s: float) -> Iterator[Row]:
     off_s = station.error_ns(station.samples[0]) / S
     yield Row.of(
         "the system's clock begins wrong",
@@ -113,6 +90,7 @@ def _found(on: Bench, station: Station, began_s: float) -> Iterator[Row]:
 
 
 def is_calm(station: Station, now_s: float) -> bool:
+    """Whether its clock has been right to GOAL_NS for CALM_S."""
     errors = station.errors_ns(now_s - CALM_S)
     is_long = station.samples[0].at_s < now_s - CALM_S
     return is_long and all(abs(error) < GOAL_NS for error in errors)
@@ -144,8 +122,8 @@ def _at_rest(on: Bench, station: Station, calm_s: float) -> Iterator[Row]:
         f"{FAST_PPB / 1000:+.0f} ppm",
         off_ppb <= max(2 * said["skew_ppb"], 1000),
     )
-    lines = _asked(on, station, "chronyc", "-n", "tracking")
-    yield Row("chronyd says", "; ".join(_field(lines, name) for name in ("Frequency", "Skew", "RMS offset")), "none")
+    lines = asked(on, station, "chronyc", "-n", "tracking")
+    yield Row("chronyd says", "; ".join(field(lines, name) for name in ("Frequency", "Skew", "RMS offset")), "none")
 
 
 # Without satellites
@@ -164,93 +142,10 @@ def _without(on: Bench, station: Station, outage_s: float) -> Iterator[Row]:
         "without satellites the station says", f"{state}, within {bound_us:.0f} us", "holdover", state == "holdover"
     )
     yield Row("the system's clock at the end of it", f"{error_us:+.0f} us", "none")
-    yield _statements(station, began_s, on.loop.clock(), f"without satellites for {outage_s:.0f} s")
+    yield statements(station, began_s, on.loop.clock(), f"without satellites for {outage_s:.0f} s")
     station.receiver.sky = Sky()
     on.pulser.is_on = True
     back_s = on.loop.clock()
     on.until(lambda: station.reports[-1].said["state"] in ("locked", "settling"), 120, "pulses that are believed again")
     yield Row("believed again, after they are back", f"{on.loop.clock() - back_s:.0f} s", "none")
     on.turn_for(10)
-
-
-# Across a leap second
-
-
-def _leapt(station: Station, settled_s: float) -> Iterator[Row]:
-    near = [sample for sample in station.samples if sample.at_s >= settled_s]
-    late = [sample for sample in near if abs(sample.at_s - LEAP_LEAD_S) > 2]
-    worst_us = max(abs(station.error_ns(sample)) / 1000 for sample in late)
-    yield Row.of(
-        "the system's clock, but for 2 s on either side of it",
-        f"at most {worst_us:.0f} us wrong",
-        "below 1 ms",
-        worst_us < 1000,
-    )
-    wrong = [sample.at_s - LEAP_LEAD_S for sample in near if abs(station.error_ns(sample)) > OFF_NS]
-    seen = f"from {wrong[0]:+.2f} to {wrong[-1]:+.2f} s" if wrong else "never"
-    yield Row.of(
-        "wrong by a second, as the kernel carries it out",
-        seen,
-        "within 1 s of it",
-        all(abs(at_s) < 1 for at_s in wrong),
-    )
-    reports = [report for report in station.reports if report.at_s >= settled_s and report.said["its_ms"]]
-    off_ms = [round(1000 * (report.at_s + LEAP_ITS_S - LEAP_LEAD_S) - report.said["its_ms"]) for report in reports]
-    yield Row.of(
-        f"ITS time as {len(off_ms)} reports say, when they come",
-        f"{min(off_ms)} to {max(off_ms)} ms behind",
-        "never another second",
-        min(off_ms) >= -2 and max(off_ms) < 500,
-    )
-    stepped = [late - before for before, late in pairwise(off_ms)]
-    yield Row.of(
-        "between two of them it steps",
-        f"by {max(map(abs, stepped))} ms at most",
-        "by no second",
-        max(map(abs, stepped)) < 500,
-    )
-
-
-# What the station states, and what is so
-
-
-def _statements(station: Station, since_s: float, until_s: float, when: str) -> Row:
-    made = [report for report in station.reports if since_s <= report.at_s <= until_s and report.said["uncertainty_ns"]]
-    known_ns = station.guest.ruler.host(0).half
-    wrong = [report for report in made if not _holds(station, report, known_ns)]
-    bounds_us = [report.said["uncertainty_ns"] / 1000 for report in made if report.said["state"] != "coarse"]
-    median = f", median bound {statistics.median(bounds_us):.0f} us" if bounds_us else ""
-    return Row.of(
-        f"the truth is inside what the station states, {when}",
-        f"{len(made) - len(wrong)} of {len(made)}{median}",
-        "99.9 %",
-        bool(made) and len(wrong) <= len(made) // 1000,
-    )
-
-
-def _holds(station: Station, report: Report, known_ns: int) -> bool:
-    """Whether the truth was inside at any moment that it can be of: it has none of its own."""
-    offset_ns, within_ns = report.said["offset_ns"], report.said["uncertainty_ns"] + known_ns
-    found = [-station.error_ns(sample) for sample in station.between(report.at_s - STALE_S, report.at_s)]
-    return bool(min(found) - within_ns <= offset_ns <= max(found) + within_ns)
-
-
-def _sound(station: Station) -> Row:
-    is_sound = station.guest.ruler.is_sound
-    return Row.of("the guest's oscillator is the host's clock", "yes" if is_sound else "no", "yes", is_sound)
-
-
-def _asked(on: Bench, station: Station, *words: str) -> str:
-    said: list[str] = []
-    station.guest.run(words, said.append)
-    on.until(lambda: said, 60, " ".join(words))
-    return said[0]
-
-
-def _field(lines: str, name: str) -> str:
-    return next((" ".join(line.split()) for line in lines.splitlines() if line.startswith(name)), f"no {name}")
-
-
-def _row_of_word(lines: str, name: str, wanted: str) -> Row:
-    seen = _field(lines, name)
-    return Row.of("chronyd says, 10 s before it", seen, wanted, seen.endswith(wanted))
