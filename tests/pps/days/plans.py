@@ -88,11 +88,10 @@ def days(seed: int = 1) -> list[Plan]:
     """One for each."""
     lively = drawn(seed + 4)
     sun = Temperature(diurnal_k=8.0, ramps=[*clouds(seed, 7 * HOUR, 18 * HOUR), *fan(seed, 10 * HOUR, 17 * HOUR)])
-    drive = Temperature(mean_c=20.0, ramps=[*engine(5 * HOUR), *engine(14 * HOUR, kelvin=25.0)])
+    drive = Temperature(ramps=[*engine(5 * HOUR), *engine(19 * HOUR, kelvin=25.0), *clouds(seed, 8 * HOUR, 17 * HOUR)])
     loads = tuple((at, at + 900.0) for at in range(1_800, DAY_S, 3_600))
     return [
-        Plan("sun and fan", seed, crystal=lively, temperature=sun),
-        Plan("engine", seed, crystal=drawn(seed + 7), temperature=drive),
+        Plan("engine and sun", seed, crystal=drawn(seed + 7), temperature=drive),
         Plan("interrupts", seed, loads=loads, base_ns=8_500.0),
         Plan("missed pulses", seed, tuple(_missed())),
         Plan("false edges", seed, tuple(_noise())),
