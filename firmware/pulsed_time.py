@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from board.journal import REPEATS, Journal
 from board.leaps import RECEIVER, Leaps
 from board.loop import Loop, Timer
-from board.time import Fix, Lock, TimeMark, TimeQuality
+from board.time import EPOCH, Fix, Lock, TimeMark, TimeQuality
 from firmware.pulse_input import PulseInput
 from firmware.time_history import Row, TimeHistory
 from pps.model import SHORTEST
@@ -67,6 +67,7 @@ class PulsedTime:
         self._timer: Timer | None = None
         self._phase: tuple[int, int] | None = None  # ITS second and raw clock of the first pulse: where phases begin
         self._state = Lock.UNKNOWN
+        self._offset_ns = 0  # of the last second
         self._anchor: tuple[int, int] | None = None  # ITS time in ns and raw clock of the last second, where usable
 
     def start(self) -> None:
@@ -118,6 +119,7 @@ class PulsedTime:
         found = self._estimator.estimate(now.raw_ns)
         is_usable = quality.state in (Lock.LOCKED, Lock.HOLDOVER) and found is not None and found[1] <= USABLE_NS
         self._anchor = (found[0], now.raw_ns) if found is not None and is_usable else None
+        self._offset_ns = quality.offset_ns or 0
         if quality.state is not self._state:
             self._journal.say(logging.INFO, _sentence(self._state, quality), quality.state.name)
             self._state = quality.state
@@ -148,14 +150,16 @@ class PulsedTime:
 
     def leap_status(self) -> dict[str, object]:
         """Whose leap seconds are used, until when they are known, and what is to come."""
-        leaps, now_ns = self.leaps, self.leaps.its_ns(self._clocks().system_ns)
-        event = leaps.next(now_ns)
+        leaps, unix_ns = self.leaps, self._clocks().system_ns + self._offset_ns
+        is_known = unix_ns >= EPOCH * 10**9  # the clock of a box without a battery begins in 1970
+        now_ns = leaps.its_ns(unix_ns)
+        event = leaps.next(now_ns) if is_known else None
         is_settled = leaps.source == RECEIVER and leaps.doubt == self._listed.doubt  # the list matters no more
         return {
             "table": leaps.source,
             "expires": leaps.expires,
             "doubt": "" if is_settled else leaps.doubt,
-            "seconds": leaps.leap_seconds(now_ns),
+            "seconds": leaps.leap_seconds(now_ns) if is_known else None,
             "event": event and {**event._asdict(), "utc": leaps.civil(event.its_s * 1_000_000_000)},
         }
 

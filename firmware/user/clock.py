@@ -55,7 +55,7 @@ def _its(clock: Mapping[str, object]) -> str:
     if clock.get("its_ms") is None:
         return ""
     its_ms, leap = number(clock, "its_ms"), within(clock, "leap")
-    if "seconds" not in leap:
+    if leap.get("seconds") is None:
         return f"{its_ms:.0f} ms"
     unix_s = min(max(0.0, its_ms // 1000 - number(leap, "seconds") + EPOCH), LAST_TIME)
     return f"{its_ms:.0f} ms, {time.strftime('%Y-%m-%d %H:%M:%S UTC', time.gmtime(unix_s))}"
@@ -83,7 +83,8 @@ def _leap(leap: Mapping[str, object]) -> str:
     expires = "" if leap.get("expires") is None else f" until {_day(number(leap, 'expires'))}"
     by = {"receiver": "the receiver", "built in": "what is built in"}
     table = text(leap, "table")
-    return f"{number(leap, 'seconds'):.0f} since 2004 by {by.get(table, table.rpartition('/')[2])}{expires}"
+    counted = "not known" if leap.get("seconds") is None else f"{number(leap, 'seconds'):.0f}"
+    return f"{counted} since 2004 by {by.get(table, table.rpartition('/')[2])}{expires}"
 
 
 def _event(event: Mapping[str, object]) -> str:

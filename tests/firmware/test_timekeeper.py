@@ -134,6 +134,23 @@ def test_a_step_of_the_systems_clock_is_an_offset_and_no_step_of_the_time(bench:
     assert bench.state() == "locked"
 
 
+def test_a_clock_that_was_never_set_does_not_hide_the_time(bench: TimeBench) -> None:
+    bench.error_ns = -1_795_000_000 * 10**9  # in January 1970
+    assert_true(bench)
+    status = bench.keeper.status()
+    assert (status["state"], status["leap"]["seconds"], status["leap"]["event"]) == ("locked", 5, None)  # type: ignore[index]
+    assert bench.place.ego().is_known
+
+
+def test_of_a_clock_that_was_never_set_no_leap_second_is_to_come(make: Make) -> None:
+    bench = make()
+    bench.error_ns = -1_795_000_000 * 10**9
+    bench.loop.run_for(0.5)
+    status = bench.keeper.status()
+    assert (status["state"], status["its_ms"]) == ("unknown", None)
+    assert (status["leap"]["seconds"], status["leap"]["event"]) == (None, None)  # type: ignore[index]
+
+
 def test_time_of_which_the_bound_is_large_is_no_longer_that_of_the_station(bench: TimeBench) -> None:
     bench.lose()
     bench.until("holdover")
