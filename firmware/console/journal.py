@@ -21,6 +21,7 @@ COMMAND = (
     "--output=json",
     "--output-fields=MESSAGE,PRIORITY,SYSLOG_IDENTIFIER",
 )
+UNREAD = "the journal cannot be read: its group is systemd-journal"
 ERROR = 3  # syslog(3)
 # The station's own lines come by stderr, all with one priority; what it thinks of them stands in them.
 OURS = re.compile(r"[\w.]+: (WARNING|ERROR|CRITICAL): ")
@@ -38,10 +39,12 @@ class Journal:
     """The last errors, of the station also warnings, asked for again by look().
 
     troubles  the newest first; changed() is called when they have been read.
+    why       they are not known, or empty.
     """
 
     def __init__(self, loop: Loop, changed: Callable[[], None]) -> None:
         self.troubles: list[Trouble] = []
+        self.why = ""
         self._loop = loop
         self._changed = changed
         self._tool: Tool | None = None
@@ -51,12 +54,12 @@ class Journal:
         return self._tool is None
 
     def look(self) -> None:
-        """Ask, unless it is being asked. Where there is no journal, or it is not ours to read, there are no lines."""
+        """Ask, unless it is being asked."""
         if self._tool is None:
             try:
                 self._tool = Tool(self._loop, COMMAND, LIMIT_S, self._said, quick=True)
-            except StationError:
-                self.troubles = []
+            except StationError as error:
+                self.troubles, self.why = [], f"the journal cannot be read: {error.message}"
 
     def leave(self) -> None:
         if self._tool is not None:
@@ -65,6 +68,7 @@ class Journal:
     def _said(self, status: int | None, output: str) -> None:
         self._tool = None
         self.troubles = troubles(output)
+        self.why = "" if status == 0 else UNREAD
         self._changed()
 
 

@@ -11,7 +11,7 @@ def pages(sections: Sequence[Sequence[str]], height: int) -> list[list[str]]:
     made: list[list[str]] = [[]]
     for section in sections:
         left = list(section)
-        if height - len(made[-1]) < min(FEWEST, len(left)):
+        if made[-1] and height - len(made[-1]) < min(FEWEST, len(left)):
             made.append([])
         while left:
             room = height - len(made[-1])

@@ -18,6 +18,8 @@ NOTES_ABOVE = 8  # lines of notes on the first page; all of them are on the last
 FOLDED = 3  # lines of one trouble at most
 DROPS = 5
 DEVICES = 12
+UNSET = "the clock of this machine is NOT SET: no time stamp is right"
+OPEN = "whoever reaches these addresses can send: no user is authenticated"
 
 Status = Mapping[str, object]
 Section = list[str]
@@ -30,7 +32,7 @@ class Facts(NamedTuple):
     rates     by interface.
     is_open   whether other machines reach the endpoint.
     notes     lines of whoever made this machine start.
-    troubles  of the journal, the newest first.
+    troubles  of the journal, the newest first; unread: why they are not known, or empty.
     now       Unix time in seconds.
     """
 
@@ -42,6 +44,7 @@ class Facts(NamedTuple):
     is_open: bool
     notes: Sequence[str]
     troubles: Sequence[Trouble]
+    unread: str
     now: float
 
 
@@ -83,7 +86,9 @@ def _nobody(facts: Facts, width: int) -> Section:
 
 def _of_station(facts: Facts, width: int) -> Iterator[Section]:
     status = facts.status
-    yield [*_folded(_time(status), width), *_folded(_place(within(status, "position")), width)]
+    unset = UNSET if status.get("is_clock_set") is False else ""
+    known = (unset, _time(status), _place(within(status, "position")))
+    yield [part for line in known for part in _folded(line, width)]
     told = within(status, "board")
     if told:
         yield plain(_slots(told), width)
@@ -94,8 +99,7 @@ def _of_station(facts: Facts, width: int) -> Iterator[Section]:
 
 def _time(status: Status) -> str:
     told = within(status, "clock")
-    unset = "" if status.get("is_clock_set") is not False else "; the system's clock is NOT SET"
-    return (clock.title(told) if told else "time: the station says nothing of it") + unset
+    return clock.title(told) if told else "time: the station says nothing of it"
 
 
 def _place(position: Status) -> str:
@@ -179,7 +183,7 @@ def _addresses(facts: Facts, width: int) -> Section:
     if (more := len(facts.devices) - DEVICES) > 0:
         lines.append(f"{more} network devices more")
     if facts.is_open:
-        lines += _folded("whoever reaches an address of these can send and receive: no user is authenticated", width)
+        lines += _folded(OPEN, width)
     return lines or ["no network device"]
 
 
@@ -192,6 +196,8 @@ def _troubles(facts: Facts, width: int) -> Section:
     drops = sorted(listed(facts.status, "drops"), key=lambda drop: -number(drop, "time"))
     found += [_drop(drop, facts.now) for drop in drops[:DROPS]]
     found += [_logged(one) for one in facts.troubles]
+    if facts.unread:
+        found.append(facts.unread)
     return [line for one in found for line in _folded(one, width)[:FOLDED]] or ["no drops, no errors"]
 
 

@@ -72,6 +72,7 @@ class Survey:
             is_open(_port(self._paths)),
             self._notes.lines,
             self._journal.troubles,
+            self._journal.why,
             time.time(),
         )
 
