@@ -1,0 +1,111 @@
+# U-Boot's script, the same on a Raspberry Pi and in QEMU's virt: takes a slot that has tries left, counts the try down
+# in the state partition, and starts its kernel. A station that is well puts the counter back; one that never gets well
+# uses its tries up, and the other slot is taken.
+#
+# The state: two copies of 4 KiB, 4 MiB apart, as libubootenv keeps a redundant environment: CRC-32 in 4 octets, a
+# counter in one, the text. U-Boot's own functions know it without the counter: the CRC is shifted by an octet for them.
+# The copy that is not in use is written; all of it fits a sector, so that a cut leaves the old copy or the new one.
+#
+# Of this shell: '...' within "..." is no quoting; setexpr gives hexadecimal numbers without 0x.
+
+if test "${board}" = "qemu-arm"; then
+  setenv console "console=ttyAMA0"
+else
+  # Not the built-in addresses: a Pi 3's device tree lies at 0x08000000, in the way of the kernel.
+  setenv kernel_addr_r 0x0a000000
+  setenv ramdisk_addr_r 0x10000000
+  setenv console "console=tty0 console=@CONSOLE@"
+fi
+setenv text_size 0xfff
+setenv blocks 8
+setenv apart 0x2000
+
+# In memory: copy 1, copy 2, and a place to work; of each the text, and the counter.
+setenv a ${ramdisk_addr_r}
+setexpr b ${a} + 0x10000
+setexpr work ${a} + 0x20000
+setexpr a_text ${a} + 1
+setexpr b_text ${b} + 1
+setexpr work_text ${work} + 1
+setexpr a_count ${a} + 4
+setexpr b_count ${b} + 4
+setexpr work_count ${work} + 4
+
+${devtype} dev ${devnum}
+part start ${devtype} ${devnum} 5 first
+setenv first 0x${first}
+setexpr second ${first} + ${apart}
+setenv second 0x${second}
+setenv a_good 0
+setenv b_good 0
+mw.b ${a} 0 0x20000
+${devtype} read ${a} ${first} ${blocks}
+setexpr.b a_counter *${a_count}
+cp.b ${a} ${work} 4
+cp.b ${work} ${a_text} 4
+if env import -c ${a_text} ${text_size} BOOT_ORDER; then setenv a_good 1; fi
+${devtype} read ${b} ${second} ${blocks}
+setexpr.b b_counter *${b_count}
+cp.b ${b} ${work} 4
+cp.b ${work} ${b_text} 4
+if env import -c ${b_text} ${text_size} BOOT_ORDER; then setenv b_good 1; fi
+
+# The newer one: the counter goes up, and from ff to 0. Source: libubootenv, uboot_env.c, libuboot_load.
+setenv use none
+if test ${a_good} = 1; then
+  if test ${b_good} = 1; then
+    setenv use a
+    if test 0x${b_counter} -gt 0x${a_counter}; then setenv use b; fi
+    if test 0x${a_counter} -eq 0xff && test 0x${b_counter} -eq 0; then setenv use b; fi
+    if test 0x${b_counter} -eq 0xff && test 0x${a_counter} -eq 0; then setenv use a; fi
+  else
+    setenv use a
+  fi
+else
+  if test ${b_good} = 1; then setenv use b; fi
+fi
+setenv BOOT_ORDER
+setenv BOOT_A_LEFT
+setenv BOOT_B_LEFT
+setenv counter 0
+setenv target ${first}
+if test ${use} = a; then
+  env import -c ${a_text} ${text_size} BOOT_ORDER BOOT_A_LEFT BOOT_B_LEFT
+  setenv counter ${a_counter}
+  setenv target ${second}
+fi
+if test ${use} = b; then
+  env import -c ${b_text} ${text_size} BOOT_ORDER BOOT_A_LEFT BOOT_B_LEFT
+  setenv counter ${b_counter}
+  setenv target ${first}
+fi
+test -n "${BOOT_ORDER}" || setenv BOOT_ORDER "A B"
+test -n "${BOOT_A_LEFT}" || setenv BOOT_A_LEFT 3
+test -n "${BOOT_B_LEFT}" || setenv BOOT_B_LEFT 3
+echo "slots: state of copy ${use}, order ${BOOT_ORDER}, tries left: A ${BOOT_A_LEFT}, B ${BOOT_B_LEFT}"
+
+setenv save 'setexpr counter 0x${counter} + 1; setexpr counter 0x${counter} "&" 0xff; env export -c -s ${text_size} ${work_text} BOOT_ORDER BOOT_A_LEFT BOOT_B_LEFT; cp.b ${work_text} ${a} 4; cp.b ${a} ${work} 4; mw.b ${work_count} 0x${counter} 1; ${devtype} write ${work} ${target} ${blocks}'
+setenv read_slot 'load ${devtype} ${devnum}:${number} ${kernel_addr_r} /boot/Image && load ${devtype} ${devnum}:${number} ${ramdisk_addr_r} /boot/initrd'
+
+for slot in ${BOOT_ORDER}; do
+  setenv left 0
+  if test "${slot}" = "A"; then setenv left ${BOOT_A_LEFT}; setenv number 2; fi
+  if test "${slot}" = "B"; then setenv left ${BOOT_B_LEFT}; setenv number 3; fi
+  if test 0x${left} -gt 0; then
+    setexpr left 0x${left} - 1
+    if test "${slot}" = "A"; then setenv BOOT_A_LEFT ${left}; else setenv BOOT_B_LEFT ${left}; fi
+    run save
+    if test "${target}" = "${first}"; then setenv target ${second}; else setenv target ${first}; fi
+    echo "slots: trying ${slot}, ${left} tries left after it"
+    if run read_slot; then
+      setenv bootargs "${console} root=PARTUUID=@LABEL@-0${number} ro rauc.slot=${slot} @COMMAND_LINE@ ${extra_args}"
+      booti ${kernel_addr_r} ${ramdisk_addr_r}:${filesize} ${fdt_addr}
+    fi
+    echo "slots: ${slot} did not load"
+  fi
+done
+echo "slots: none is left: all tries again"
+setenv BOOT_A_LEFT 3
+setenv BOOT_B_LEFT 3
+run save
+reset

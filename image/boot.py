@@ -1,0 +1,75 @@
+"""The boot partition: the firmware, U-Boot with its script, the device trees, and what a person may edit."""
+
+import shutil
+from pathlib import Path
+
+from image import device_tree
+from image.description import Description
+from image.kernel import Kernel
+from image.program import run
+
+SCRIPT = Path(__file__).parent / "boot.cmd"
+FILES = Path(__file__).parent / "first"  # as they are
+LOADER = "u-boot.bin"
+
+_CONFIG = """\
+# Read by the Pi's firmware. Written when the image was built.
+arm_64bit=1
+kernel={loader}
+upstream_kernel=1
+# The mini UART, header pins 8 and 10, is the console; its clock must not follow the processor's.
+enable_uart=1
+disable_splash=1
+{lines}
+[pi4]
+device_tree={tree_pi4}
+[pi3]
+device_tree={tree_pi3}
+[all]
+"""
+
+
+def script(description: Description) -> str:
+    """The boot script's text for this card."""
+    console = description.console
+    words = {
+        "@CONSOLE@": f"{console.device},{console.baud}",
+        "@LABEL@": f"{description.disk.label_id:08x}",
+        "@COMMAND_LINE@": description.kernel.command_line,
+    }
+    text = SCRIPT.read_text()
+    for word, value in words.items():
+        text = text.replace(word, value)
+    return text
+
+
+def config(description: Description) -> str:
+    """config.txt. Source: Raspberry Pi documentation, config.txt; raspi-firmware's README.Debian."""
+    tree = description.device_tree
+    by_firmware = device_tree.overlays(tree) if tree.way == "overlays" else []
+    pi4 = next((name for name in tree.files if name.startswith("bcm2711")), "")
+    pi3 = next((name for name in tree.files if name.startswith("bcm2837")), "")
+    return _CONFIG.format(loader=LOADER, lines="\n".join(by_firmware), tree_pi4=pi4, tree_pi3=pi3)
+
+
+def make(description: Description, kernel: Kernel, board: Path, folder: Path) -> None:
+    """The partition's files in a folder. board: path of the board file. Raises ImageError."""
+    device_tree.wanted_by(device_tree.read_board(board), description.device_tree)
+    shutil.copytree(FILES, folder)
+    for name in description.firmware.files:
+        shutil.copy(kernel.folder / description.firmware.folder / name, folder / name)
+    shutil.copy(kernel.folder / description.loader.file, folder / LOADER)
+    tree = description.device_tree
+    for name in tree.files:
+        source = kernel.device_tree(tree.folder, name)
+        if tree.way == "dtc":
+            device_tree.compiled(tree, source, folder / name)
+        else:
+            shutil.copy(source, folder / name)
+    (folder / "config.txt").write_text(config(description))
+    text = folder.parent / "boot.cmd"
+    text.write_text(script(description))
+    run(
+        ["mkimage", "-q", "-A", "arm64", "-T", "script", "-n", "slots", "-d", text, folder / "boot.scr"],
+        environment={"SOURCE_DATE_EPOCH": "0"},
+    )

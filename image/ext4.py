@@ -1,0 +1,78 @@
+"""An ext4 inside an image, read by debugfs: nothing is mounted."""
+
+import re
+import tempfile
+from pathlib import Path
+
+from image.errors import ImageError
+from image.program import run
+
+SMALL = 65_536  # octets
+
+
+class FileSystem:
+    """A file system at an offset of an image. tools: folder of an unpacked e2fsprogs. Use it in a `with`."""
+
+    def __init__(self, image: Path, offset: int, tools: Path) -> None:
+        self._device = f"{image}?offset={offset}"
+        self._tools = tools
+        self._sizes: dict[str, int] = {}
+        self._modes: dict[str, int] = {}
+        self._folder = tempfile.TemporaryDirectory()
+
+    def __enter__(self) -> "FileSystem":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._folder.cleanup()
+
+    def paths(self) -> list[str]:
+        """Every file and folder."""
+        if not self._modes:
+            self._list([""])
+        return list(self._modes)
+
+    def mode(self, path: str) -> int:
+        return self._modes[path]
+
+    def is_small(self, path: str) -> bool:
+        """Whether it is a file that may be read whole."""
+        return self._modes[path] & 0o170000 == 0o100000 and self._sizes[path] <= SMALL
+
+    def read(self, path: str) -> bytes:
+        """Raises ImageError."""
+        target = Path(self._folder.name) / "file"
+        target.unlink(missing_ok=True)
+        self._debugfs(f'dump "/{path}" {target}')
+        if not target.exists():
+            raise ImageError(f"{path}: is not in the file system")
+        return target.read_bytes()
+
+    def owner(self, offset: int) -> str:
+        """The path of the file that an octet belongs to."""
+        said = self._debugfs(f"icheck {offset // 4096}").splitlines()[-1].split()
+        if len(said) < 2 or not said[1].isdecimal():
+            return "in no file"
+        return self._debugfs(f"ncheck {said[1]}").splitlines()[-1].split("\t")[-1]
+
+    def _list(self, folders: list[str]) -> None:
+        """Folder by folder, a whole level at once."""
+        while folders:
+            said = self._debugfs("\n".join(f'ls -p "/{folder}"' for folder in folders))
+            below: list[str] = []
+            for folder, part in zip(folders, said.split("debugfs: ls -p")[1:], strict=True):
+                for _, mode, _, _, name, size in re.findall(
+                    r"^/(\d+)/(\d+)/(\d+)/(\d+)/([^/]+)/(\d*)/", part, re.MULTILINE
+                ):
+                    if name in (".", "..", "lost+found"):
+                        continue
+                    path = f"{folder}/{name}".lstrip("/")
+                    self._modes[path], self._sizes[path] = int(mode, 8), int(size or 0)
+                    if int(mode, 8) & 0o170000 == 0o040000:
+                        below.append(path)
+            folders = below
+
+    def _debugfs(self, commands: str) -> str:
+        loader = next(self._tools.glob("usr/lib/*/ld-linux*.so.*"))
+        program: list[str | Path] = [loader, "--library-path", loader.parent, self._tools / "usr/sbin/debugfs"]
+        return run([*program, "-f", "-", self._device], given=commands + "\n")

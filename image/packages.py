@@ -1,0 +1,126 @@
+"""Debian packages for the image: fetched once by an apt with a state of its own, listed with their hashes, and kept."""
+
+import hashlib
+import json
+import re
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from image.description import Base
+from image.errors import ImageError
+from image.program import run
+
+LIST = "packages.json"
+
+_CONF = """\
+Dir::State "{folder}"; Dir::State::status "{folder}/status"; Dir::State::extended_states "{folder}/extended";
+Dir::Cache "{folder}"; Dir::Cache::archives "{folder}/archives"; Dir::Log "{folder}";
+Dir::Etc::SourceList "{folder}/sources.list"; Dir::Etc::SourceParts "/dev/null";
+Dir::Etc::Preferences "/dev/null"; Dir::Etc::PreferencesParts "/dev/null"; APT::Sandbox::User "";
+APT::Architecture "{architecture}"; APT::Architectures {{ "{architecture}"; }};
+APT::Install-Recommends "false"; Acquire::Languages "none"; Debug::NoLocking "true";
+"""
+
+
+class Package(NamedTuple):
+    """A package file. file: its name in the folder of the archive."""
+
+    name: str
+    version: str
+    architecture: str
+    sha256: str
+    file: str
+
+
+class Archive:
+    """Packages of a release and a processor that need not be the build machine's.
+
+    They come from where the build machine has its own: no host is named.
+    """
+
+    def __init__(self, folder: Path, base: Base, architecture: str = "") -> None:
+        self._folder = folder.resolve()
+        self._base = base
+        self._architecture = architecture or base.architecture
+
+    def update(self) -> None:
+        """Fetch the lists of packages. Raises ImageError."""
+        for name in ("lists/partial", "archives/partial", "none/partial"):
+            (self._folder / name).mkdir(parents=True, exist_ok=True)
+        if not Path(self._base.keyring).exists():
+            raise ImageError(
+                f"base.keyring: {self._base.keyring}: there is no such file", "`.ci/setup image` installs it"
+            )
+        (self._folder / "status").touch()
+        words = f"[signed-by={self._base.keyring}] {_site()} {self._base.suite} {' '.join(self._base.components)}"
+        (self._folder / "sources.list").write_text(f"deb {words}\n")
+        (self._folder / "conf").write_text(_CONF.format(folder=self._folder, architecture=self._architecture))
+        self._apt("apt-get", "-qq", "update")
+
+    def closed(self, names: Iterable[str]) -> list[Package]:
+        """These packages with all that they depend on; a name may be a pattern of apt: ?essential."""
+        # Where nothing is: what is in its folder of archives already, apt would not name.
+        elsewhere = f"Dir::Cache::archives={self._folder}/none"
+        return self._fetched(
+            self._apt("apt-get", "-qq", "-y", "-o", elsewhere, "--print-uris", "install", *sorted(names))
+        )
+
+    def alone(self, names: Iterable[str]) -> list[Package]:
+        """These packages without what they depend on."""
+        return self._fetched(self._apt("apt-get", "-qq", "--print-uris", "download", *sorted(names)))
+
+    def behind(self, name: str) -> str:
+        """The package that a name without a content of its own stands for: linux-image-arm64 -> linux-image-6.12..."""
+        depends = re.findall(r"^ *Depends: (\S+)", self._apt("apt-cache", "depends", name), re.MULTILINE)
+        found = [each for each in depends if each.startswith(name.removesuffix("-" + self._architecture) + "-")]
+        return found[0] if found else name
+
+    def _fetched(self, uris: str) -> list[Package]:
+        wanted = re.findall(r"^'[^']+' (\S+)_(\S+)_(\S+)\.deb ", uris, re.MULTILINE)
+        names = [f"{name}={version.replace('%3a', ':')}" for name, version, _ in wanted]
+        files = self._folder / "archives"
+        missing = [
+            name for name, parts in zip(names, wanted, strict=True) if not (files / f"{'_'.join(parts)}.deb").exists()
+        ]
+        if missing:
+            self._apt("apt-get", "-qq", "download", *missing, folder=files)  # it compares size and hash with the lists
+        return sorted(_package(files / f"{'_'.join(parts)}.deb") for parts in wanted)
+
+    def _apt(self, *words: str, folder: Path | None = None) -> str:
+        return run(words, folder=folder, environment={"APT_CONFIG": str(self._folder / "conf")})
+
+
+def write_list(path: Path, packages: Sequence[Package]) -> None:
+    path.write_text(json.dumps([package._asdict() for package in sorted(packages)], indent=1) + "\n")
+
+
+def read_list(path: Path) -> list[Package]:
+    return [Package(**row) for row in json.loads(path.read_text())]
+
+
+def write_index(folder: Path, packages: Iterable[Package]) -> None:
+    """Packages, beside the files: with it their folder is a repository for apt, and nothing else is in it."""
+    entries = []
+    for package in packages:
+        path = folder / package.file
+        control = run(["dpkg-deb", "-f", path]).rstrip("\n")
+        entries.append(
+            f"{control}\nFilename: ./{package.file}\nSize: {path.stat().st_size}\nSHA256: {package.sha256}\n"
+        )
+    (folder / "Packages").write_text("\n".join(entries))
+
+
+def _package(path: Path) -> Package:
+    name, version, architecture = path.stem.replace("%3a", ":").split("_")
+    with path.open("rb") as file:
+        return Package(name, version, architecture, hashlib.file_digest(file, "sha256").hexdigest(), path.name)
+
+
+def _site() -> str:
+    own = re.search(r"^VERSION_CODENAME=(\S+)", Path("/etc/os-release").read_text(), re.MULTILINE)
+    sites = run(["apt-get", "indextargets", "--format", "$(SITE) $(CODENAME)", "Created-By: Packages"])
+    found = [line.split()[0] for line in sites.splitlines() if own and line.endswith(f" {own[1]}")]
+    if not found:
+        raise ImageError("apt has no list of this release's packages", "as root: apt-get update")
+    return found[0]

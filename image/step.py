@@ -1,0 +1,53 @@
+"""Steps of a build whose result is kept for as long as what they are made from stays the same."""
+
+import hashlib
+import shutil
+import sys
+import time
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+STAMP = ".made-from"
+
+
+class Steps:
+    """A folder of results. took: seconds by step, for those that were made this time."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder.resolve()
+        self.took: dict[str, float] = {}
+
+    def made(
+        self, name: str, inputs: Iterable[str | Path], make: Callable[[Path], object], forced: bool = False
+    ) -> Path:
+        """The folder of a step's result.
+
+        inputs  words and files that it depends on: other ones, or another content, and it is made again.
+        make    called with an empty folder; one that raises leaves the old result unused.
+        """
+        place = self.folder / name
+        stamp = place / STAMP
+        digest = _digest(inputs)
+        if not forced and stamp.exists() and stamp.read_text() == digest:
+            return place
+        print(f"image: {name}", file=sys.stderr, flush=True)
+        began = time.monotonic()
+        shutil.rmtree(place, ignore_errors=True)
+        place.mkdir(parents=True)
+        make(place)
+        stamp.write_text(digest)
+        self.took[name] = time.monotonic() - began
+        return place
+
+
+def key(step: Path) -> str:
+    """What a step's result was made from, as an input of the next one."""
+    return (step / STAMP).read_text()
+
+
+def _digest(inputs: Iterable[str | Path]) -> str:
+    total = hashlib.sha256()
+    for each in inputs:
+        octets = str(each.name).encode() + b"\0" + each.read_bytes() if isinstance(each, Path) else each.encode()
+        total.update(hashlib.sha256(octets).digest())
+    return total.hexdigest()

@@ -1,0 +1,191 @@
+"""Opens a finished card and compares it with its description: what has to be there, and what must not be."""
+
+import re
+import stat
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from image import disk, frozen, state
+from image.description import Description, Partition
+from image.ext4 import FileSystem
+from image.program import run
+
+MIB = disk.MIB
+CHUNK = 16 * MIB
+WANTED = (
+    "boot/Image", "boot/initrd", "usr/lib/captain/captain", "usr/lib/systemd/systemd", "usr/sbin/chronyd",
+    "usr/sbin/nft", "usr/sbin/sshd", "usr/bin/rauc", "usr/sbin/e2fsck", "usr/lib/clock-epoch",
+    "etc/nftables.conf", "etc/fstab", "etc/chrony/chrony.conf", "usr/lib/systemd/system/captain.service",
+)  # fmt: skip
+UNWANTED = ("etc/apt", "var/lib/apt", "var/lib/dpkg", "etc/ssh/ssh_host_*", "root/.ssh", "home/operator/.ssh")
+# A word that stands for a value, and was not replaced.
+WORD = re.compile(rb"@[A-Z_]{3,}@")
+
+
+class Row(NamedTuple):
+    """A check. trouble is empty where it is well."""
+
+    check: str
+    trouble: str = ""
+
+    def __str__(self) -> str:
+        return f"{'FAILED' if self.trouble else 'ok':6}  {self.check}" + (f": {self.trouble}" if self.trouble else "")
+
+
+class Card:
+    """An image file. tools: folder of an unpacked e2fsprogs, as the build leaves it."""
+
+    def __init__(self, description: Description, image: Path, tools: Path) -> None:
+        self._description = description
+        self._image = image
+        self._tools = tools
+        self._places = {place.partition.name: place for place in disk.places(description.disk)}
+
+    def rows(self) -> Iterator[Row]:
+        """Every check."""
+        yield self._table()
+        if self._image.stat().st_size < self._description.disk.size_mib * MIB:
+            return
+        yield self._counters()
+        yield from self._boot_partition()
+        for name in ("root-a", "root-b", "data"):
+            yield self._file_system(name)
+        with FileSystem(self._image, self._places["root-a"].offset, self._tools) as slot:
+            yield from self._slot(slot)
+        yield from self._unwanted_words()
+
+    def _table(self) -> Row:
+        plan = self._description.disk
+        head = _read(self._image, 0, disk.SECTOR)
+        found = int.from_bytes(head[440:444], "little")
+        size = self._image.stat().st_size
+        if size != plan.size_mib * MIB:
+            return Row("the table of partitions", f"the image has {size} octets, not {plan.size_mib} MiB")
+        if found != plan.label_id:
+            return Row("the table of partitions", f"its id is {found:#010x}, not {plan.label_id:#010x}")
+        for name, place in self._places.items():
+            if place.partition.number <= 4:
+                row = head[446 + 16 * (place.partition.number - 1) :][:16]
+            else:  # in a table of its own, before it
+                row = _read(self._image, place.offset - disk.LOGICAL_MIB * MIB, disk.SECTOR)[446:462]
+            start, sectors = int.from_bytes(row[8:12], "little"), int.from_bytes(row[12:16], "little")
+            base = (
+                0
+                if place.partition.number <= 4
+                else place.offset // disk.SECTOR - disk.LOGICAL_MIB * MIB // disk.SECTOR
+            )
+            if (base + start, sectors) != (place.offset // disk.SECTOR, place.partition.size_mib * MIB // disk.SECTOR):
+                return Row("the table of partitions", f"{name} lies at sector {base + start}, {sectors} long")
+        return Row("the table of partitions")
+
+    def _counters(self) -> Row:
+        place = self._places["state"]
+        found = state.newest(_read(self._image, place.offset, state.APART + state.SIZE))
+        return Row("the boot counters", "" if found == state.State() else f"{found} and not {state.State()}")
+
+    def _boot_partition(self) -> Iterator[Row]:
+        place = self._places["boot"]
+        card = f"{self._image}@@{place.offset}"
+        listed = set(run(["mdir", "-b", "-i", card, "::"], environment={"MTOOLS_SKIP_CHECK": "1"}).split())
+        wanted = [
+            *self._description.firmware.files,
+            *self._description.device_tree.files,
+            "u-boot.bin",
+            "boot.scr",
+            "config.txt",
+        ]
+        missing = [name for name in wanted if f"::/{name}" not in listed]
+        yield Row("what the firmware needs", f"{missing} are not there" if missing else "")
+        serial = _read(self._image, place.offset + 67, 4)[::-1].hex()
+        yield Row(
+            "the FAT's serial number", "" if serial == place.partition.id else f"{serial}, not {place.partition.id}"
+        )
+
+    def _file_system(self, name: str) -> Row:
+        place = self._places[name]
+        octets = _read(self._image, place.offset + 1024, 1024)
+        found = f"{int.from_bytes(octets[104:120], 'big'):032x}"
+        wanted = place.partition.id.replace("-", "")
+        what = f"the file system {name}"
+        return Row(what, "" if found == wanted else f"its UUID is {found}, not {wanted}")
+
+    def _slot(self, slot: "FileSystem") -> Iterator[Row]:
+        there = set(slot.paths())
+        missing = [path for path in WANTED if path not in there]
+        yield Row("what the slot needs", f"{missing} are not there" if missing else "")
+        for pattern in UNWANTED:
+            found = [path for path in there if re.fullmatch(pattern.replace("*", "[^/]*"), path)]
+            yield Row(f"no {pattern}", f"there is {found[0]}" if found else "")
+        identity = slot.read("etc/machine-id").strip()
+        yield Row("no machine-id", f"it is {identity.decode()}" if identity else "")
+        yield from self._packages(there)
+        words = [line.split(":") for line in slot.read("etc/shadow").decode().splitlines()]
+        able = [row[0] for row in words if row[1] not in ("*", "!", "!*")]
+        yield Row("nobody has a password", f"{able} have" if able else "")
+        fstab = slot.read("etc/fstab").decode()
+        yield Row(
+            "the mounts",
+            ""
+            if f"PARTUUID={self._description.disk.partuuid('boot')} " in fstab
+            else "the boot partition is not named",
+        )
+        unreplaced = [
+            path
+            for path in sorted(there)
+            if path.startswith("etc/") and slot.is_small(path) and WORD.search(slot.read(path))
+        ]
+        yield Row("no word is left open", f"in {unreplaced}" if unreplaced else "")
+        mode = slot.mode("usr/lib/captain/captain")
+        yield Row(
+            "everybody may run captain", "" if stat.S_IMODE(mode) == 0o755 else f"its mode is {stat.S_IMODE(mode):o}"
+        )
+
+    def _packages(self, there: set[str]) -> Iterator[Row]:
+        for group in (self._description.packages.install, self._description.packages.unpack):
+            missing = [name for name in group if f"usr/share/doc/{name}" not in there]
+            yield Row("packages and their licences", f"{missing} are not there" if missing else "")
+
+    def _unwanted_words(self) -> Iterator[Row]:
+        """Where it was built, anywhere on the card, file or not: one pass over the octets."""
+        words = {"the build's path": str(frozen.PROJECT).encode()}
+        words |= {f"a mirror's name, {name}": name.encode() for name in mirrors()}
+        found: dict[str, int] = {}
+        longest = max(map(len, words.values()))
+        with self._image.open("rb") as file:
+            at, tail = 0, b""
+            while octets := file.read(CHUNK):
+                if octets.strip(b"\0"):
+                    for what, word in words.items():
+                        index = (tail + octets).find(word)
+                        if index >= 0:
+                            found.setdefault(what, at - len(tail) + index)
+                tail, at = octets[-longest:], at + len(octets)
+        for what in words:
+            place = self._where(found[what]) if what in found else ""
+            yield Row(f"{what} is nowhere", f"at octet {found[what]}, {place}" if what in found else "")
+
+    def _where(self, offset: int) -> str:
+        for name, place in self._places.items():
+            if place.offset <= offset < place.offset + place.partition.size_mib * MIB:
+                return f"in {name}{self._file_at(place.partition, offset - place.offset)}"
+        return "in no partition"
+
+    def _file_at(self, partition: Partition, offset: int) -> str:
+        if partition.kind != "root":
+            return ""
+        with FileSystem(self._image, self._places[partition.name].offset, self._tools) as slot:
+            return f", {slot.owner(offset)}"
+
+
+def mirrors() -> list[str]:
+    """Hosts that this machine has its packages from."""
+    sites = run(["apt-get", "indextargets", "--format", "$(SITE)", "Created-By: Packages"])
+    hosts = {re.sub("^[a-z+]+://", "", line).split("/")[0] for line in sites.split()}
+    return sorted(host for host in hosts if host)
+
+
+def _read(path: Path, offset: int, size: int) -> bytes:
+    with path.open("rb") as file:
+        file.seek(offset)
+        return file.read(size)
