@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from board.address import Address, address
 from board.loop import Loop, Timer
-from board.time import GPS_EPOCH, GPS_LEAPS, LEAPS
+from board.time import GPS_EPOCH, GPS_LEAPS, leap_seconds
 from drivers.sim.machine import SimulatedDevice, SimulatedInterface, SimulatedMachine
 from drivers.sim.neighbours import NeighboursOptions
 from drivers.sim.radio import VARIABLE, Control
@@ -49,14 +49,16 @@ def receiver(loop: Loop, place: Place) -> Module:
     """A ZED-F9P that drives around a block, now."""
     from drivers.sim.receiver import Receiver
     from drivers.sim.receiver_habits import Habits
+    from drivers.wire.gnss_time import Leap
 
     def appeared(path: str) -> None:
         port = SimulatedInterface(0, "cdc_acm", path)
         place.plug(SimulatedDevice("1546", "01a9", (port,), "u-blox AG", "u-blox GNSS receiver"))
 
     now = time.time()
-    gps_s = int(now) - GPS_EPOCH + GPS_LEAPS + len(LEAPS)
-    made = Receiver(loop, Habits(gps_s=gps_s, fraction_s=now % 1.0), appeared=appeared, vanished=place.unplug)
+    leap = Leap(GPS_LEAPS + leap_seconds(now))
+    habits = Habits(gps_s=int(now) - GPS_EPOCH + leap.seconds, fraction_s=now % 1.0, leap=leap)
+    made = Receiver(loop, habits, appeared=appeared, vanished=place.unplug)
     return Module(made, made.power)
 
 

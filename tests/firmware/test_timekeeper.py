@@ -7,20 +7,24 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import closing, suppress
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
-from board.time import Lock
+from board.time import EPOCH, GPS_LEAD, Lock
+from drivers.wire.gnss_time import Leap
 from firmware import carrier
 from firmware.tables import TimeOptions
 from firmware.user import time_record
 from tests.chaos.stage import Ptys, StageLoop
-from tests.firmware.time_bench import PPM, TimeBench
+from tests.firmware.time_bench import PPM, START_S, TimeBench
 from tests.firmware.whole_board import NearRemote
 
 ROOT = Path(__file__).parents[2]
+LEAP_UNIX_S = 1_483_228_800  # 2017-01-01T00:00:00Z
+LEAP_ITS_S = LEAP_UNIX_S - EPOCH + 4  # 23:59:60, the second before
 NO_LIST = TimeOptions(leap_list="")
 Make = Callable[..., TimeBench]
 
@@ -30,8 +34,8 @@ def make(monkeypatch: pytest.MonkeyPatch) -> Iterator[Make]:
     monkeypatch.setattr(carrier, "Remote", NearRemote)
     made: list[TimeBench] = []
 
-    def make(options: TimeOptions = NO_LIST, has_pulse: bool = True) -> TimeBench:
-        made.append(TimeBench(loop, monkeypatch, options, has_pulse))
+    def make(options: TimeOptions = NO_LIST, has_pulse: bool = True, start_s: float = START_S) -> TimeBench:
+        made.append(TimeBench(loop, monkeypatch, options, has_pulse, start_s))
         made[0].start()
         return made[0]
 
@@ -138,7 +142,7 @@ def test_a_clock_that_was_never_set_does_not_hide_the_time(bench: TimeBench) -> 
     bench.error_ns = -1_795_000_000 * 10**9  # in January 1970
     assert_true(bench)
     status = bench.keeper.status()
-    assert (status["state"], status["leap"]["seconds"], status["leap"]["event"]) == ("locked", 5, None)  # type: ignore[index]
+    assert (status["state"], status["leap"]["seconds"], status["leap"]["event"]) == ("locked", 5, None)
     assert bench.place.ego().is_known
 
 
@@ -148,7 +152,32 @@ def test_of_a_clock_that_was_never_set_no_leap_second_is_to_come(make: Make) -> 
     bench.loop.run_for(0.5)
     status = bench.keeper.status()
     assert (status["state"], status["its_ms"]) == ("unknown", None)
-    assert (status["leap"]["seconds"], status["leap"]["event"]) == (None, None)  # type: ignore[index]
+    assert (status["leap"]["seconds"], status["leap"]["event"]) == (None, None)
+
+
+def test_a_leap_second_is_told_before_it_comes_and_its_time_goes_through_it(make: Make) -> None:
+    bench = make(start_s=LEAP_UNIX_S - 40.0)
+    receiver = bench.whole.module("gnss")
+    receiver.habits = replace(receiver.habits, leap=Leap(17, LEAP_ITS_S + GPS_LEAD, 1))
+    receiver._navigation = None  # made at its boot, of these habits
+    bench.until("locked")
+    event = bench.keeper.status()["leap"]["event"]
+    assert event == {"its_s": LEAP_ITS_S, "change": 1, "utc": "2016-12-31T23:59:60.000Z"}
+    bench.loop.run_for((LEAP_ITS_S - 3) - bench.true_ns() / 1e9)
+    errors = []
+    for _ in range(600):
+        bench.loop.run_for(0.01)
+        if bench.true_ns() >= (LEAP_ITS_S + 1) * 10**9 and not bench.error_ns:
+            bench.error_ns = -(10**9)  # the kernel has let the last second of the day come twice
+        its_ms = bench.place.time.its_ms(bench.loop.now)
+        assert its_ms is not None
+        errors.append(its_ms - bench.true_ns() / 1e6)
+    assert min(errors) >= -1.0
+    assert max(errors) <= 0.1
+    bench.loop.run_for(3)
+    status = bench.keeper.status()
+    assert (status["state"], status["leap"]["seconds"], status["leap"]["event"]) == ("locked", 5, None)
+    assert abs(bench.told[-1].offset_ns or 10**9) < 100_000
 
 
 def test_time_of_which_the_bound_is_large_is_no_longer_that_of_the_station(bench: TimeBench) -> None:
@@ -183,7 +212,7 @@ def test_a_second_is_kept_for_each_pulse_and_for_each_without(bench: TimeBench) 
     bench.loop.run_for(30)
     bench.lose()
     bench.loop.run_for(30)
-    kept = time_record.record(bench.keeper.told({"history": True})["history"])  # type: ignore[arg-type]
+    kept = time_record.record(bench.keeper.told({"history": True})["history"])
     assert len(kept.seconds) == pytest.approx(66, abs=4)
     with_phase = [row for row in kept.seconds if row.phase_ns == row.phase_ns]
     slopes = [(b.phase_ns - a.phase_ns) / (b.its_s - a.its_s) for a, b in pairwise(with_phase)]

@@ -21,10 +21,19 @@ PPM = 20.0
 class TimeBench:
     """quality: each that was told.
 
+    start_s   Unix time at the start.
     error_ns  by which the system's clock is ahead of the truth.
     """
 
-    def __init__(self, loop: VirtualLoop, patch: pytest.MonkeyPatch, options: TimeOptions, has_pulse: bool) -> None:
+    def __init__(
+        self,
+        loop: VirtualLoop,
+        patch: pytest.MonkeyPatch,
+        options: TimeOptions,
+        has_pulse: bool,
+        start_s: float = START_S,
+    ) -> None:
+        self._start_ns = round(start_s * 1e9)
         self.loop = loop
         self.error_ns = 0
         self._began = loop.now
@@ -58,7 +67,7 @@ class TimeBench:
 
     def clocks(self) -> Clocks:
         elapsed_ns = round((self.loop.now - self._began) * 1e9)
-        system_ns = round(START_S * 1e9) + elapsed_ns + self.error_ns
+        system_ns = self._start_ns + elapsed_ns + self.error_ns
         return Clocks(system_ns, round(elapsed_ns * (1 + PPM / 1e6)), self.loop.now)
 
     def offset_ns(self) -> int:
