@@ -63,14 +63,13 @@ class Emulated:
             self.is_reading = False
             self.loop.remove(self)
 
-    def fill(self) -> int:
-        """Write from the console's end until nothing more is taken; returns the octets."""
-        descriptor, taken = os.open(os.ttyname(self.slave), os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY), 0
+    def fill(self) -> None:
+        """Write from the console's end until nothing more is taken."""
+        descriptor = os.open(os.ttyname(self.slave), os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY)
         with contextlib.suppress(BlockingIOError):
             while True:
-                taken += os.write(descriptor, b"\r" * 100)
+                os.write(descriptor, b"\r" * 100)
         os.close(descriptor)
-        return taken
 
     def resize(self, columns: int, lines: int) -> None:
         self.screen.resize(lines, columns)
@@ -143,6 +142,15 @@ class Bench:
 
     def until_gone(self, words: str, within: float = 60.0) -> None:
         self.loop.run_until(lambda: words not in self.terminal.text, within)
+
+    def until_silent(self) -> None:
+        """Until nothing has come for ten seconds, in which five looks would have changed something."""
+        for _ in range(20):
+            self.terminal.sent = b""
+            self.loop.run_for(10.0)
+            if not self.terminal.sent:
+                return
+        raise AssertionError("it goes on")
 
     def press(self, keys: bytes) -> None:
         self.terminal.type(keys)
