@@ -3,7 +3,8 @@
 
 .DEFAULT_GOAL := help
 .PHONY: help setup run codec import-check docs test test-binary check portable fuzz truth \
-	bench bench-station bench-messages bench-v2n lab chaos outages fleet binary lock proof clean
+	bench bench-station bench-messages bench-v2n bench-time lab chaos outages fleet kernel clock days chronyd binary lock \
+	proof clean
 
 PYTEST := .venv/bin/python -m pytest
 
@@ -46,7 +47,7 @@ docs: setup ## a page per message, in build/docs/messages
 fuzz: setup-fuzz ## random octets, led by coverage, for every message in C and in Python; ARGS='--runs 10000000'
 	@.venv/bin/python -m tests.fuzz $(ARGS)
 
-bench: bench-station bench-messages bench-v2n ## all of the following
+bench: bench-station bench-messages bench-v2n bench-time ## all of the following
 
 bench-station: setup-test binary ## latency, loss-free rate, processor and memory beside a C forwarder in the same run
 	@.venv/bin/python -m tests.bench $(ARGS)
@@ -57,6 +58,9 @@ bench-messages: setup-test ## the message library beside asn1tools, pycrate and 
 
 bench-v2n: setup-test ## what a broker in trouble costs the other interfaces, and V2N beside plain paho; V2N='--pairs 2'
 	@.venv/bin/python -m tests.bench.v2n $(V2N)
+
+bench-time: setup-test ## what pulses and the time made of them cost a station, and its messages; TIME='--pairs 2'
+	@.venv/bin/python -m tests.bench.time_path $(TIME)
 
 truth: setup-test ## made values of every message, ours against every other codec; ARGS='--count 1000000'
 	@.venv/bin/python -m tests.asn1.truth $(ARGS)
@@ -83,6 +87,17 @@ fleet: setup-test ## V2N of 1,000 to 100,000 vehicles: messages by tile, broker,
 kernel: setup-kernel ## our code on Debian's kernel in an emulated computer: 802.11p, GPIO, I2C, PPS, USB; ARGS='--only air'
 	@.ci/kernel
 	@.venv/bin/python -m tests.kernel $(ARGS)
+
+clock: setup-clock ## time in emulated computers whose pulses this one times, chronyd steering; ARGS='--only pulses'
+	@.ci/clock
+	@.venv/bin/python -m tests.clock $(ARGS)
+
+days: setup-test ## a day of each fault of pulses and receivers in virtual time, then DAYS=365 of all as chance has it
+	@.venv/bin/python -m tests.pps.days --days $(or $(DAYS),365) $(ARGS)
+
+chronyd: setup-test ## a real chronyd, fed and stepped: by the refclock alone, then by a running station; 2 minutes
+	@.venv/bin/python -m tests.pps.chronyd_check
+	@.venv/bin/python -m tests.pps.chronyd_steps
 
 binary: setup-freeze setup ## one file to copy by hand and one directory for the image, in build/binary
 	@.ci/freeze
