@@ -9,7 +9,7 @@
 PYTEST := .venv/bin/python -m pytest
 
 help: ## this text
-	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 16
+	@sed -n 's/^\([a-z0-9-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 16
 
 setup: ## the command .venv/bin/captain and what it needs, the messages among it
 	@.ci/setup run
