@@ -227,6 +227,9 @@ class Station:
             if abs(late_ns) < STEP_NS:
                 self.guest.ruler.after(struck.at_ns.earliest, pulse.raw_ns)
                 self.late_ns.append(late_ns)
+                self.log.append(
+                    (self.now_s(), f"pulse {pulse.sequence} was stamped {late_ns / 1000:.0f} us after its moment")
+                )
 
         self.guest.pulse(seen)
 
