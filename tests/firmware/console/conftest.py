@@ -6,14 +6,14 @@ from typing import Any
 
 import pytest
 
-from firmware.console import survey
+from firmware.console import survey, terminal
 from firmware.console.addresses import Device
 from firmware.console.journal import Journal
 from tests.firmware.commands.conftest import block
 from tests.firmware.console.emulated import Bench
 from tests.virtual import VirtualLoop
 
-__all__ = ["bench", "block", "status"]
+__all__ = ["block"]
 
 ETH0 = Device("eth0", "up", ("192.168.1.20/24", "fe80::1/64"))
 
@@ -26,11 +26,16 @@ def status() -> dict[str, Any]:
 
 
 @pytest.fixture
-def bench(tmp_path: Path, status: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
-    """A console on a machine with one address, that nobody asks for its journal."""
+def machine(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A machine with one address, that nobody asks for its journal."""
     monkeypatch.setattr(survey, "devices", lambda: [ETH0])
     monkeypatch.setattr(survey, "is_open", lambda port: False)
     monkeypatch.setattr(Journal, "look", lambda journal: None)
-    # What the kernel passes from one end of a pty to the other is there within microseconds, but not at once.
-    with closing(VirtualLoop(patience_s=0.002)) as loop, closing(Bench(loop, tmp_path, status)) as bench:
+
+
+@pytest.fixture
+def bench(machine: None, tmp_path: Path, status: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
+    """A console on that machine, and a station that is not started yet."""
+    with closing(VirtualLoop()) as loop, closing(Bench(loop, tmp_path, status)) as bench:
+        monkeypatch.setattr(terminal, "os", bench.terminal.ours)
         yield bench

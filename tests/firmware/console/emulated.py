@@ -22,14 +22,39 @@ ALLOWED = re.compile(rb"(?:[\x20-\x7e\r\n]|\x1b\[[HKJ])*")
 PRINTED = re.compile(rb"[\x20-\x7e\r\n]*")
 
 
+class Counted:
+    """The module os as a Terminal uses it: counts what it has read and written."""
+
+    def __init__(self) -> None:
+        self.octets_read = 0
+        self.octets_written = 0
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(os, name)
+
+    def read(self, descriptor: int, most: int) -> bytes:
+        octets = os.read(descriptor, most)
+        self.octets_read += len(octets)
+        return octets
+
+    def write(self, descriptor: int, octets: bytes) -> int:
+        taken = os.write(descriptor, octets)
+        self.octets_written += taken
+        return taken
+
+
 class Emulated:
     """A terminal at the other end of a pty: reads while it is not stopped, and shows what it has read.
 
-    sent  all octets so far.
+    sent  octets since somebody has emptied it.
+    ours  counts at the console's end.
     """
 
     def __init__(self, loop: VirtualLoop, columns: int = 80, lines: int = 24) -> None:
         self.sent = b""
+        self.ours = Counted()
+        self._octets_read = 0
+        self._octets_typed = 0
         self.loop = loop
         self.screen = pyte.Screen(columns, lines)
         self._stream = pyte.ByteStream(self.screen)
@@ -50,7 +75,16 @@ class Emulated:
         if not octets:
             self.stop()
         self.sent += octets
+        self._octets_read += len(octets)
         self._stream.feed(octets)
+
+    @property
+    def is_carrying(self) -> bool:
+        """Whether the kernel has octets that one end wrote and the other has not read: a thread of its passes them."""
+        if self.master < 0:
+            return False
+        is_sent = self.is_reading and self._octets_read < self.ours.octets_written
+        return is_sent or self.ours.octets_read < self._octets_typed
 
     def go_on(self) -> None:
         if not self.is_reading:
@@ -68,7 +102,7 @@ class Emulated:
         descriptor = os.open(os.ttyname(self.slave), os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY)
         with contextlib.suppress(BlockingIOError):
             while True:
-                os.write(descriptor, b"\r" * 100)
+                self.ours.write(descriptor, b"\r" * 100)
         os.close(descriptor)
 
     def resize(self, columns: int, lines: int) -> None:
@@ -77,6 +111,7 @@ class Emulated:
 
     def type(self, octets: bytes) -> None:
         assert os.write(self.master, octets) == len(octets)
+        self._octets_typed += len(octets) - octets.count(b"\x11") - octets.count(b"\x13")  # which the kernel keeps
 
     @property
     def lines(self) -> list[str]:
@@ -113,6 +148,7 @@ class Bench:
         self.path = str(folder / "captain-5555.sock")
         self.notes = folder / "notes"
         self.terminal = Emulated(loop)
+        loop.is_carrying = lambda: self.terminal.is_carrying
         self.console: Console | None = None
         self.is_over = False
         self._station: ControlSocket | None = None
