@@ -1,8 +1,10 @@
 """The kernel's own word of its clock, by adjtimex(2) without rights: where nobody else says how good it is."""
 
+import ctypes
 import struct
 from enum import IntEnum
-from typing import NamedTuple
+from functools import cache
+from typing import Any, NamedTuple
 
 from board.errors import InterfaceError
 
@@ -51,13 +53,17 @@ class KernelClock(NamedTuple):
 
 def kernel_clock() -> KernelClock:
     """The state of now. Raises InterfaceError where the system does not tell."""
-    import ctypes  # costs 10 ms: a station with pulses or chronyd never needs it
-
     timex = ctypes.create_string_buffer(TIMEX.size)  # zeros: modes 0 changes nothing
-    state = ctypes.CDLL(None, use_errno=True).adjtimex(timex)
+    state = _adjtimex()(timex)
     if state < 0:
         raise InterfaceError(f"adjtimex: errno {ctypes.get_errno()}")
     return parsed(state, timex.raw)
+
+
+@cache
+def _adjtimex() -> Any:
+    """Made once: it is asked each second."""
+    return ctypes.CDLL(None, use_errno=True).adjtimex
 
 
 def parsed(state: int, octets: bytes) -> KernelClock:

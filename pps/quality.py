@@ -21,9 +21,14 @@ SYSTEM_PPM = 15
 
 
 class Word(NamedTuple):
-    """What a source says of the system's clock: true time less it, and how far off that may be."""
+    """What a source says of the time now, and how far off that may be.
+
+    its_ns     true time, as ITS time, which has a number for a leap second.
+    offset_ns  true time less the system's clock.
+    """
 
     state: Lock
+    its_ns: int
     offset_ns: int
     within_ns: int
 
@@ -58,7 +63,11 @@ class Estimator:
         """A message of the receiver that came lately; what has no time says nothing."""
         if fix.utc_ns is not None:
             ago_ns = round((clocks.monotonic - fix.monotonic) * 1e9)
-            self._messages.message(self.leaps.its_ns(fix.utc_ns), clocks.raw_ns - ago_ns)
+            self.message(self.leaps.its_ns(fix.utc_ns), clocks.raw_ns - ago_ns)
+
+    def message(self, its_ns: int, raw_ns: int) -> None:
+        """A message of the receiver came, and this is the ITS time of its epoch."""
+        self._messages.message(its_ns, raw_ns)
 
     def system(self, offset_ns: int, uncertainty_ns: int, raw_ns: int) -> None:
         """What the system says of its clock, by sources other than this estimator: true less system's time."""
@@ -68,12 +77,17 @@ class Estimator:
         """True time (ITS ns) by pulses at a moment of the raw clock, and how far off it may be; None without any."""
         return self.model.estimate(raw_ns)
 
-    def quality(self, clocks: Clocks) -> TimeQuality:
-        """How well the time is known now: by pulses while they come, else by the source that knows it best."""
+    def word(self, clocks: Clocks) -> Word | None:
+        """The best there is now: that of pulses while they come, else of the source that knows the time best."""
         said = self._by_pulses(clocks) + self._by_messages(clocks) + self._by_system(clocks)
-        if not said:
+        return min(said, key=lambda word: (word.state is not Lock.LOCKED, word.within_ns), default=None)
+
+    def quality(self, clocks: Clocks) -> TimeQuality:
+        """How well the time is known now, by that word."""
+        word = self.word(clocks)
+        if word is None:
             return TimeQuality(source=self.source)
-        state, offset_ns, uncertainty_ns = min(said, key=lambda word: (word.state is not Lock.LOCKED, word.within_ns))
+        state, _, offset_ns, uncertainty_ns = word
         model = self.model
         if model.line is None:
             return TimeQuality(state, offset_ns, uncertainty_ns, source=self.source)
@@ -96,14 +110,19 @@ class Estimator:
         state = Lock.LOCKED if known[1] <= LOCKED_NS and not self.model.is_settling else Lock.SETTLING
         if self.model.age_s(clocks.raw_ns) > HOLDOVER_S:
             state = Lock.HOLDOVER
-        return [Word(state, self.leaps.unix_ns(known[0]) - clocks.system_ns, known[1])]
+        return [self._word(state, known, clocks)]
 
     def _by_messages(self, clocks: Clocks) -> list[Word]:
         known = self._messages.estimate(clocks.raw_ns)
-        return [Word(Lock.COARSE, self.leaps.unix_ns(known[0]) - clocks.system_ns, known[1])] if known else []
+        return [self._word(Lock.COARSE, known, clocks)] if known else []
 
     def _by_system(self, clocks: Clocks) -> list[Word]:
         if self._system is None:
             return []
         offset_ns, uncertainty_ns, raw_ns = self._system
-        return [Word(Lock.SYSTEM, offset_ns, uncertainty_ns + abs(clocks.raw_ns - raw_ns) * SYSTEM_PPM // 1_000_000)]
+        within_ns = uncertainty_ns + abs(clocks.raw_ns - raw_ns) * SYSTEM_PPM // 1_000_000
+        return [Word(Lock.SYSTEM, self.leaps.its_ns(clocks.system_ns + offset_ns), offset_ns, within_ns)]
+
+    def _word(self, state: Lock, known: tuple[int, int], clocks: Clocks) -> Word:
+        its_ns, within_ns = known
+        return Word(state, its_ns, self.leaps.unix_ns(its_ns) - clocks.system_ns, within_ns)
