@@ -16,7 +16,7 @@ from board.leap_list import day, read_list
 from board.time import EPOCH, GPS_LEAPS, LEAPS, LEAPS_END, LeapEvent
 
 RECEIVER = "receiver"
-LIST = "/usr/share/zoneinfo/leap-seconds.list"  # of Debian's tzdata
+LIST = "/usr/share/zoneinfo/leap-seconds.list"  # of tzdata of Debian 13; right/UTC has gone to tzdata-legacy there
 
 # A receiver may count the old number behind a leap second for a minute, and then its next message has to come.
 LATE_S = 120

@@ -23,15 +23,18 @@ _SAMPLE = struct.Struct("@qqdiiii")
 _MAGIC = 0x534F434B
 MAX_PATH = 107  # octets: sun_path of unix(7) and its final zero
 
+# Debian's AppArmor profile lets chronyd make `@{run}/chrony.*.sock` and what is in /run/chrony, which is closed to all
+# but chronyd's own user (RuntimeDirectoryMode=0700 of its unit).
+SOCKET = "/run/chrony.captain.sock"
+
 # chronyd drops what it has within 5 s of a leap second (LEAP_SECOND_CLOSE of reference.c): the kernel carries it out
 # at a tick after the second's end, and until then its stamps are a second off.
 LEAP_QUIET_S = 5
 # The leap bits of NTP say "on this day" (RFC 5905, figure 9), and chronyd looks at them on 30 June and 31 December
 # only: said sooner they change nothing.
 ANNOUNCE_S = 86_400
-# The kernel slews the clock by 8.4 % at most: what is more was a step.
-MAX_SLEW = 0.1
-SLACK_NS = 10_000  # two readings of three clocks are that near to each other
+# CLOCK_REALTIME and CLOCK_MONOTONIC are slewed alike, and only the former is stepped: by what they have gone apart.
+STEP_NS = 10_000  # two readings of both are that near to each other
 MAX_AGE_NS = 2 * 10**9  # beyond, the second after it has been confirmed as well
 
 INSERT, DELETE = 1, 2  # of sock_sample.leap
@@ -78,16 +81,13 @@ _FATES = {
 class Refclock:
     """The station's end of a `refclock SOCK`. It never waits; what was not taken is not sent again.
 
-    path     the socket that chronyd makes at its start. Raises ConfigurationError where that is too long.
+    path     the socket that chronyd makes at its start. Raises ConfigurationError where it cannot make one.
     journal  is told when chronyd begins to take samples, and when it ceases, and why.
     counts   samples by what became of them.
     """
 
     def __init__(self, path: str, journal: Journal) -> None:
-        if not 0 < len(path.encode()) <= MAX_PATH:
-            raise ConfigurationError(
-                f"time.chrony: {path}: {len(path.encode())} octets are no path of a socket", f"at most {MAX_PATH}"
-            )
+        check_path(path)
         self.path = path
         self.counts: Counter[Fate] = Counter()
         self._journal = journal
@@ -126,10 +126,9 @@ class Refclock:
     def _objection(self, pulse: Pulse, its_s: int, now: Clocks) -> Fate | None:
         if self._leap is not None and abs(self._leap.its_s - its_s) <= LEAP_QUIET_S:
             return Fate.LEAP
-        age_ns = now.raw_ns - pulse.raw_ns
-        if age_ns > MAX_AGE_NS:
+        if now.raw_ns - pulse.raw_ns > MAX_AGE_NS:
             return Fate.OLD
-        if abs(now.system_ns - pulse.system_ns - age_ns) > age_ns * MAX_SLEW + SLACK_NS:
+        if abs(now.system_ns - pulse.system_ns - round((now.monotonic - pulse.monotonic) * 1e9)) > STEP_NS:
             return Fate.STEPPED
         return None
 
@@ -152,6 +151,16 @@ class Refclock:
             self._journal.say(logging.INFO, f"{self.path}: chronyd takes samples")
         else:
             self._journal.say(logging.WARNING, f"{self.path}: chronyd is not fed: {MEANING[state]}{detail}")
+
+
+def check_path(path: str) -> None:
+    """Raise ConfigurationError where chronyd cannot make a socket: options of its driver come after a colon."""
+    octets = len(path.encode())
+    if not path.startswith("/") or octets > MAX_PATH or any(mark in path for mark in " \t\n:"):
+        raise ConfigurationError(
+            f"time.chrony: {path!r}: chronyd cannot make a socket there",
+            f"an absolute path of at most {MAX_PATH} octets, without blanks and colons, such as {SOCKET}",
+        )
 
 
 def sample(system_ns: int, unix_ns: int, leap: int = 0) -> bytes:

@@ -1,23 +1,16 @@
 """What chronyd is configured with: one line beside a system's own configuration, or the whole of it for the image."""
 
-from board.errors import ConfigurationError
-from pps.chrony import MAX_PATH
-
-# Debian's AppArmor profile lets chronyd make `@{run}/chrony.*.sock` and what is in /run/chrony, which is closed to all
-# but chronyd's own user (RuntimeDirectoryMode=0700 of its unit).
-SOCKET = "/run/chrony.captain.sock"
-LEAP_LIST = "/usr/share/zoneinfo/leap-seconds.list"  # tzdata of Debian 13; right/UTC has gone to tzdata-legacy there
-
-# How late a pulse's stamp may be all the time, which no pulse can show: 4.4 us were found on a Pi 4. chronyd counts
-# half of a source's delay as what it cannot see.
-LATE_NS = 5_000
+from board.leaps import LIST
+from pps.chrony import SOCKET, check_path
+from pps.model import LATENCY_NS, unseen_latency_ns
 
 # Figures: python -m tests.pps.chronyd_check.
 _REFCLOCK = """\
 # A complete sample of each second that the receiver has confirmed.
 # poll 2, filter 4: the median part of 4 samples every 4 s. Errors of 0.6 to 2.2 us in 95 %, a step of 500 us followed
 #   in 19 to 39 s; 3 and 8 need 49 s for the same, and 0 and 1, which average no late pulse away, up to 65 s for 5 us.
-# delay: half of it is in the stated error, for what is late in every pulse.
+# delay: chronyd counts half of it as what it cannot see. The middle of what stamps are late is taken off each sample;
+#   what they may be earlier or later than that, all the time, is this half.
 # prefer, not trust: servers that agree with each other may outvote a receiver that is lied to.
 refclock SOCK {path} refid PPS poll 2 filter 4 delay {delay_s:.1e} prefer
 """
@@ -53,26 +46,20 @@ ExecStartPost=+/bin/chmod 0620 {path}
 """
 
 
-def refclock(path: str = SOCKET, late_ns: int = LATE_NS) -> str:
+def refclock(path: str = SOCKET, latency_ns: int = LATENCY_NS) -> str:
     """For /etc/chrony/conf.d/captain.conf, beside a chrony.conf that stays as it is.
 
     A source and nothing else: Debian 12's chrony.conf reads that folder first and overrides what it says of the rest.
 
-    path     of the socket, as in [time] chrony of captain.toml; raises ConfigurationError where it cannot be one.
-    late_ns  that a stamp may be late in every pulse.
+    path        of the socket, as in [time] chrony of captain.toml; raises ConfigurationError where it cannot be one.
+    latency_ns  that of the board file's [pulse]: the most that an ordinary stamp is late.
     """
-    octets = len(path.encode())
-    if not path.startswith("/") or octets > MAX_PATH or any(mark in path for mark in " \t\n:"):
-        # Options of the driver come after a colon.
-        raise ConfigurationError(
-            f"time.chrony: {path!r}: chronyd cannot make a socket there",
-            f"an absolute path of at most {MAX_PATH} octets, without blanks and colons, such as {SOCKET}",
-        )
-    return _REFCLOCK.format(path=path, delay_s=2 * late_ns / 1e9)
+    check_path(path)
+    return _REFCLOCK.format(path=path, delay_s=2 * unseen_latency_ns(latency_ns) / 1e9)
 
 
 def configuration(
-    path: str = SOCKET, late_ns: int = LATE_NS, leaps: str = LEAP_LIST, state: str = "/var/lib/chrony"
+    path: str = SOCKET, latency_ns: int = LATENCY_NS, leaps: str = LIST, state: str = "/var/lib/chrony"
 ) -> str:
     """The whole chrony.conf of the image.
 
@@ -80,7 +67,7 @@ def configuration(
     state  directory of chronyd's user: what it has learned of the oscillator.
     """
     directive = "leapseclist" if leaps.startswith("/") else "leapsectz"
-    return _WHOLE.format(refclock=refclock(path, late_ns), leaps=f"{directive} {leaps}", state=state)
+    return _WHOLE.format(refclock=refclock(path, latency_ns), leaps=f"{directive} {leaps}", state=state)
 
 
 def access(group: str, path: str = SOCKET) -> str:

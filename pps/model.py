@@ -38,6 +38,11 @@ SEASONED = 64
 LAGGING = 8
 
 
+def unseen_latency_ns(latency_ns: int) -> float:
+    """How far stamps may be off all the time, without any pulse showing it, when the middle is taken off."""
+    return latency_ns * (1 - SHORTEST) / 2
+
+
 class Line(NamedTuple):
     """True time is raw_ns + base_ns + phase_ns at moment_s, and the phase changes by rate_ppb from there on.
 
@@ -55,7 +60,7 @@ class Line(NamedTuple):
 class Model:
     """The oscillator's line through the pulses. 10 us of work for each, 1 us for an estimate.
 
-    latency_ns   the most that an ordinary stamp of a pulse is late.
+    latency_ns   the most that an ordinary stamp of a pulse is late. late_ns: what is taken off every stamp.
     line         None before the first pulse. is_settled: it has been drawn through enough of them.
     is_settling  the first pulses, or the first after a silence, are being collected.
     surprises    times that pulses came back and the line was further off than had been stated: by surprise_ns, last.
@@ -65,8 +70,8 @@ class Model:
         self.line: Line | None = None
         self.is_settled = False
         self.surprises, self.surprise_ns = 0, 0
-        self._late_ns = round(latency_ns * (1 + SHORTEST) / 2)
-        self._floor_ns = latency_ns * (1 - SHORTEST) / 2
+        self.late_ns = round(latency_ns * (1 + SHORTEST) / 2)
+        self._floor_ns = unseen_latency_ns(latency_ns)
         self._foresight, self._trackers, self._lateness = Foresight(), Trackers(), Lateness(FIRST_NS)
         self._settling: Settling | None = None
         self._series = self._first_raw_ns = self._base_ns = 0
@@ -108,7 +113,7 @@ class Model:
 
     def second(self, second: Second) -> None:
         """A pulse and its second, in the order of time."""
-        raw_ns, its_ns = second.pulse.raw_ns, second.its_s * SECOND_NS + self._late_ns
+        raw_ns, its_ns = second.pulse.raw_ns, second.its_s * SECOND_NS + self.late_ns
         if second.series != self._series:
             self._acquire(second.series, raw_ns, its_ns)
         moment_s, phase_ns = self._moment_s(raw_ns), float(its_ns - raw_ns - self._base_ns)

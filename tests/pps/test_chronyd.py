@@ -11,9 +11,10 @@ from pathlib import Path
 import pytest
 
 from board.journal import Journal
+from board.leaps import LIST
 from board.time import LeapEvent
 from pps.chrony import Fate
-from pps.chrony_configuration import LEAP_LIST, access, configuration, refclock
+from pps.chrony_configuration import access, configuration, refclock
 from pps.chrony_tracking import Tracker
 from tests.pps.chronyd import PROGRAM, Chronyd, Feeder, event, shift_to
 from tests.virtual import VirtualLoop
@@ -159,7 +160,7 @@ def reads(text: str, folder: Path) -> "subprocess.CompletedProcess[str]":
 
 
 @pytest.mark.parametrize(
-    "text", [refclock(), configuration(leaps="right/UTC"), refclock("/run/chrony.other.sock", late_ns=0)]
+    "text", [refclock(), configuration(leaps="right/UTC"), refclock("/run/chrony.other.sock", latency_ns=0)]
 )
 def test_chronyd_reads_every_line_that_is_written_for_it(text: str, tmp_path: Path) -> None:
     read = reads(text, tmp_path)
@@ -178,7 +179,7 @@ def test_chronyd_finds_a_wrong_line(tmp_path: Path) -> None:
 def test_the_list_of_leap_seconds_is_the_only_line_that_an_older_chronyd_does_not_know(tmp_path: Path) -> None:
     # Debian 13 has chronyd 4.6 with `leapseclist`, Debian 12 has 4.3 with `leapsectz` alone.
     text = configuration()
-    line = f"leapseclist {LEAP_LIST}\n"
+    line = f"leapseclist {LIST}\n"
 
     assert line in text
     assert reads(text.replace(line, ""), tmp_path).returncode == 0
