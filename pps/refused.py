@@ -34,7 +34,8 @@ MEANING: dict[Why, str] = {
     Why.OFF_GRID: "no whole seconds since the last good pulse by CLOCK_MONOTONIC_RAW: noise, a trailing edge, or a late"
     " interrupt",
     Why.DUPLICATE: "its second has been passed on already, or another edge fits better to the seconds before",
-    Why.TRAILING: "it follows another edge by less than 0.5 s, and nothing tells yet which of them begins a second",
+    Why.TRAILING: "it bounces, or it may be the end of a pulse: edges up to 0.5 s before it begin seconds as well, and"
+    " nothing tells yet which of them do",
     Why.UNANNOUNCED: "the receiver announced no pulse for this second; is TIM-TP configured, is the line overloaded?",
     Why.UNLOCKED: "the receiver says that the pulse does not follow the satellites, or has no fix of late",
     Why.NO_SECOND: "the announcement does not say which second: week, or leap seconds where it counts UTC, are unknown",

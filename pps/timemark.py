@@ -10,9 +10,11 @@ none, so all have to agree. The rules:
 # any        WAIT_S is over                                  same       refused, with the reason
 # any        WAIT_S was over a while ago: the loop stalled   same       it waits on: that may be there, unread
 #
-# SEARCHING  an edge < 0.5 s after another                   same       refused: perhaps a trailing edge
+# SEARCHING  an edge < 5 ms after another                    same       refused: a bounce
 # SEARCHING  TIM-TP in the second before an edge, and        same       the first three in a row: refused
 #            NAV-PVT soon after it, name one second          FOLLOWING  the fourth: passed on, a new series
+# SEARCHING  the fourth, < 0.5 s after an edge of another    same       refused: perhaps a trailing edge
+#            row
 # SEARCHING  they do not, or break the row                   same       refused; the row begins anew
 #
 # FOLLOWING  an edge whole seconds after the last good one,  same       passed on
@@ -41,7 +43,7 @@ from collections import Counter
 from typing import NamedTuple
 
 from board.time import Fix, LeapEvent, TimeMark
-from pps.chain import LIFE_NS, SECOND_NS, Chain
+from pps.chain import EDGE_NS, LIFE_NS, SECOND_NS, Chain
 from pps.pulse import Pulse
 from pps.refused import Refused, Why
 from pps.statements import LIMIT_NS, Statements, is_of_utc
@@ -52,22 +54,17 @@ GRACE_S = 0.5  # it has, by then
 
 AGREEING = 4  # seconds that make a row; gpsd asks for as many
 GAP_NS = 5 * SECOND_NS  # a row may miss edges, and still be a row
-ROWS = 3  # others at a time: noise makes some as well
-RELABEL_S = 300  # a receiver that came back with a wrong second has been told by satellites by then: twelve frames
+ROWS = 8  # others at a time: noise makes some as well
+# A receiver that came back with a wrong second has been told by satellites by then: the almanac of GPS, and with it the
+# leap seconds, comes once in 12.5 minutes.
+RELABEL_S = 780
 
 # So much later the grid is known to 10 ms, and a stray edge could pass for the pulse: its place is sought anew.
 FOLLOW_NS = 60 * SECOND_NS
 
 TRAILING_NS = SECOND_NS // 2  # pulses are shorter than that: the driver sets 100 ms
+RIVAL = 2  # seconds of a row that may be of the leading edges
 WAITING = 64  # edges at a time
-
-# The grid may be later than a pulse by what late interrupts have moved it.
-EARLY_NS = 500_000
-
-# chronyd slews by 83,333 ppm at most (maxslewrate), the kernel by 500 ppm beside that: what is more was a step. The
-# rest is what a late interrupt may make of it.
-_SLEW = 0.1
-_STEP_NS = 1_000_000
 
 
 class Second(NamedTuple):
@@ -78,8 +75,6 @@ class Second(NamedTuple):
     leap_seconds  GPS time less UTC, s, as the receiver says. leap_event: announced by satellites.
     series        number of the acquisition that it counts from: in one series its_s counts the seconds of raw_ns; a
                   new one may say another second.
-    is_stepped    the system's clock was stepped since the Second before this one: the pulse is good by raw_ns, and
-                  its system_ns is of the new setting.
     """
 
     pulse: Pulse
@@ -88,7 +83,6 @@ class Second(NamedTuple):
     leap_seconds: int | None
     leap_event: LeapEvent | None
     series: int = 1
-    is_stepped: bool = False
 
 
 class Acquired(NamedTuple):
@@ -119,10 +113,8 @@ class _Edge:
         self.error_ns = 0
 
 
-def _by_merit(edge: _Edge) -> tuple[bool, int]:
-    """For edges of one second: the first that is not early, for contacts bounce behind it; else the least early."""
-    is_early = edge.error_ns < -EARLY_NS
-    return is_early, -edge.error_ns if is_early else edge.error_ns
+def _raw_ns(edge: _Edge) -> int:
+    return edge.pulse.raw_ns
 
 
 class Pairing:
@@ -142,7 +134,6 @@ class Pairing:
         self._edges: list[_Edge] = []
         self._edge_ns: int | None = None  # the last edge of any kind
         self._series = 0
-        self._stamps: tuple[int, int] | None = None  # of the last Second: raw, and system
 
     def pulse(self, pulse: Pulse) -> list[Event]:
         """An edge, in the order of their sequence."""
@@ -154,7 +145,7 @@ class Pairing:
             self._place(edge)
             if self._is_taken(edge):
                 return [self._refuse(edge, Why.DUPLICATE, f"second {edge.its_s}, {edge.error_ns} ns off it")]
-        elif before_ns is not None and abs(raw_ns - before_ns) < TRAILING_NS:
+        elif before_ns is not None and abs(raw_ns - before_ns) < EDGE_NS:
             return [self._refuse(edge, Why.TRAILING, f"{(raw_ns - before_ns) / 1e6:.3f} ms after another")]
         self._edges.append(edge)
         found = self._given_up(self._edges[0]) if len(self._edges) > WAITING else []
@@ -224,7 +215,7 @@ class Pairing:
         assert self._chain is not None
         found: list[Event] = []
         if len(self._edges) > 1:
-            edge, *others = sorted((one for one in self._edges if one.its_s == its_s), key=_by_merit)
+            edge, *others = self._by_merit(its_s)
             found = [
                 self._refuse(one, Why.DUPLICATE, f"{one.error_ns} ns off second {its_s}, another {edge.error_ns} ns")
                 for one in others
@@ -237,15 +228,21 @@ class Pairing:
             self._place(other)
         return [self._second(its_s, edge.pulse, mark, epoch.fix), *found]
 
+    def _by_merit(self, its_s: int) -> list[_Edge]:
+        """The edges of one second: the first that is not early, for contacts bounce behind it; else the least early."""
+        assert self._chain is not None
+        edges = [edge for edge in self._edges if edge.its_s == its_s]
+        if len(edges) == 1:
+            return edges
+        expected_ns, within_ns = self._chain.expected(its_s)
+        early = [edge for edge in edges if edge.pulse.raw_ns < expected_ns - within_ns]
+        punctual = [edge for edge in edges if edge.pulse.raw_ns >= expected_ns - within_ns]
+        return [*sorted(punctual, key=_raw_ns), *sorted(early, key=_raw_ns, reverse=True)]
+
     def _second(self, its_s: int, pulse: Pulse, mark: TimeMark, fix: Fix) -> Second:
-        before, self._stamps = self._stamps, (pulse.raw_ns, pulse.system_ns)
-        is_stepped = False
-        if before is not None:
-            raw_ns = pulse.raw_ns - before[0]
-            is_stepped = abs(pulse.system_ns - before[1] - raw_ns) > raw_ns * _SLEW + _STEP_NS
         assert fix.utc_accuracy_ns is not None
         accuracy_ns = max(mark.accuracy_ns, fix.utc_accuracy_ns)
-        return Second(pulse, its_s, accuracy_ns, mark.leap_seconds, mark.leap_event, self._series, is_stepped)
+        return Second(pulse, its_s, accuracy_ns, mark.leap_seconds, mark.leap_event, self._series)
 
     # SEARCHING and RETURNING
 
@@ -258,6 +255,8 @@ class Pairing:
         row = self._row(edge.pulse.raw_ns, its_s)
         if row.count < AGREEING:
             return [self._refuse(edge, Why.ACQUIRING, f"second {its_s}, {row.count} of {AGREEING}")]
+        if self._has_rival(edge.pulse.raw_ns):
+            return [self._refuse(edge, Why.TRAILING, f"second {its_s}, and edges before it make a row as well")]
         place = None if self._chain is None else self._chain.place(edge.pulse.raw_ns)
         is_known = place is not None and place.is_whole and place.its_s == its_s
         if place is None or is_known or row.raw_ns - row.since_ns >= RELABEL_S * SECOND_NS:
@@ -285,6 +284,10 @@ class Pairing:
         self._rows = [*rows[-ROWS:], found]
         return found
 
+    def _has_rival(self, raw_ns: int) -> bool:
+        """Whether an edge may be the end of a pulse that another row knows the beginning of."""
+        return any(row.count >= RIVAL and EDGE_NS < raw_ns - row.raw_ns < TRAILING_NS for row in self._rows)
+
     def _acquire(self, row: Chain, acquired: Acquired | None) -> list[Event]:
         """Count from a row on."""
         self._chain, self._is_following, self._rows = row, True, []
@@ -304,7 +307,7 @@ class Pairing:
         if not self._is_following:
             why, detail = self._statements.why(edge.pulse, None)
             if why in (Why.DISAGREE, Why.UTC):
-                self._rows.clear()
+                self._rows = [row for row in self._rows if not row.place(raw_ns).is_whole]
             return [self._refuse(edge, why, detail)]
         if edge.its_s is None:
             assert self._chain is not None

@@ -58,7 +58,7 @@ def test_an_acquisition_is_told_before_its_first_second():
 
 def test_a_second_carries_its_pulse_and_what_the_receiver_says_of_it():
     said = but(seconds(0, 3), Said(2.08, mark(3, accuracy_ns=47)))
-    assert play(Pairing(), said)[-1] == Second(pulse(3), START + 3, 47, LEAPS, None, 1, False)
+    assert play(Pairing(), said)[-1] == Second(pulse(3), START + 3, 47, LEAPS, None, 1)
 
 
 @pytest.mark.parametrize("missing", [1, 2])
@@ -132,9 +132,28 @@ def test_edges_at_both_ends_of_a_pulse_are_told_apart_by_the_pause_before_them()
     assert all(event.pulse == pulse(event.its_s - START) for event in events if isinstance(event, Second))
 
 
-def test_noise_before_a_pulse_costs_one_second_of_the_row_and_not_the_row():
-    noise = [Said(1.7, pulse(1, late_ns=700_000_000)), Said(4.2, pulse(4, late_ns=200_000_000))]
-    assert labels(play(Pairing(), seconds(0, 6) + noise)) == [4, 5, 6]
+@pytest.mark.parametrize("first", [0.1, 1.1])
+def test_who_begins_to_listen_within_a_pulse_is_not_misled_by_its_end(first):
+    trailing = [Said(number + 0.1, pulse(number, late_ns=100_000_000)) for number in range(7)]
+    events = play(
+        Pairing(), [one for one in seconds(0, 6) + trailing if one.at >= first or not hasattr(one.what, "raw_ns")]
+    )
+    assert labels(events) == list(range(int(first) + 4, 7))
+    assert all(event.pulse == pulse(event.its_s - START) for event in events if isinstance(event, Second))
+
+
+def test_noise_before_pulses_costs_nothing_of_the_row():
+    noise = [Said(number + 0.7, pulse(number, late_ns=700_000_000 + number * 20_000_000)) for number in range(6)]
+    events = play(Pairing(), seconds(0, 6) + noise)
+    assert labels(events) == [3, 4, 5, 6]
+    assert all(event.pulse == pulse(event.its_s - START) for event in events if isinstance(event, Second))
+
+
+def test_a_bounce_spoils_no_row():
+    bounces = [Said(number + 3e-4, pulse(number, late_ns=300_000)) for number in range(6)]
+    events = play(Pairing(), seconds(0, 5) + bounces)
+    assert labels(events) == [3, 4, 5]
+    assert whys(events)[:2] == [Why.TRAILING, Why.ACQUIRING]
 
 
 def test_pulses_of_which_nobody_speaks_are_refused():
@@ -257,6 +276,22 @@ def test_an_edge_just_before_the_pulse_is_not_taken_for_it():
     assert events[-1].pulse == early
 
 
+@pytest.mark.parametrize("early_us", [30, 100, 316, 490])
+@pytest.mark.parametrize("ppm", [-60, 60])
+def test_edges_before_each_pulse_do_not_become_the_second(early_us, ppm):
+    pairing = following(40, ppm)
+    said = [
+        one
+        for number in range(41, 120)
+        for one in [
+            *second(number, late_ns=number * 7 % 5 * 400, ppm=ppm),
+            Said(number - early_us / 1e6, pulse(number, -early_us * 1_000, ppm)),
+        ]
+    ]
+    passed = [one.pulse for one in play(pairing, said) if isinstance(one, Second)]
+    assert passed == [pulse(number, number * 7 % 5 * 400, ppm) for number in range(41, 120)]
+
+
 def test_an_edge_of_a_second_that_was_passed_on_is_a_duplicate():
     events = play(following(), [*second(4), Said(4.2, pulse(4, late_ns=10_000))])
     assert labels(events) == [4]
@@ -310,16 +345,15 @@ def test_missing_pulses_are_counted_over():
 # The system's clock
 
 
-@pytest.mark.parametrize("step_ns", [2_000_000_000, -2_000_000_000, 150_000_000, -150_000_000, 10**15, -(10**15)])
-def test_a_step_of_the_systems_clock_is_told_once_and_its_pulse_is_good(step_ns):
+@pytest.mark.parametrize("step_ns", [2_000_000_000, -2_000_000_000, 500_000, -150_000_000, 10**15, -(10**15)])
+def test_a_step_of_the_systems_clock_costs_no_pulse(step_ns):
     pairing = following()
     stepped = [one for number in (4, 5) for one in but(second(number), Said(number, pulse(number, system_ns=step_ns)))]
-    events = play(pairing, stepped)
-    assert [(one.its_s - START, one.is_stepped) for one in events if isinstance(one, Second)] == [(4, True), (5, False)]
+    assert labels(play(pairing, stepped)) == [4, 5]
 
 
 @pytest.mark.parametrize("slew", [-0.0838, 0.0838])
-def test_a_system_clock_that_is_slewed_as_fast_as_it_can_be_was_not_stepped(slew):
+def test_a_system_clock_that_is_slewed_as_fast_as_it_can_be_costs_no_pulse(slew):
     pairing = following()
     said = []
     for number in range(4, 30):
@@ -334,7 +368,6 @@ def test_a_system_clock_that_is_slewed_as_fast_as_it_can_be_was_not_stepped(slew
         ]
     events = play(pairing, said)
     assert labels(events) == list(range(4, 30))
-    assert not any(one.is_stepped for one in events if isinstance(one, Second))
 
 
 # Late words, and a loop that stalled
@@ -474,13 +507,13 @@ def test_one_wrong_second_is_refused_and_the_next_right_one_passed_on_at_once():
 @pytest.mark.parametrize("wrong", [-1, 1])
 def test_a_receiver_that_says_another_second_for_long_enough_is_believed_and_that_is_told(wrong):
     pairing = following()
-    events = play(pairing, wrong_for(4, 400, wrong))
+    events = play(pairing, wrong_for(4, RELABEL_S + 100, wrong))
     acquired = [one for one in events if isinstance(one, Acquired)]
     assert [one.change_s for one in acquired] == [wrong]
     assert acquired[0].its_s - wrong - START >= 4 + RELABEL_S
     assert acquired[0].series == 2
     assert all(one.series == 2 for one in events if isinstance(one, Second))
-    assert labels(events)[-1] == 400 + wrong
+    assert labels(events)[-1] == RELABEL_S + 100 + wrong
 
 
 def test_a_receiver_that_changes_its_mind_is_not_believed_for_the_sum():
@@ -493,7 +526,7 @@ def test_a_receiver_that_changes_its_mind_is_not_believed_for_the_sum():
 def test_pulses_elsewhere_between_seconds_are_not_believed_for_long():
     said = [
         one
-        for number in range(4, 500)
+        for number in range(4, RELABEL_S + 200)
         for one in but(
             second(number), Said(float(number), None), Said(number - 0.2, pulse(number, late_ns=-200_000_000))
         )
@@ -520,13 +553,13 @@ def test_after_a_longer_loss_four_seconds_have_to_agree_and_the_series_goes_on(g
     assert {one.series for one in events if isinstance(one, Second)} == {1}
 
 
-@pytest.mark.parametrize("gone", [62, 600, 3_600])
+@pytest.mark.parametrize("gone", [62, 600, 3_000])
 @pytest.mark.parametrize("wrong", [-1, 1])
 def test_a_receiver_that_returns_with_another_second_is_not_believed(gone, wrong):
     pairing = following()
-    events = play(pairing, wrong_for(gone, gone + 290, wrong))
+    events = play(pairing, wrong_for(gone, gone + 760, wrong))
     assert labels(events) == []
-    assert labels(play(pairing, seconds(gone + 291, gone + 296))) == [gone + 294, gone + 295, gone + 296]
+    assert labels(play(pairing, seconds(gone + 761, gone + 766))) == [gone + 764, gone + 765, gone + 766]
 
 
 @pytest.mark.parametrize("ppm", [-60, 60])
