@@ -20,13 +20,21 @@ ETH0 = struct.pack("=IHHIIBBBBI", 40, 20, 2, 1, 0, 2, 24, 0, 0, 2) + struct.pack
 WWAN0 = struct.pack("=IHHIIBBBBI", 40, 20, 2, 1, 0, 2, 30, 0, 0, 5) + struct.pack(
     "=HH4sHH4s", 8, 1, bytes([10, 64, 1, 1]), 8, 2, bytes([10, 64, 1, 2])
 )
+# With the device's name in front: 9 octets, and three that fill the word.
+USB0 = struct.pack("=IHHIIBBBBI", 44, 20, 2, 1, 0, 2, 24, 0, 0, 6) + struct.pack(
+    "=HH5s3xHH4s", 9, 3, b"usb0\0", 8, 2, bytes([192, 168, 7, 2])
+)
 LINK = struct.pack("=IHHIIBBBBI", 44, 20, 2, 1, 0, 10, 64, 0, 253, 2) + struct.pack(
     "=HH16s", 20, 1, socket.inet_pton(socket.AF_INET6, "fe80::1")
 )
 
 
 def test_addresses_are_those_of_this_end_and_the_widest_reach_comes_first() -> None:
-    assert addresses(LINK + ETH0 + WWAN0) == {2: ["192.168.1.20/24", "fe80::1/64"], 5: ["10.64.1.2/30"]}
+    assert addresses(LINK + ETH0 + WWAN0 + USB0) == {
+        2: ["192.168.1.20/24", "fe80::1/64"],
+        5: ["10.64.1.2/30"],
+        6: ["192.168.7.2/24"],
+    }
 
 
 @given(octets=st.binary(max_size=200), at=st.integers(0, 120))

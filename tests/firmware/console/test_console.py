@@ -258,7 +258,7 @@ def test_a_terminal_that_is_resized_is_drawn_anew_within_its_size(bench: Bench) 
         bench.terminal.sent = b""
         os.kill(os.getpid(), signal.SIGWINCH)
         keys, last = "keys: "[: columns - 1].strip(), min(lines, 24) - 2
-        bench.until(lambda keys=keys, last=last: bench.terminal.lines[last].startswith(keys))
+        bench.until(lambda keys=keys, last=last: bench.terminal.lines[last].startswith(keys), within=1.0)
         assert all(len(line) <= min(columns, 80) - 1 for line in bench.terminal.lines)
         assert not any(bench.terminal.lines[23:])
 
