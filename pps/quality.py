@@ -42,12 +42,23 @@ class Estimator:
     """
 
     def __init__(self, latency_ns: int = LATENCY_NS, leaps: Leaps = BUILT_IN, source: str = "") -> None:
-        self.leaps = leaps
+        self._leaps = leaps
         self.source = source
         self.model = Model(latency_ns)
         self._messages = Messages()
+        self._told_ns: int | None = None  # Unix time of the last message
         self._system: tuple[int, int, int] | None = None
         self._leap: LeapEvent | None = None
+
+    @property
+    def leaps(self) -> Leaps:
+        return self._leaps
+
+    @leaps.setter
+    def leaps(self, leaps: Leaps) -> None:
+        if self._told_ns is not None:
+            self._messages.count_otherwise(leaps.its_ns(self._told_ns) - self._leaps.its_ns(self._told_ns))
+        self._leaps = leaps
 
     @property
     def surprises(self) -> int:
@@ -62,6 +73,7 @@ class Estimator:
     def fix(self, fix: Fix, clocks: Clocks) -> None:
         """A message of the receiver that came lately; what has no time says nothing."""
         if fix.utc_ns is not None:
+            self._told_ns = fix.utc_ns
             ago_ns = round((clocks.monotonic - fix.monotonic) * 1e9)
             self.message(self.leaps.its_ns(fix.utc_ns), clocks.raw_ns - ago_ns)
 

@@ -2,6 +2,7 @@
 
 import pickle
 from collections.abc import Sequence
+from dataclasses import replace
 from random import Random
 from typing import Any, NamedTuple
 
@@ -374,6 +375,61 @@ def test_a_message_later_than_messages_are_moves_no_bound_once_another_was_in_ti
         station.estimator.fix(fix(station, epoch, late_s), station.machine.clocks(now_ns))
     said = station.estimator.quality(station.machine.clocks(now_ns))
     assert abs(said.offset_ns - station.machine.system_offset_ns(now_ns)) <= said.uncertainty_ns
+
+
+def told(station: Station, epoch: float, late_s: float, off_s: int = 0) -> Fix:
+    """Give the estimator the message of an epoch, so late."""
+    said = fix(station, epoch, late_s)
+    assert said.utc_ns is not None
+    said = said._replace(utc_ns=said.utc_ns + off_s * SECOND_NS)
+    station.estimator.fix(said, station.machine.clocks(START_NS + round((epoch + late_s) * SECOND_NS)))
+    return said
+
+
+def is_inside(station: Station, second: float) -> bool:
+    said = quality(station, second)
+    truth_ns = station.machine.system_offset_ns(START_NS + round(second * SECOND_NS))
+    return abs(said.offset_ns - truth_ns) <= said.uncertainty_ns < MOST_NS
+
+
+@pytest.mark.parametrize("off_s", [1, -1, 2, 3600])
+def test_epochs_of_other_seconds_move_no_bound_until_they_have_lasted(off_s: int):
+    station, random = Station(1), Random(1)
+    for epoch in range(1, 1_000):
+        told(station, epoch, random.uniform(0.03, 0.3))
+    for epoch in range(1_000, 1_750):
+        told(station, epoch, random.uniform(0.03, 0.3), off_s)
+        assert is_inside(station, epoch + 0.4)
+    for epoch in range(1_750, 2_600):
+        told(station, epoch, random.uniform(0.03, 0.3), off_s)
+    assert not is_inside(station, 2_600)  # it says so for good
+
+
+def test_a_first_epoch_that_was_wrong_is_outvoted_by_the_next_two():
+    station = Station(1)
+    for epoch, off_s in ((1, 1), (2, 0), (3, 0)):
+        told(station, epoch, 0.1, off_s)
+    assert is_inside(station, 3.2)
+
+
+def test_a_message_may_be_taken_long_after_it_came():
+    station = Station(1)
+    said = fix(station, 5, 0.1)
+    station.estimator.fix(said, station.machine.clocks(START_NS + 7 * SECOND_NS))
+    assert is_inside(station, 7.1)
+
+
+def test_other_leap_seconds_make_other_seconds_of_messages_at_once():
+    station = Station(1)
+    early = replace(BUILT_IN, rows=BUILT_IN.rows[:-1])
+    station.estimator.leaps = early
+    for epoch in range(1, 30):
+        told(station, epoch, 0.1)
+    assert is_inside(station, 29.5)
+    station.estimator.leaps = BUILT_IN
+    assert is_inside(station, 29.5)
+    told(station, 30, 0.1)
+    assert is_inside(station, 30.5)
 
 
 def test_a_message_without_a_time_says_nothing():
