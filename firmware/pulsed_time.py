@@ -7,9 +7,10 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from board.journal import REPEATS, Journal
-from board.leaps import RECEIVER, Leaps
+from board.leaps import BUILT_IN
 from board.loop import Loop, Timer
-from board.time import EPOCH, Fix, Lock, TimeMark, TimeQuality
+from board.time import Fix, LeapEvent, Lock, TimeMark, TimeQuality
+from firmware.own_time import OwnTime
 from firmware.pulse_input import PulseInput
 from firmware.time_history import Row, TimeHistory
 from pps.model import SHORTEST
@@ -20,10 +21,6 @@ from pps.timemark import Acquired, Event, Pairing, Second
 
 if TYPE_CHECKING:
     from pps.chrony import Refclock
-
-# Of the estimate in holdover: beyond, a receiver's messages or the system's clock are as good. A vehicle's position
-# and time belong together within 20 ms.
-USABLE_NS = 20_000_000
 
 SAME_S = 0.01  # two ways to one and the same age
 # Each second is a row. One is known by 0.9 s after its pulse; without any for so long, there are rows without pulses.
@@ -39,7 +36,8 @@ class PulsedTime:
     make        makes the source of its pulses; None: there are none, and messages alone tell the time.
     latency_ns  how late stamps may be without any pulse showing it.
     chrony      socket of chronyd; empty: none.
-    leaps       that are known before the receiver knows better.
+    own         has the leap seconds that are known before the receiver knows better, and is told of those that it
+                knows; understands its messages.
     """
 
     def __init__(
@@ -49,14 +47,15 @@ class PulsedTime:
         make: Callable[[Above], Pulses] | None,
         latency_ns: int,
         chrony: str,
-        leaps: Leaps,
+        own: OwnTime,
         clocks: Callable[[], Clocks],
     ) -> None:
         self.receiver = receiver
-        self.leaps = self._listed = leaps
+        self.leaps = leaps = own.leaps or BUILT_IN
         self.seconds = self.late = 0
         self.history = TimeHistory()
         self._loop = loop
+        self._own = own
         self._clocks = clocks
         self._pairing = Pairing()
         self._estimator = Estimator(latency_ns, leaps, receiver)
@@ -65,10 +64,10 @@ class PulsedTime:
         self._journal = Journal(log, receiver or "pulses", loop.clock, REPEATS)
         self._refclock = self._made_refclock(chrony)
         self._timer: Timer | None = None
+        self._due: float | None = None  # when the timer is to call
         self._phase: tuple[int, int] | None = None  # ITS second and raw clock of the first pulse: where phases begin
         self._state = Lock.UNKNOWN
-        self._offset_ns = 0  # of the last second
-        self._anchor: tuple[int, int] | None = None  # ITS time in ns and raw clock of the last second, where usable
+        self._anchor: tuple[int, int] | None = None  # ITS time in ns and raw clock of the last second, where known
 
     def start(self) -> None:
         if self._input is not None:
@@ -86,12 +85,17 @@ class PulsedTime:
     # What is heard
 
     def mark(self, mark: TimeMark) -> None:
-        if mark.leap_seconds is not None and mark.its_s is not None:
-            self._learn(self.leaps.told(mark.leap_seconds, mark.leap_event, mark.its_s))
+        if self._input is None and mark.is_locked and mark.its_s is not None:
+            self._learn(mark.leap_seconds, mark.leap_event, mark.its_s)
         self._take(self._pairing.mark(mark))
 
     def fix(self, fix: Fix) -> None:
-        self._estimator.fix(fix, self._clocks())
+        told = self._own.told(fix)
+        if told is not None and fix.utc_accuracy_ns is not None:  # else its firmware guesses leap seconds
+            now = self._clocks()
+            self._estimator.message(
+                round(told.its_ms * 1e6), now.raw_ns - round((now.monotonic - told.monotonic) * 1e9)
+            )
         self._take(self._pairing.fix(fix))
 
     def pulse(self, pulse: Pulse) -> None:
@@ -100,7 +104,7 @@ class PulsedTime:
     # What is known
 
     def its_ms(self, monotonic: float) -> int | None:
-        """ITS time of a moment of the loop's clock; None while pulses do not tell it, or too badly.
+        """ITS time of a moment of the loop's clock, by whose word the quality is; None while that is nobody's.
 
         Asked for each packet that leaves: from the last second on the oscillator goes on by itself, which is 0.1 ms at
         most, and not the loop's clock, which chronyd may slew by 80 ms in a second.
@@ -110,16 +114,13 @@ class PulsedTime:
         its_ns, at_ns = self._anchor
         return (its_ns + raw_ns() - at_ns - round((self._loop.clock() - monotonic) * 1e9)) // 1_000_000
 
-    def quality(self, word: tuple[int, int] | None = None) -> TimeQuality:
-        """Of now; once a second. word: offset and uncertainty of the system's clock in ns as chronyd has them."""
+    def quality(self, systems_ns: int | None = None) -> TimeQuality:
+        """Of now; once a second. systems_ns: the most that the system's clock is wrong by, as chronyd says."""
         now = self._clocks()
-        if word is not None and self._refclock is None:  # what it has from here is no second opinion
-            self._estimator.system(*word, now.raw_ns)
-        quality = self._estimator.quality(now)
-        found = self._estimator.estimate(now.raw_ns)
-        is_usable = quality.state in (Lock.LOCKED, Lock.HOLDOVER) and found is not None and found[1] <= USABLE_NS
-        self._anchor = (found[0], now.raw_ns) if found is not None and is_usable else None
-        self._offset_ns = quality.offset_ns or 0
+        if systems_ns is not None and self._refclock is None:  # what it has from here is no second opinion
+            self._estimator.system(0, systems_ns, now.raw_ns)
+        quality, word = self._estimator.quality(now), self._estimator.word(now)
+        self._anchor = (word.its_ns, now.raw_ns) if word else None
         if quality.state is not self._state:
             self._journal.say(logging.INFO, _sentence(self._state, quality), quality.state.name)
             self._state = quality.state
@@ -148,27 +149,15 @@ class PulsedTime:
             "refclock": self._refclock.status() if self._refclock else None,
         }
 
-    def leap_status(self) -> dict[str, object]:
-        """Whose leap seconds are used, until when they are known, and what is to come."""
-        leaps, unix_ns = self.leaps, self._clocks().system_ns + self._offset_ns
-        is_known = unix_ns >= EPOCH * 10**9  # the clock of a box without a battery begins in 1970
-        now_ns = leaps.its_ns(unix_ns)
-        event = leaps.next(now_ns) if is_known else None
-        is_settled = leaps.source == RECEIVER and leaps.doubt == self._listed.doubt  # the list matters no more
-        return {
-            "table": leaps.source,
-            "expires": leaps.expires,
-            "doubt": "" if is_settled else leaps.doubt,
-            "seconds": leaps.leap_seconds(now_ns) if is_known else None,
-            "event": event and {**event._asdict(), "utc": leaps.civil(event.its_s * 1_000_000_000)},
-        }
-
-    def _learn(self, leaps: Leaps) -> None:
+    def _learn(self, leap_seconds: int | None, event: LeapEvent | None, its_s: int) -> None:
+        if leap_seconds is None:
+            return
+        leaps = self.leaps.told(leap_seconds, event, its_s)
         if leaps is self.leaps:
             return
         if leaps.doubt and leaps.doubt != self.leaps.doubt:
             log.warning("%s", leaps.doubt)
-        self.leaps = self._estimator.leaps = leaps
+        self.leaps = self._estimator.leaps = self._own.leaps = leaps
 
     def _take(self, found: list[Event]) -> None:
         for one in found:
@@ -184,16 +173,20 @@ class PulsedTime:
     def _wait(self) -> None:
         """Look again when the pairing wants to."""
         due = self._pairing.deadline()
-        if self._timer is not None and (due is None or self._timer.when != due):
+        if due == self._due:
+            return
+        if self._timer is not None:
             self._timer.cancel()
-        if due is not None and (self._timer is None or not self._timer.is_pending):
-            self._timer = self._loop.after(due - self._loop.clock(), self._expire)
+        self._due = due
+        self._timer = None if due is None else self._loop.after(due - self._loop.clock(), self._expire)
 
     def _expire(self) -> None:
+        self._due = None
         self._take(self._pairing.expire(self._loop.clock()))
 
     def _second(self, second: Second) -> None:
         self.seconds += 1
+        self._learn(second.leap_seconds, second.leap_event, second.its_s)  # which UTC of this second agrees with
         now, pulse = self._clocks(), second.pulse
         self._estimator.second(second)
         quality = self._estimator.quality(now)

@@ -6,9 +6,8 @@ from collections.abc import Callable, Collection
 from typing import TYPE_CHECKING
 
 from board.description import PulseDescription
-from board.errors import InterfaceError
 from board.loop import Loop
-from board.time import EPOCH, Fix, Lock, TimeMark, TimeQuality
+from board.time import Fix, Lock, TimeMark, TimeQuality
 from firmware import receivers
 from firmware.own_time import OwnTime
 from firmware.question import Question
@@ -17,10 +16,16 @@ from firmware.tables import TimeOptions
 
 if TYPE_CHECKING:
     from firmware.pulsed_time import PulsedTime
-    from pps.chrony_tracking import Tracker
+    from firmware.system_clock import SystemClock
     from pps.pulse import Above, Clocks, Pulses
 
 PERIOD_S = 1.0
+
+# chronyd slews the system's clock by 83,333 ppm at most. By what it went otherwise than the truth in the last second it
+# may do so in the next; what is more was a step, and says nothing of the second to come.
+MOST_SLEWED_NS = 100_000_000  # in a second
+
+GOOD_NS = 100_000_000  # a message of a receiver is later than this at times, and its station says no bound of its own
 
 log = logging.getLogger("captain.time")
 
@@ -28,8 +33,8 @@ log = logging.getLogger("captain.time")
 class Timekeeper:
     """Nothing but a look at the kernel's word once a second, for a station that has neither pulses nor a receiver.
 
-    own         ITS time of the station, which is told by pulses where they tell it.
-    tell        is given the quality of each second.
+    own         ITS time of the station, which goes by the estimate where there is one.
+    tell        is given the quality of each second, once it has begun.
     simulation  plays the pulses of a simulated board.
     clocks      of the machine; None: its own.
     """
@@ -55,8 +60,11 @@ class Timekeeper:
         self._announcing: Collection[str] = ()
         self._receiver = ""
         self._pulsed: PulsedTime | None = None
-        self._tracker: Tracker | None = None
+        self._system: SystemClock | None = None
+        self._offset_ns: int | None = None  # a second ago
         self._is_running = False
+        self._doubt = ""  # of the table that was read
+        self._told_at = loop.clock()
 
     def start(self, announcing: Collection[str]) -> None:
         """Open what there is, in the next turn: the first message shall not wait for it.
@@ -71,10 +79,11 @@ class Timekeeper:
     def stop(self) -> None:
         """Idempotent."""
         self._is_running = False
-        if self._pulsed is not None:
-            self._pulsed.stop()
-        if self._tracker is not None:
-            self._tracker.stop()
+        pulsed, self._pulsed = self._pulsed, None  # what drivers still say as they stop is too late
+        if pulsed is not None:
+            pulsed.stop()
+        if self._system is not None:
+            self._system.stop()
 
     def fix(self, source: str, fix: Fix) -> None:
         if self._pulsed is not None and source == self._receiver:
@@ -91,13 +100,14 @@ class Timekeeper:
         its_ms = self._own.its_ms(self._loop.clock())
         parts = self._pulsed.status() if self._pulsed else {"receiver": "", "pulse": None, "refclock": None}
         return {
+            "monotonic": self._told_at,
             "state": quality.state.name.lower(),
             **told,
             "error_ns": quality.error_ns,
             "its_ms": its_ms,
-            "leap": self._pulsed.leap_status() if self._pulsed else None,
+            "leap": self._leap_status(its_ms),
             **parts,
-            "tracking": self._tracked(),
+            "tracking": self._system.status() if self._system else None,
             "missing": self._missing(),
         }
 
@@ -114,28 +124,28 @@ class Timekeeper:
     def _open(self) -> None:
         if not self._is_running:
             return
+        from board.leaps import known
+        from firmware.system_clock import SystemClock
+
+        options = self._options
+        self._own.leaps = leaps = known(options.leap_list, time.time())
+        self._doubt = leaps.doubt
+        if leaps.doubt:
+            log.warning("%s", leaps.doubt)
         if self._receiver:
             self._pulsed = self._made(self._receiver)
-            self._own.by_pulses = self._pulsed.its_ms
+            self._own.estimated = self._pulsed.its_ms
             self._pulsed.start()
-        options = self._options
-        if options.tracking or (options.tracking is None and options.chrony):
-            from board.journal import Journal
-            from pps.chrony_tracking import Tracker
-
-            self._tracker = Tracker(self._loop, Journal(log, "chrony", self._loop.clock))
-            self._tracker.start()
+        is_asked = options.tracking or (options.tracking is None and bool(options.chrony))
+        self._system = SystemClock(self._loop, is_asked)
+        self._system.start()
         self._loop.after(PERIOD_S, self._second)
 
     def _made(self, receiver: str) -> "PulsedTime":
-        from board.leaps import known
         from firmware.pulse_input import source
         from firmware.pulsed_time import PulsedTime
         from pps.pulse import read_clocks
 
-        leaps = known(self._options.leap_list, time.time())
-        if leaps.doubt:
-            log.warning("%s", leaps.doubt)
         pulse, clocks = self._pulse, self._clocks or read_clocks
 
         def made(above: "Above") -> "Pulses":
@@ -146,35 +156,42 @@ class Timekeeper:
 
         latency_ns = pulse.latency_ns if pulse else 0
         chrony = self._options.chrony
-        return PulsedTime(self._loop, receiver, made if pulse else None, latency_ns, chrony, leaps, clocks)
+        return PulsedTime(self._loop, receiver, made if pulse else None, latency_ns, chrony, self._own, clocks)
 
     def _second(self) -> None:
-        if not self._is_running:
+        if not self._is_running or self._system is None:
             return
         self._loop.after(PERIOD_S, self._second)
-        quality = self._pulsed.quality(self._word()) if self._pulsed else TimeQuality()
-        self.quality = self._by_system() if quality.state is Lock.UNKNOWN else quality
+        quality = self._pulsed.quality(self._system.chronyds_ns()) if self._pulsed else TimeQuality()
+        self.quality = self._of_the_second(self._system.quality() if quality.state is Lock.UNKNOWN else quality)
+        self._own.is_system_good = self.quality.state is Lock.SYSTEM and (self.quality.error_ns or GOOD_NS) < GOOD_NS
+        self._told_at = self._loop.clock()
         self._tell(self.quality)
 
-    def _word(self) -> tuple[int, int] | None:
-        """Offset and uncertainty of the system's clock in ns, as chronyd says."""
-        latest = self._tracker.latest if self._tracker else None
-        if latest is None or latest.offset_ns is None or latest.uncertainty_ns is None:
-            return None
-        return latest.offset_ns, latest.uncertainty_ns
+    def _of_the_second(self, quality: TimeQuality) -> TimeQuality:
+        """A quality of now, good for the second that begins: the offset goes on as it did in the last one."""
+        before_ns, self._offset_ns = self._offset_ns, quality.offset_ns
+        if before_ns is None or quality.offset_ns is None or quality.uncertainty_ns is None:
+            return quality
+        changed_ns = abs(quality.offset_ns - before_ns)
+        if changed_ns > MOST_SLEWED_NS:
+            return quality
+        return quality._replace(uncertainty_ns=quality.uncertainty_ns + changed_ns)
 
-    def _by_system(self) -> TimeQuality:
-        """What is known without a receiver: chronyd's word, or the kernel's, or that the clock is set."""
-        if time.time() < EPOCH:
-            return TimeQuality()
-        word = self._word() or _kernels_word()
-        return TimeQuality(Lock.SYSTEM, *word) if word else TimeQuality(Lock.SYSTEM)
-
-    def _tracked(self) -> dict[str, object] | None:
-        tracker = self._tracker
-        if tracker is None:
+    def _leap_status(self, its_ms: int | None) -> dict[str, object] | None:
+        """Whose leap seconds are used, until when they are known, and what is to come."""
+        leaps = self._own.leaps
+        if leaps is None:
             return None
-        return {"why": tracker.why, **(tracker.latest._asdict() if tracker.latest else {})}
+        event = None if its_ms is None else leaps.next(its_ms * 1_000_000)
+        is_settled = leaps.base is not None and leaps.doubt == self._doubt  # the list matters no more
+        return {
+            "table": leaps.source,
+            "expires": leaps.expires,
+            "doubt": "" if is_settled else leaps.doubt,
+            "seconds": None if its_ms is None else leaps.leap_seconds(its_ms * 1_000_000),
+            "event": event and {**event._asdict(), "utc": leaps.civil(event.its_s * 1_000_000_000)},
+        }
 
     def _missing(self) -> str:
         """What to do for a better time, in words; empty where pulses come in, or why they do not is told with them."""
@@ -186,13 +203,3 @@ class Timekeeper:
         if self._pulse is None:
             return "no input for pulses: the board file needs [pulse] with the device or line that they come to"
         return ""
-
-
-def _kernels_word() -> tuple[int, int] | None:
-    from pps.kernel_clock import kernel_clock
-
-    try:
-        uncertainty_ns = kernel_clock().uncertainty_ns
-    except InterfaceError:
-        return None
-    return None if uncertainty_ns is None else (0, uncertainty_ns)

@@ -5,8 +5,9 @@ from collections.abc import Iterator
 
 import pytest
 
+from board.leaps import BUILT_IN
 from board.time import EPOCH, GPS_LEAD, TAI_LEAD, Fix, LeapEvent, TimeMark
-from firmware.own_time import HOLDOVER_S, OwnTime
+from firmware.own_time import OwnTime
 
 LEAP_S = 1_483_228_800 - EPOCH + 4  # ITS second of 2016-12-31T23:59:60
 EVENT = LeapEvent(LEAP_S, 1)
@@ -69,7 +70,7 @@ def fix(system: System) -> Fix:
 
 
 def test_pulses_tell_it_through_a_leap_second(own: OwnTime, system: System) -> None:
-    own.by_pulses = lambda monotonic: round((monotonic - 1000.0 + LEAP_S) * 1000)
+    own.estimated = lambda monotonic: round((monotonic - 1000.0 + LEAP_S) * 1000)
     assert {error_ms(own, system) for _ in steps(system)} == {0}
 
 
@@ -88,6 +89,7 @@ def test_a_receiver_that_is_silent_is_aged_through_a_leap_second(own: OwnTime, s
 
 
 def test_the_kernels_tai_tells_it_through_a_leap_second(own: OwnTime, system: System) -> None:
+    own.leaps = BUILT_IN
     errors = set()
     for _ in steps(system):
         system.tai_lead = TAI_LEAD - EPOCH + (4 if system.its_s < LEAP_S else 5)
@@ -101,17 +103,41 @@ def test_the_systems_clock_alone_is_wrong_in_the_leap_second_and_at_no_other_tim
     assert (min(wrong), round(max(wrong), 2)) == (LEAP_S, LEAP_S + 0.99)
 
 
-def test_leap_seconds_that_were_told_hold_for_the_systems_clock_after_the_event_too(
-    own: OwnTime, system: System
+@pytest.mark.parametrize("of_kernel", [0, 3, 6])
+def test_a_kernel_that_counts_otherwise_than_the_table_is_not_asked(
+    own: OwnTime, system: System, of_kernel: int
 ) -> None:
-    own.time_mark(mark(system, LEAP_S - 5))
-    system.its_s = LEAP_S + HOLDOVER_S
+    own.leaps = BUILT_IN
+    system.its_s = LEAP_S - 5.0
+    system.tai_lead = of_kernel and TAI_LEAD - EPOCH + of_kernel
+    assert error_ms(own, system) == 0
+
+
+def test_leap_seconds_of_a_list_are_those_of_the_systems_clock(own: OwnTime, system: System) -> None:
+    own.leaps = BUILT_IN.told(19, None, LEAP_S + 86_400)
+    system.its_s = LEAP_S + 200 * 86_400.0
+    assert error_ms(own, system) == 1000
+
+
+def test_leap_seconds_of_a_mark_before_it_is_locked_are_not_believed(own: OwnTime, system: System) -> None:
+    own.time_mark(mark(system, LEAP_S - 6, leap_seconds=25, is_locked=False))
+    assert error_ms(own, system) == 0
+    own.fix(fix(system))
+    assert error_ms(own, system) == 0
+
+
+def test_a_message_is_no_better_than_a_system_that_is_known_well(own: OwnTime, system: System) -> None:
+    told = fix(system)
+    system.its_s += 0.14
+    own.fix(told._replace(monotonic=system.monotonic()))
+    assert error_ms(own, system) == -140
+    own.is_system_good = True
     assert error_ms(own, system) == 0
 
 
 @pytest.mark.parametrize("late_ms", [0, 30, 140, 900])
 def test_a_position_has_the_time_of_its_epoch_and_not_of_its_coming(own: OwnTime, system: System, late_ms: int) -> None:
-    own.by_pulses = lambda monotonic: round((monotonic - 1000.0 + LEAP_S) * 1000)
+    own.estimated = lambda monotonic: round((monotonic - 1000.0 + LEAP_S) * 1000)
     own.time_mark(mark(system, LEAP_S - 5))
     epoch_ms = round(system.its_s * 1000)
     told = fix(system)
@@ -123,7 +149,7 @@ def test_a_position_has_the_time_of_its_epoch_and_not_of_its_coming(own: OwnTime
 def test_a_receiver_that_says_another_second_than_pulses_is_not_believed(
     own: OwnTime, system: System, wrong_s: int
 ) -> None:
-    own.by_pulses = lambda monotonic: round((monotonic - 1000.0 + LEAP_S) * 1000)
+    own.estimated = lambda monotonic: round((monotonic - 1000.0 + LEAP_S) * 1000)
     told = fix(system)
     assert told.utc_ns is not None
     wrong = told._replace(utc_ns=told.utc_ns + wrong_s * 10**9, tow_ms=None)

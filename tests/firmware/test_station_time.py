@@ -51,9 +51,9 @@ def test_indications_have_the_quality_of_their_second(stage: Stage, monkeypatch:
     assert heard[0].quality.state is Lock.LOCKED
 
 
-def test_its_time_is_by_pulses_and_that_of_the_receiver(stage: Stage) -> None:
+def test_its_time_is_estimated_and_that_of_the_receiver(stage: Stage) -> None:
     place = stage.station.place
-    its_ms = place.time.by_pulses(stage.loop.now)
+    its_ms = place.time.estimated(stage.loop.now)
     assert its_ms is not None
     assert its_ms == place.time.its_ms(stage.loop.now)
     assert its_ms // 1000 in range(clock(stage)["its_ms"] // 1000 - 1, clock(stage)["its_ms"] // 1000 + 2)

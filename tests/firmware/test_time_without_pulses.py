@@ -8,12 +8,11 @@ import pytest
 
 from board.errors import InterfaceError
 from board.time import EPOCH, Lock, TimeQuality
-from firmware import board_file
+from firmware import board_file, system_clock
 from firmware.own_time import OwnTime
 from firmware.simulation import Simulation
 from firmware.tables import TimeOptions
 from firmware.timekeeper import Timekeeper
-from pps import chrony_tracking, kernel_clock
 from pps.chrony_tracking import Tracking
 from pps.kernel_clock import KernelClock, State
 from tests.virtual import VirtualLoop
@@ -46,7 +45,7 @@ def told() -> list[TimeQuality]:
 @pytest.fixture
 def loop(monkeypatch: pytest.MonkeyPatch) -> Iterator[VirtualLoop]:
     monkeypatch.setattr("time.time", lambda: NOW)
-    monkeypatch.setattr(chrony_tracking, "Tracker", PlayedTracker)
+    monkeypatch.setattr(system_clock, "Tracker", PlayedTracker)
     monkeypatch.setattr(PlayedTracker, "latest", None)
     with closing(VirtualLoop()) as loop:
         yield loop
@@ -65,7 +64,7 @@ def run(loop: VirtualLoop, told: list[TimeQuality], options: TimeOptions | None 
 
 
 def says(monkeypatch: pytest.MonkeyPatch, clock: KernelClock) -> None:
-    monkeypatch.setattr(kernel_clock, "kernel_clock", lambda: clock)
+    monkeypatch.setattr(system_clock, "kernel_clock", lambda: clock)
 
 
 def test_a_clock_that_somebody_steers_is_as_exact_as_the_kernel_says(
@@ -91,7 +90,7 @@ def test_a_kernel_that_says_nothing_is_none(
     def refuse() -> KernelClock:
         raise InterfaceError("adjtimex: errno 1")
 
-    monkeypatch.setattr(kernel_clock, "kernel_clock", refuse)
+    monkeypatch.setattr(system_clock, "kernel_clock", refuse)
     assert run(loop, told)["state"] == "system"
 
 
@@ -111,7 +110,8 @@ def test_chronyd_is_asked_where_that_is_wanted_and_its_word_is_taken(
     numbers = (NOW, -1.5e-5, 0.0, 0.0, 12.5, 0.0, 0.1, 0.002, 0.0005, 64.0)
     monkeypatch.setattr(PlayedTracker, "latest", Tracking("C0000201", "192.0.2.1", 2, *numbers, "Normal"))
     status = run(loop, told, TimeOptions(tracking=True))
-    assert told[-1] == TimeQuality(Lock.SYSTEM, -15_000, 1_500_000)
+    # |offset| + dispersion + delay / 2, and 15 ppm of the seconds since; the answer was up to a second old when seen.
+    assert told == [TimeQuality(Lock.SYSTEM, 0, 1_515_000 + 15_000 * age_s) for age_s in (1, 2, 3)]
     assert (status["tracking"]["reference"], status["tracking"]["stratum"]) == ("192.0.2.1", 2)
 
 
