@@ -24,7 +24,7 @@ EPOCH = "315532800"  # 1980: PyInstaller's archives begin there
 # The machine's own /dev and /proc are seen in there, and gone with the process: no mount outlives it.
 _INSIDE = """\
 mount --rbind /dev "$1/dev" && mount -t proc proc "$1/proc" && exec chroot "$1" /usr/bin/env -i \
-PATH=/usr/bin HOME=/tmp LC_ALL=C.UTF-8 PYTHONHASHSEED=0 SOURCE_DATE_EPOCH="$2" PYTHONDONTWRITEBYTECODE=1 \
+PATH=/usr/bin HOME=/tmp LC_ALL=C.UTF-8 PYTHONHASHSEED=0 SOURCE_DATE_EPOCH="$2" \
 PYTHONPATH=/build/site PYINSTALLER_CONFIG_DIR=/build/cache /usr/bin/python3 -m PyInstaller \
 --noconfirm --log-level ERROR --workpath /build/work --distpath /build/made /build/captain/firmware/captain.spec
 """

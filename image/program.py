@@ -19,7 +19,8 @@ def run(
     """What a program writes to its output.
 
     folder       it is run in.
-    environment  in addition to this process's own; always with TZ=UTC and LC_ALL=C.
+    environment  in addition to this process's own; always with TZ=UTC and LC_ALL=C.UTF-8.
+                 (mke2fs reads names in a tar by it)
     given        to its input.
 
     Raises ImageError: it is not there, or it failed, with its last lines.
@@ -29,7 +30,7 @@ def run(
         ended = subprocess.run(
             [str(word) for word in words],
             cwd=folder,
-            env={**os.environ, "PATH": _path(), "TZ": "UTC", "LC_ALL": "C", **(environment or {})},
+            env={**os.environ, "PATH": _path(), "TZ": "UTC", "LC_ALL": "C.UTF-8", **(environment or {})},
             input=given if given is not None else "",
             capture_output=True,
             text=True,

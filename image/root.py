@@ -25,7 +25,8 @@ REMOVED = (
     "etc/.pwd.lock", "var/lib/apt", "var/cache", "var/log", "var/lib/dbus/machine-id", "var/lib/systemd", "var/backups",
     "var/lib/dpkg", "usr/share/man", "usr/share/info", "usr/share/locale", "usr/share/lintian", "usr/share/bug",
     "usr/share/doc-base", "usr/share/bash-completion", "usr/share/zsh", "run", "tmp", "var/tmp", "dev", "proc", "sys",
-    "boot", "usr/lib/systemd/system-generators/systemd-gpt-auto-generator", "*/__pycache__",
+    "boot", "usr/lib/systemd/system-generators/systemd-gpt-auto-generator",
+    "usr/lib/systemd/system-generators/systemd-ssh-generator", "*/__pycache__",
 )  # fmt: skip
 EMPTY = ("boot/firmware", "data", "dev", "etc/ssh", "proc", "run", "sys", "var/cache", "var/log", "var/lib/captain",
          "var/lib/rauc", "var/lib/chrony", "var/lib/private", "var/lib/systemd")  # fmt: skip

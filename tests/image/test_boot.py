@@ -1,0 +1,53 @@
+"""The boot script and the firmware's configuration, as they are written for this card."""
+
+import dataclasses
+import re
+from pathlib import Path
+
+from image import boot, state
+from image.description import read
+
+PROJECT = Path(__file__).resolve().parents[2]
+OWN = read(PROJECT / "image/image.toml")
+SCRIPT = boot.script(OWN)
+
+
+def test_the_script_starts_the_slot_that_it_has_read_of_this_card():
+    assert "root=PARTUUID=43505401-0${number} ro rauc.slot=${slot}" in SCRIPT
+    assert 'setenv console "console=tty0 console=ttyS1,115200"' in SCRIPT
+    assert OWN.kernel.command_line in SCRIPT
+    assert not re.search("@[A-Z_]+@", SCRIPT)
+
+
+def test_the_script_and_the_image_agree_where_the_counters_lie():
+    assert f"setenv text_size {state.SIZE - 1:#x}" in SCRIPT  # without the counter, for U-Boot's own functions
+    assert f"setenv blocks {state.SIZE // 512}" in SCRIPT
+    assert f"setenv apart {state.APART // 512:#x}" in SCRIPT
+    assert f"part start ${{devtype}} ${{devnum}} {OWN.disk.partition('state').number} first" in SCRIPT
+
+
+def test_each_if_and_each_loop_of_the_script_ends():
+    words = [word for line in SCRIPT.splitlines() if not line.startswith("#") for word in re.split(r"[\s;]+", line)]
+    assert words.count("if") == words.count("then") == words.count("fi")
+    assert words.count("for") == words.count("do") == words.count("done")
+
+
+def test_setexpr_is_always_given_hexadecimal_numbers():
+    # It reads 10 as 16: whatever it is given has to be one of its own results, or begin with 0x, or be below 10.
+    code = "\n".join(line for line in SCRIPT.splitlines() if not line.startswith("#"))
+    for left, right in re.findall(r"setexpr \w+ (\S+) \S+ ([^\s;']+)", code):
+        for word in (left, right):
+            assert word.startswith(("0x", "${")) or word in "0123456789", word
+
+
+def test_the_firmware_starts_u_boot_with_the_tree_of_its_board():
+    text = boot.config(OWN)
+    assert "kernel=u-boot.bin\n" in text
+    assert "[pi4]\ndevice_tree=bcm2711-rpi-4-b.dtb\n" in text
+    assert "[pi3]\ndevice_tree=bcm2837-rpi-3-b.dtb\n" in text
+    assert "dtoverlay" not in text
+
+
+def test_another_base_has_the_firmware_make_the_tree():
+    other = dataclasses.replace(OWN, device_tree=dataclasses.replace(OWN.device_tree, way="overlays"))
+    assert "dtoverlay=pps-gpio,gpiopin=18\ndtparam=i2c_arm=on\n" in boot.config(other)

@@ -1,0 +1,102 @@
+"""Steps that are kept, packages that are listed, modules that are unpacked, a card that is flashed."""
+
+import lzma
+from pathlib import Path
+
+import pytest
+
+from image import build, initrd, packages
+from image.errors import ImageError
+from image.flash import Device
+from image.packages import Package
+from image.program import run
+from image.step import Steps
+
+
+def test_a_step_is_kept_while_its_inputs_stay_the_same_and_made_again_when_a_file_changes(tmp_path: Path):
+    source = tmp_path / "source"
+    source.write_text("1")
+    made: list[str] = []
+
+    def make(folder: Path) -> None:
+        made.append(source.read_text())
+        (folder / "result").write_text(source.read_text())
+
+    for content in ("1", "1", "2"):
+        source.write_text(content)
+        place = Steps(tmp_path / "built").made("step", ["word", source], make)
+    assert made == ["1", "2"]
+    assert (place / "result").read_text() == "2"
+
+
+def test_a_step_that_failed_is_made_again(tmp_path: Path):
+    steps = Steps(tmp_path)
+
+    def fail(_: Path) -> None:
+        raise ImageError("no")
+
+    with pytest.raises(ImageError):
+        steps.made("step", ["a"], fail)
+    assert (steps.made("step", ["a"], lambda folder: (folder / "x").touch()) / "x").exists()
+
+
+def test_a_list_of_packages_is_read_as_it_was_written_and_sorted(tmp_path: Path):
+    found = [Package("b", "1:2-3", "arm64", "00", "b_1%3a2-3_arm64.deb"), Package("a", "1", "all", "11", "a_1_all.deb")]
+    packages.write_list(tmp_path / "list", found)
+    assert packages.read_list(tmp_path / "list") == sorted(found)
+
+
+def test_the_early_boot_holds_its_modules_unpacked_and_in_their_order(tmp_path: Path):
+    (tmp_path / "busybox").write_bytes(b"program")
+    for name in ("jbd2", "ext4"):
+        (tmp_path / f"{name}.ko.xz").write_bytes(lzma.compress(name.encode()))
+    tree = initrd.contents(tmp_path / "busybox", [tmp_path / "jbd2.ko.xz", tmp_path / "ext4.ko.xz"])
+    assert tree.read("modules/order") == b"jbd2.ko\next4.ko\n"
+    assert tree.read("modules/ext4.ko") == b"ext4"
+    assert dict(tree)["init"].head.mode == 0o755
+
+
+def test_a_program_that_fails_is_quoted_and_one_that_is_missing_is_named():
+    with pytest.raises(ImageError, match="ended with 3:\nwhat went wrong"):
+        run(["sh", "-c", "echo what went wrong >&2; exit 3"])
+    with pytest.raises(ImageError, match="no-such-program: there is no such program"):
+        run(["no-such-program"])
+
+
+def test_the_date_of_a_build_is_what_is_asked_for(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1750000000")
+    assert build.epoch() == 1_750_000_000
+
+
+def device(tmp_path: Path, name: str = "sdx", **words: str) -> Device:
+    folder = tmp_path / name
+    for key, value in {"size": "8388608", "removable": "1", **words}.items():
+        path = folder / key.replace("__", "/")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(value + "\n")
+    return Device(Path("/dev") / name, tmp_path)
+
+
+def test_a_card_in_a_reader_is_taken(tmp_path: Path):
+    device(tmp_path).refuse(2 << 30, "/dev/sda1 / ext4 rw 0 0\n")
+    device(tmp_path, "mmcblk0", removable="0").refuse(2 << 30, "")
+
+
+@pytest.mark.parametrize(
+    ("words", "mounts", "said"),
+    [
+        ({"partition": "1"}, "", "is a partition"),
+        ({"size": "2048"}, "", "has 1 MiB, and the image 2048"),
+        ({"removable": "0", "device__model": "Fast SSD"}, "", "Fast SSD is not removable"),
+        ({"size": str(1 << 31)}, "", "has 1024 GiB, which no card of a box has"),
+        ({}, "/dev/sdx2 /home ext4 rw 0 0\n", "is in use: mounted at /home"),
+    ],
+)
+def test_what_may_be_a_computers_own_disk_is_refused(tmp_path: Path, words: dict[str, str], mounts: str, said: str):
+    with pytest.raises(ImageError, match=said):
+        device(tmp_path, **words).refuse(2 << 30, mounts)
+
+
+def test_what_is_no_device_is_refused(tmp_path: Path):
+    with pytest.raises(ImageError, match="is no block device"):
+        Device(Path("/dev/none"), tmp_path).refuse(1, "")

@@ -1,0 +1,142 @@
+"""What is laid over Debian's userland: files that agree with each other and with the description."""
+
+import configparser
+import re
+import subprocess
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from firmware import config
+from image import accounts, root
+from image.description import read
+from image.tree import Tree
+from pps import chrony_configuration
+
+PROJECT = Path(__file__).resolve().parents[2]
+OVERLAY = root.OVERLAY
+OWN = read(PROJECT / "image/image.toml")
+UNITS = OVERLAY / "usr/lib/systemd/system"
+SCRIPTS = sorted([*(OVERLAY / "usr/lib/captain-image").iterdir(), PROJECT / "image/early/init"])
+PASSWD = "root:x:0:0:root:/root:/bin/bash\n_chrony:x:100:102::/var/lib/chrony:/usr/sbin/nologin\n"
+SHADOW = "root::20000:0:99999:7:::\n_chrony:!:20000::::::\n"
+GROUP = "root:x:0:\nadm:x:4:\ndialout:x:20:\nsystemd-journal:x:999:\ni2c:x:103:\n"
+
+
+def unit(name: str) -> configparser.RawConfigParser:
+    found = configparser.RawConfigParser(strict=False, interpolation=None, delimiters="=")
+    found.optionxform = str  # type: ignore[assignment, method-assign]
+    found.read(UNITS / name)
+    return found
+
+
+def debian() -> Tree:
+    tree = Tree()
+    for name, text in (
+        ("passwd", PASSWD),
+        ("shadow", SHADOW),
+        ("group", GROUP),
+        ("gshadow", GROUP.replace(":x:", "::")),
+    ):
+        tree.write(f"etc/{name}", re.sub(r":\d+:$", "::", text, flags=re.MULTILINE) if name == "gshadow" else text)
+    return tree
+
+
+@pytest.mark.parametrize("path", SCRIPTS, ids=lambda path: path.name)
+def test_a_script_has_no_mistake_that_a_shell_sees(path: Path):
+    assert path.stat().st_mode & 0o111 == 0o111 or path.name == "init"
+    assert subprocess.run(["sh", "-n", str(path)], capture_output=True, text=True, check=False).stderr == ""
+
+
+def test_what_is_started_is_there_or_debians():
+    ours = {name for units in root.WANTED.values() for name in units if name.startswith("captain")}
+    assert ours <= {path.name for path in UNITS.iterdir()}
+    assert not ours & set(root.MASKED)
+
+
+def test_the_station_runs_as_its_own_user_with_one_capability_and_is_watched():
+    service = unit("captain.service")["Service"]
+    assert (service["User"], service["Type"], service["CapabilityBoundingSet"]) == ("captain", "notify", "CAP_NET_RAW")
+    assert float(service["WatchdogSec"]) == 10
+    assert service["ReadWritePaths"] == "/var/lib/captain"
+    # libzmq dies of a refusal by signal; and of groups that are too wide.
+    assert service["SystemCallFilter"] == "@system-service"
+    groups = {group.name for group in accounts.GROUPS} | {"dialout"}
+    assert set(service["SupplementaryGroups"].split()) <= groups
+
+
+def test_the_stations_own_configuration_is_one_it_takes():
+    loaded = config.load(OVERLAY / "etc/captain/captain.toml", [], OWN.device_tree.board)
+    assert loaded.tables.endpoint.address == "0.0.0.0"
+    assert loaded.tables.time.chrony == chrony_configuration.SOCKET
+
+
+def test_only_what_the_readme_lists_may_come_in():
+    text = (OVERLAY / "etc/nftables.conf").read_text()
+    assert "policy drop" in text.split("chain near")[0]
+    near = text.split("chain near {")[1].split("}\n\n    chain")[0]
+    assert set(re.findall(r"tcp dport (\S+) accept", near)) == {"22", "5555-5558"}
+    assert set(re.findall(r"udp (?:sport \d+ udp )?dport (\d+) accept", near)) == {"5353", "68", "546"}
+    # From the radio module and from 5G: replies, and a lease.
+    assert re.findall(r'iifname \{ "usb\*", "enx\*", "wwan\*" \} (.*) accept', text) == ["udp sport 67 udp dport 68"]
+
+
+def test_the_networks_speak_no_llmnr_and_only_near_ones_speak_mdns():
+    for path in (OVERLAY / "usr/lib/systemd/network").iterdir():
+        text = path.read_text()
+        assert "LLMNR=no" in text
+        is_near = any(f"Name={name}\n" in text for name in ("eth0", "wlan0"))
+        assert f"MulticastDNS={'yes' if is_near else 'no'}" in text
+
+
+def test_ssh_takes_a_key_and_nothing_else():
+    text = (OVERLAY / "etc/ssh/sshd_config.d/captain.conf").read_text()
+    for word in (
+        "PasswordAuthentication no",
+        "KbdInteractiveAuthentication no",
+        "PermitRootLogin no",
+        "AllowUsers operator",
+    ):
+        assert word in text
+
+
+def test_the_boot_counters_are_looked_for_where_the_card_has_them():
+    tree = Tree()
+    root._replace_words(tree, OWN)
+    lines = [line for line in tree.read("etc/fw_env.config").decode().splitlines() if not line.startswith("#")]
+    assert [line.split() for line in lines] == [
+        ["/dev/disk/by-partuuid/43505401-05", "0x000000", "0x1000"],
+        ["/dev/disk/by-partuuid/43505401-05", "0x400000", "0x1000"],
+    ]
+
+
+def test_every_word_of_the_overlay_gets_its_value():
+    tree = Tree()
+    root._replace_words(tree, OWN)
+    assert len(list(tree)) > 3
+    for _, entry in tree:
+        assert not re.search(rb"@[A-Z_]{3,}@", entry.content())
+
+
+def test_users_have_fixed_numbers_and_nobody_has_a_password():
+    tree = debian()
+    accounts.add(tree)
+    passwd = dict(line.split(":", 1) for line in tree.read("etc/passwd").decode().splitlines())
+    assert passwd["captain"] == "x:560:560::/var/lib/captain:/usr/sbin/nologin"
+    assert passwd["operator"] == "x:561:561::/home/operator:/bin/bash"
+    assert {line.split(":")[1] for line in tree.read("etc/shadow").decode().splitlines()} == {"*"}
+    groups = dict(line.split(":", 1) for line in tree.read("etc/group").decode().splitlines())
+    assert groups["captain"] == "x:560:operator"
+    assert groups["i2c"] == "x:103:operator"  # the number that Debian's package has chosen
+    assert groups["gpio"] == "x:562:operator"
+
+
+def test_no_number_is_given_twice():
+    numbers = [user.number for user in accounts.USERS] + [group.number for group in accounts.GROUPS]
+    assert len(set(numbers)) == len(numbers)
+
+
+def test_the_description_installs_what_the_overlay_starts():
+    installed = tomllib.loads((PROJECT / "image/image.toml").read_text())["packages"]["install"]
+    assert {"chrony", "openssh-server", "nftables", "systemd-resolved", "rauc", "libubootenv-tool"} <= set(installed)
