@@ -38,6 +38,9 @@ class Above(Protocol):
 
     is_confirm_wanted: bool
     quality: TimeQuality
+    quality_until: float
+
+    def renewed_quality(self) -> TimeQuality: ...
 
     def indicate(self, indication: Indication) -> None: ...
     def confirm(self, confirm: Confirm) -> None: ...
@@ -118,8 +121,10 @@ class Interface:
         self.received_octets += size
         now = self._clock()
         self._heard(who, now, rssi_dbm)
+        above = self._above
+        quality = above.quality if now < above.quality_until else above.renewed_quality()
         # tuple.__new__ is what Indication() comes to, at half the price.
-        self._indicate(_new(Indication, (kind, pdu, self.name, received_ns, now, rx, self._above.quality)))
+        self._indicate(_new(Indication, (kind, pdu, self.name, received_ns, now, rx, quality)))
 
     def heard(self, mac: bytes, rssi_dbm: int | None) -> None:
         self.neighbours.heard(mac, self.loop.clock(), rssi_dbm)

@@ -13,7 +13,6 @@ from board.time import Fix, LeapEvent, Lock, TimeMark, TimeQuality
 from firmware.own_time import OwnTime
 from firmware.pulse_input import PulseInput
 from firmware.time_history import Row, TimeHistory
-from pps.model import SHORTEST
 from pps.pulse import Above, Clocks, Pulse, Pulses
 from pps.quality import Estimator
 from pps.refused import MEANING, Refused, Why
@@ -59,7 +58,6 @@ class PulsedTime:
         self._clocks = clocks
         self._pairing = Pairing()
         self._estimator = Estimator(latency_ns, leaps, receiver)
-        self._late_ns = round(latency_ns * (1 + SHORTEST) / 2)  # as the estimator takes off every stamp
         self._input = PulseInput(loop, make, self.pulse) if make else None
         self._journal = Journal(log, receiver or "pulses", loop.clock, REPEATS)
         self._refclock = self._made_refclock(chrony)
@@ -194,7 +192,7 @@ class PulsedTime:
         is_taken = quality.age_s is not None and quality.age_s - (now.raw_ns - pulse.raw_ns) / 1e9 < SAME_S
         self.late += not is_taken
         if self._refclock is not None and is_taken:
-            unix_ns = self.leaps.unix_ns(second.its_s * 1_000_000_000) + self._late_ns
+            unix_ns = self.leaps.unix_ns(second.its_s * 1_000_000_000) + self._estimator.model.late_ns
             self._refclock.sample(pulse, second.its_s, unix_ns, second.leap_event, now)
         if self._phase is None:
             self._phase = second.its_s, pulse.raw_ns

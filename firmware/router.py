@@ -1,5 +1,6 @@
 """The way of a message: from an interface through the stages to the users, from a user through the policy out."""
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -27,7 +28,8 @@ class Router:
     publish         gives indications to the users; one that they cannot take is its business.
     report          gives a confirm to those who listen.
     observe         shows indications as they come, before any stage; None while nobody looks.
-    quality         of the time, of this second; indications have it.
+    quality         of the time, of this second; indications have it. After quality_until, for the loop may be late, it
+                    has to be renewed before: renew_quality does so.
     ego             own time and position.
     stages          what indications pass on their way; each returns what goes on, having said why the rest does not.
     request_stages  what a request passes after the policy; each returns what goes on, or the reason against it.
@@ -45,6 +47,8 @@ class Router:
         self.report: Callable[[Confirm, tuple[Interface, ...]], None] = lambda confirm, targets: None
         self.observe: Callable[[list[Indication]], None] | None = None
         self.quality: TimeQuality = UNKNOWN_TIME
+        self.quality_until = math.inf
+        self.renew_quality: Callable[[], None] = lambda: None
         self.ego = ego
         self.policy = Policy((), topics, self)
         self.requests = 0
@@ -78,6 +82,10 @@ class Router:
         burst.append(indication)
         if len(burst) >= BURST:
             self.flush()
+
+    def renewed_quality(self) -> TimeQuality:
+        self.renew_quality()
+        return self.quality
 
     def flush(self) -> None:
         """Let what has come so far go up."""

@@ -28,7 +28,7 @@ from firmware.router import Router
 from firmware.simulation import Simulation
 from firmware.supervisor import Supervised
 from firmware.tables import Tables
-from firmware.timekeeper import Timekeeper
+from firmware.timekeeper import FRESH_S, Timekeeper
 from firmware.timeline import Timeline
 from firmware.topics import Topics, TypeRow
 
@@ -69,6 +69,7 @@ class Station:
         self.timekeeper = Timekeeper(
             loop, tables.time, config.board.pulse, self.place.time, self._time_is, self._simulation
         )
+        self.router.renew_quality = self.timekeeper.renew
         window_s = 0.0 if is_legacy else tables.reception.duplicate_window_s
         self.duplicates = Duplicates(window_s, self.drops, self.topics)
         self.router.set_policy(Policy(tables.policy, self.topics, self.router))
@@ -197,6 +198,7 @@ class Station:
 
     def _time_is(self, quality: TimeQuality) -> None:
         self.router.quality = quality
+        self.router.quality_until = self.loop.clock() + FRESH_S
 
     def _slot_of(self, name: str) -> str:
         return self._interfaces[name].interface.slot

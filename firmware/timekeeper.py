@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from pps.pulse import Above, Clocks, Pulses
 
 PERIOD_S = 1.0
+FRESH_S = 1.5  # a quality that is older is of before the loop, or the machine, stood still
 
 # chronyd slews the system's clock by 83,333 ppm at most. By what it went otherwise than the truth in the last second it
 # may do so in the next; what is more was a step, and says nothing of the second to come.
@@ -95,6 +96,8 @@ class Timekeeper:
 
     def status(self) -> dict[str, object]:
         """The part of the status that is about time."""
+        if self._loop.clock() > self._told_at + FRESH_S:
+            self.renew()
         quality = self.quality
         told = {key: value for key, value in quality._asdict().items() if key not in ("state", "leap", "source")}
         its_ms = self._own.its_ms(self._loop.clock())
@@ -159,9 +162,15 @@ class Timekeeper:
         return PulsedTime(self._loop, receiver, made if pulse else None, latency_ns, chrony, self._own, clocks)
 
     def _second(self) -> None:
-        if not self._is_running or self._system is None:
+        if not self._is_running:
             return
         self._loop.after(PERIOD_S, self._second)
+        self.renew()
+
+    def renew(self) -> None:
+        """Tell the quality of now."""
+        if not self._is_running or self._system is None:
+            return
         quality = self._pulsed.quality(self._system.chronyds_ns()) if self._pulsed else TimeQuality()
         self.quality = self._of_the_second(self._system.quality() if quality.state is Lock.UNKNOWN else quality)
         self._own.is_system_good = self.quality.state is Lock.SYSTEM and (self.quality.error_ns or GOOD_NS) < GOOD_NS

@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 from board.errors import StationError
 from board.loop import Loop
+from board.time import TimeQuality
 from drivers.contract import Can, Capabilities, Host, Sent
 from drivers.message import UNKNOWN_TIME, Confirm, Ego, Indication, MessageType, Outcome, Position, Request
 from firmware.drops import Drops
@@ -69,11 +70,15 @@ class NotingStation:
 
     def __init__(self, position: Position | None = None) -> None:
         self.is_confirm_wanted = True
-        self.quality = UNKNOWN_TIME
+        self.quality = self.renewed = UNKNOWN_TIME
+        self.quality_until = math.inf
         self.indications: list[Indication] = []
         self.confirms: list[Confirm] = []
         self.link_changes = 0
         self.position = position
+
+    def renewed_quality(self) -> TimeQuality:
+        return self.renewed
 
     def indicate(self, indication: Indication) -> None:
         self.indications.append(indication)

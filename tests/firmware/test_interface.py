@@ -67,6 +67,14 @@ def test_an_indication_has_the_quality_of_the_time_when_it_came(bench: Bench) ->
         assert bench.above.indications[-1].quality is quality
 
 
+def test_a_quality_from_before_the_loop_stood_still_is_renewed(bench: Bench) -> None:
+    bench.above.quality = TimeQuality(Lock.LOCKED, 100, 5000)
+    bench.above.quality_until = -1.0
+    bench.above.renewed = TimeQuality(Lock.HOLDOVER, 100, 9000)
+    bench.interface.indicate(CAM_PDU, 1)
+    assert bench.above.indications[-1].quality is bench.above.renewed
+
+
 @pytest.mark.parametrize("size", [6, 7, 1499, 1500])
 def test_a_pdu_of_this_size_is_passed_on_unchanged(bench: Bench, size: int) -> None:
     pdu = b"\x02" * size

@@ -5,6 +5,7 @@ import socket
 import struct
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, suppress
 from dataclasses import replace
@@ -14,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from board.time import EPOCH, GPS_LEAD, Lock
+from board.time import EPOCH, GPS_LEAD, GPS_LEAPS, Lock
 from drivers.wire.gnss_time import Leap
 from firmware import carrier
 from firmware.tables import TimeOptions
@@ -25,7 +26,7 @@ from tests.firmware.whole_board import NearRemote
 
 ROOT = Path(__file__).parents[2]
 LEAP_UNIX_S = 1_483_228_800  # 2017-01-01T00:00:00Z
-LEAP_ITS_S = LEAP_UNIX_S - EPOCH + 4  # 23:59:60, the second before
+NEW_YEAR_UNIX_S = 1_798_761_600  # 2027-01-01, before which no table knows of a leap second
 NO_LIST = TimeOptions(leap_list="")
 Make = Callable[..., TimeBench]
 
@@ -155,19 +156,24 @@ def test_of_a_clock_that_was_never_set_no_leap_second_is_to_come(make: Make) -> 
     assert (status["leap"]["seconds"], status["leap"]["event"]) == (None, None)
 
 
-def test_a_leap_second_is_told_before_it_comes_and_its_time_goes_through_it(make: Make) -> None:
-    bench = make(start_s=LEAP_UNIX_S - 40.0)
+@pytest.mark.parametrize(("before", "midnight_s"), [(4, LEAP_UNIX_S), (5, NEW_YEAR_UNIX_S)])
+def test_a_leap_second_is_told_before_it_comes_and_its_time_goes_through_it(
+    make: Make, before: int, midnight_s: int
+) -> None:
+    bench = make(start_s=midnight_s - 40.0)
+    leap_its_s = midnight_s - EPOCH + before
     receiver = bench.whole.module("gnss")
-    receiver.habits = replace(receiver.habits, leap=Leap(17, LEAP_ITS_S + GPS_LEAD, 1))
+    receiver.habits = replace(receiver.habits, leap=Leap(GPS_LEAPS + before, leap_its_s + GPS_LEAD, 1))
     receiver._navigation = None  # made at its boot, of these habits
     bench.until("locked")
     event = bench.keeper.status()["leap"]["event"]
-    assert event == {"its_s": LEAP_ITS_S, "change": 1, "utc": "2016-12-31T23:59:60.000Z"}
-    bench.loop.run_for((LEAP_ITS_S - 3) - bench.true_ns() / 1e9)
+    year = time.gmtime(midnight_s - 1).tm_year
+    assert event == {"its_s": leap_its_s, "change": 1, "utc": f"{year}-12-31T23:59:60.000Z"}
+    bench.loop.run_for((leap_its_s - 3) - bench.true_ns() / 1e9)
     errors = []
     for _ in range(600):
         bench.loop.run_for(0.01)
-        if bench.true_ns() >= (LEAP_ITS_S + 1) * 10**9 and not bench.error_ns:
+        if bench.true_ns() >= (leap_its_s + 1) * 10**9 and not bench.error_ns:
             bench.error_ns = -(10**9)  # the kernel has let the last second of the day come twice
         its_ms = bench.place.time.its_ms(bench.loop.now)
         assert its_ms is not None
@@ -176,7 +182,7 @@ def test_a_leap_second_is_told_before_it_comes_and_its_time_goes_through_it(make
     assert max(errors) <= 0.1
     bench.loop.run_for(3)
     status = bench.keeper.status()
-    assert (status["state"], status["leap"]["seconds"], status["leap"]["event"]) == ("locked", 5, None)
+    assert (status["state"], status["leap"]["seconds"], status["leap"]["event"]) == ("locked", before + 1, None)
     assert abs(bench.told[-1].offset_ns or 10**9) < 100_000
 
 
@@ -244,6 +250,14 @@ def test_without_pulses_leap_seconds_of_a_mark_count_if_it_is_locked(make: Make,
     assert bench.keeper.status()["leap"]["seconds"] == (6 if is_locked else 5)
 
 
+def test_what_is_asked_after_the_loop_stood_still_is_not_from_before(bench: TimeBench) -> None:
+    bench.loop.run_for(10)
+    bench.loop.now += 25.0
+    status = bench.keeper.status()  # the timers of the station are late
+    assert (status["state"], status["monotonic"]) == ("holdover", bench.loop.now)
+    assert bench.told[-1].state is Lock.HOLDOVER
+
+
 def test_what_a_driver_says_as_it_stops_makes_nothing(bench: TimeBench) -> None:
     bench.keeper.stop()
     assert bench.keeper._pulsed is None
@@ -296,7 +310,8 @@ def test_chronyd_is_given_each_second_with_the_time_that_it_was(make: Make, tmp_
                     samples.append(struct.unpack("@qqdiiii", chronyd.recv(64)))
         refclock = bench.keeper.status()["refclock"]
     assert len(samples) >= 10
-    assert all(abs(offset_s * 1e9 - bench.offset_ns()) < 30_000 * PPM for _, _, offset_s, *_ in samples)
+    # Stamps are late by 3.5 to 5.5 us here, and 6 us are taken for it.
+    assert all(0 < offset_s * 1e9 - bench.offset_ns() < 3000 for _, _, offset_s, *_ in samples)
     assert isinstance(refclock, dict)
     assert refclock["samples"] == {"sent": len(samples)}
     assert refclock["feeds"] is True
