@@ -9,12 +9,13 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from board.errors import StationError, UsageError
+from firmware.time_history import Row
 from firmware.user import client
 from firmware.user.arguments import add_control, address
 from firmware.user.clock import table
 from firmware.user.sparkline import marks_for, sparkline
 from firmware.user.table import Screen, Table, span
-from firmware.user.time_record import Record, Row, plain, record
+from firmware.user.time_record import Record, plain, record
 from firmware.user.untrusted import within
 from pps.allan import allan_deviation
 
@@ -65,7 +66,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(arguments: argparse.Namespace) -> int:
-    if arguments.plot:
+    _check(arguments)
+    if arguments.plot is not None:
         _plot(arguments)
         return 0
     if not arguments.watch:
@@ -77,9 +79,17 @@ def main(arguments: argparse.Namespace) -> int:
             time.sleep(WATCH_S)
 
 
+def _check(arguments: argparse.Namespace) -> None:
+    """Raise UsageError for options of which one would be ignored."""
+    if arguments.plot is not None and (arguments.json or arguments.watch or arguments.history):
+        raise UsageError("--plot draws once, and prints nothing of the time", "leave out --json, --history and --watch")
+    if arguments.history and not arguments.json:
+        raise UsageError("--history is for --json alone", "add --json, or draw it with --plot")
+
+
 def _asked(arguments: argparse.Namespace) -> dict[str, object]:
     """Clock and history. Raises StationError."""
-    is_whole = bool(arguments.plot or (arguments.json and arguments.history))
+    is_whole = arguments.plot is not None or arguments.history
     answer = client.ask_local(address(arguments), arguments.control, "time", history=is_whole)
     return {key: within(answer, key) for key in ("clock", "history")}
 
@@ -145,7 +155,8 @@ def longest(rows: Sequence[Row], step_s: int) -> list[float]:
 def _plot(arguments: argparse.Namespace) -> None:
     path = Path(arguments.plot)
     if path.suffix.lower() != ".svg":
-        raise UsageError(f"--plot: {arguments.plot}: a picture is SVG", f"name it {path.with_suffix('.svg')}")
+        named = path.with_suffix(".svg") if path.name else "time.svg"
+        raise UsageError(f"--plot: {arguments.plot!r}: a picture is SVG", f"name it {named}")
     answer = _asked(arguments)
     kept = record(within(answer, "history"))
     if len(kept.seconds) < 2:

@@ -3,10 +3,11 @@
 import time
 from collections.abc import Iterator, Mapping
 
+from board.time import EPOCH
 from firmware.user.table import Table, span, times
 from firmware.user.untrusted import listed, number, text, within
 
-EPOCH = 1_072_915_200  # of ITS time, as Unix time
+REASONS = 2  # of refusals that are explained: with them a terminal of 24 lines has room for all
 LAST_TIME = 253402300799.0  # 9999-12-31: later ones of a peer have no calendar
 
 WORDS = {
@@ -148,6 +149,10 @@ def _notes(clock: Mapping[str, object]) -> Iterator[str]:
     if number(pulse, "surprises"):
         how_often = times(number(pulse, "surprises"))
         yield f"{how_often} pulses came back and the time was further off than had been stated"
-    for one in sorted(refused, key=lambda one: -number(one, "count")):
+    refused.sort(key=lambda one: -number(one, "count"))
+    for one in refused[:REASONS]:
         detail = f"; the last: {text(one, 'detail')}" if text(one, "detail") else ""
         yield f"refused {times(number(one, 'count'))}, {text(one, 'reason')}: {text(one, 'meaning')}{detail}"
+    if others := refused[REASONS:]:
+        how_often = times(sum(number(one, "count") for one in others))
+        yield f"refused {how_often} for others: {', '.join(text(one, 'reason') for one in others)}"

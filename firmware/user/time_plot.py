@@ -7,9 +7,10 @@ from collections.abc import Mapping, Sequence
 import pygal
 from pygal.style import Style
 
+from firmware.time_history import Row
 from firmware.user.clock import title
 from firmware.user.table import clean
-from firmware.user.time_record import Record, Row
+from firmware.user.time_record import Record
 
 WIDTH, HEIGHT = 960, 320  # of each of the three
 DOTS = 600  # of a line: more are not seen at that width

@@ -6,21 +6,11 @@ from base64 import b64decode
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+from firmware.time_history import Row
 from firmware.user.untrusted import text
 
-COLUMNS = ("its_s", "offset_ns", "uncertainty_ns", "jitter_ns", "phase_ns")
-OCTETS = 8 * len(COLUMNS)
+OCTETS = 8 * len(Row._fields)
 LATEST_S = 2.0**32  # of ITS time, in 2140: the number of a peer that is no second
-
-
-class Row(NamedTuple):
-    """A second or a minute; NaN where something is not known. As firmware/time_history.py has them."""
-
-    its_s: float
-    offset_ns: float
-    uncertainty_ns: float
-    jitter_ns: float
-    phase_ns: float
 
 
 class Record(NamedTuple):
@@ -32,7 +22,7 @@ class Record(NamedTuple):
 
 def record(history: Mapping[str, object]) -> Record:
     """What a station has kept; of another form: nothing."""
-    if history.get("columns") != list(COLUMNS):
+    if history.get("columns") != list(Row._fields):
         return Record([], [])
     return Record(_rows(text(history, "seconds")), _rows(text(history, "minutes")))
 
@@ -48,5 +38,5 @@ def _rows(octets: str) -> list[Row]:
     except ValueError:
         return []
     whole = raw[: len(raw) // OCTETS * OCTETS]
-    rows = (Row(*values) for values in struct.iter_unpack(f"<{len(COLUMNS)}d", whole))
+    rows = (Row(*values) for values in struct.iter_unpack(f"<{len(Row._fields)}d", whole))
     return [row for row in rows if 0 <= row.its_s < LATEST_S and not any(map(math.isinf, row))]

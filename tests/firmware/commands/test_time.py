@@ -17,7 +17,6 @@ from firmware.user.clock import duration, title
 from firmware.user.clock import table as clock_table
 from firmware.user.table import plain
 from firmware.user.time_record import Record
-from firmware.user.time_record import Row as Kept
 from tests.firmware.commands.fake import FakeControl
 
 CLOCK: dict[str, Any] = {
@@ -214,10 +213,10 @@ def test_the_title_says_the_bound_where_there_is_one() -> None:
     assert title({"state": "locked", "uncertainty_ns": 0}) == "time locked: pulses tell it, within 0 ns"
 
 
-def kept_of(*phases: float | None) -> list[Kept]:
+def kept_of(*phases: float | None) -> list[Row]:
     """A second each; None: no pulse."""
     nan = math.nan
-    return [Kept(1000.0 + at, 0.0, 0.0, 0.0, nan if phase is None else phase) for at, phase in enumerate(phases)]
+    return [Row(1000.0 + at, 0.0, 0.0, 0.0, nan if phase is None else phase) for at, phase in enumerate(phases)]
 
 
 @pytest.mark.parametrize(
@@ -237,7 +236,27 @@ def test_the_allan_deviation_is_of_the_longest_stretch_of_pulses(phases: Any, st
 
 
 def test_lengths_beyond_those_of_seconds_are_of_minutes() -> None:
-    seconds = [Kept(float(at), 0.0, 0.0, 0.0, float(at % 3)) for at in range(400)]
-    minutes = [Kept(60.0 * at, 0.0, 0.0, 0.0, float(at % 3)) for at in range(400)]
+    seconds = [Row(float(at), 0.0, 0.0, 0.0, float(at % 3)) for at in range(400)]
+    minutes = [Row(60.0 * at, 0.0, 0.0, 0.0, float(at % 3)) for at in range(400)]
     lengths = [tau_s for tau_s, _ in time.deviations(Record(seconds, minutes))]
     assert lengths == [1, 2, 4, 8, 16, 32, 64, 120, 240, 480, 960, 1920, 3840]
+
+
+@pytest.mark.parametrize(
+    "words", [["--history"], ["--plot", "a.svg", "--json"], ["--plot", "a.svg", "--watch"], ["--plot", ""]]
+)
+def test_options_of_which_one_would_be_ignored_are_refused(words: list[str]) -> None:
+    parser = argparse.ArgumentParser()
+    time.arguments(parser)
+    with pytest.raises(UsageError):
+        time.main(parser.parse_args(words))
+
+
+def test_a_terminal_of_24_lines_has_room_for_all_that_is_wrong() -> None:
+    reasons = ("unlocked", "utc", "disagree", "trailing")
+    refused = [{"reason": one, "meaning": "m" * 60, "count": 5 + at, "detail": "d"} for at, one in enumerate(reasons)]
+    shown = clock_table({**CLOCK, "pulse": {**CLOCK["pulse"], "refused": refused}})
+    lines = [line for one in (shown, *time.lines(Record(kept_of(*range(60)), []), "ab")) for line in plain(one, 80)]
+    assert len(lines) <= 23
+    assert lines[0].startswith("time holdover")
+    assert any("refused 11 times for others: utc, unlocked" in line for line in lines)
