@@ -129,6 +129,7 @@ def mistakes(board: Hardware, tables: Tables) -> Iterator[str]:
         yield from _temperature(f"temperatures.{name}", temperature)
     yield from _slots(board)
     yield from _pulse(board, tables)
+    yield from _unprintable(tables)
     yield from _taken_twice(board, tables)
 
 
@@ -189,6 +190,8 @@ def _pulse(board: Hardware, tables: Tables) -> Iterator[str]:
         return
     if sum(bool(table.get(key)) for key in ("device", "chip", "line", "kind")) != 1:
         yield 'pulse: it comes to one of device, chip, line and kind = "simulated"; give exactly one of them'
+    if table.get("chip") and "offset" not in table:
+        yield "pulse.offset: is missing; give that of the line in its chip"
     if "offset" in table and not table.get("chip"):
         yield "pulse.offset: is that of a line in a chip; give its chip, or leave it out"
     if table.get("kind") == "simulated" and tables.get("simulated") is not True:
@@ -196,6 +199,17 @@ def _pulse(board: Hardware, tables: Tables) -> Iterator[str]:
     place = _pin(board.pulse) if board.pulse else ""
     for name in (name for name, line in board.lines.items() if place and _pin(line) == place):
         yield f"pulse: {place!r} is that of lines.{name} already, which is an output; each has its own"
+
+
+def _unprintable(tables: Tables) -> Iterator[str]:
+    """Places of the machine, which the journal prints: none has characters that command a terminal."""
+    for part in (*PARTS, "pulse"):
+        found = _of(tables, part)
+        for name, table in {"": found}.items() if part == "pulse" else found.items():
+            for key in ("path", "device", "chip", "line", "usb"):
+                if not _value(table, key).isprintable():
+                    where = f"{part}.{name}.{key}" if name else f"{part}.{key}"
+                    yield f"{where}: {_value(table, key)!r} has characters that cannot be printed; leave them out"
 
 
 def _taken_twice(board: Hardware, tables: Tables) -> Iterator[str]:

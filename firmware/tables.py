@@ -13,13 +13,15 @@ Priority = Annotated[int, Range(0, 7)]
 Seconds = Annotated[float, Range(0.0, 86400.0)]
 
 
-MAX_PATH = 107  # octets: sun_path of unix(7) and its final zero
-
-
 def _socket(path: str) -> None:
-    if path and (not path.startswith("/") or len(path.encode()) > MAX_PATH):
-        hint = f"an absolute path of at most {MAX_PATH} octets: /run/chrony.captain.sock"
-        raise ConfigurationError(f"{path!r} is no socket that chronyd could make", hint)
+    if not path:
+        return
+    from pps.chrony import check_path
+
+    try:
+        check_path(path)
+    except ConfigurationError as error:
+        raise ConfigurationError(error.message.removeprefix("time.chrony: "), error.hint) from error
 
 
 @dataclass(frozen=True)

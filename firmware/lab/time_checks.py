@@ -1,6 +1,8 @@
 """What the time of a station comes from, looked at one thing at a time: each check gives findings with a remedy."""
 
 import os
+import socket
+import stat
 from collections.abc import Iterator, Mapping
 from contextlib import closing
 
@@ -73,7 +75,10 @@ def _pulses(pulse: PulseDescription, receiver: str, machine: Machine) -> Iterato
         try:
             made.start()
         except InterfaceError as error:
-            yield Finding(Level.WARNING, "pulses", f"{error.message}; time is that of messages", error.hint)
+            # What is there and may be read, and is no input, becomes none by itself.
+            is_wrong = bool(pulse.device) and os.access(pulse.device, os.R_OK)
+            level = Level.PROBLEM if is_wrong else Level.WARNING
+            yield Finding(level, "pulses", f"{error.message}; time is that of messages", error.hint)
             return
         made.stop()
     yield Finding(Level.OK, "pulses", f"{pulse.where} can be opened; {receiver} announces them")
@@ -91,9 +96,15 @@ def _running(clock: Mapping[str, object]) -> Iterator[Finding]:
 def _chrony(path: str) -> Finding:
     if not os.path.exists(path):
         return Finding(Level.WARNING, "chrony", f"{path} does not exist: chronyd is not fed", NO_CHRONY)
+    if not stat.S_ISSOCK(os.stat(path).st_mode):
+        return Finding(Level.PROBLEM, "chrony", f"{path} is no socket: chronyd is not fed", NO_CHRONY)
     if not os.access(path, os.W_OK):
         remedy = 'chronyd makes it for root alone: a drop-in for its unit gives it to a group; README, "Time"'
         return Finding(Level.WARNING, "chrony", f"{path} may not be written to by this user", remedy)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as probe:
+        if number := probe.connect_ex(path):
+            what = f"{path}: nobody takes samples there: {os.strerror(number)}"
+            return Finding(Level.WARNING, "chrony", what, NO_CHRONY)
     return Finding(Level.OK, "chrony", f"{path} takes samples")
 
 

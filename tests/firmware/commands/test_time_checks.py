@@ -13,7 +13,7 @@ from firmware.lab.checks import Finding, Level
 
 NOW = 1_795_182_426.0
 GNSS = '[interfaces.gnss]\ndriver = "zed_f9p"\nport = "/dev/ttyAMA0"\n'
-OK, WARNING = Level.OK, Level.WARNING
+OK, WARNING, PROBLEM = Level.OK, Level.WARNING, Level.PROBLEM
 
 
 def found(folder: Path, text: str = "", pulse: str = 'device = "/dev/none"', running: Any = None) -> dict[str, Finding]:
@@ -37,9 +37,13 @@ def test_an_input_that_is_absent_is_a_warning_with_its_remedy(tmp_path: Path) ->
     assert "pps-gpio" in pulses.remedy
 
 
-def test_an_input_that_is_no_pulse_is_a_warning(tmp_path: Path) -> None:
-    assert found(tmp_path, GNSS, 'device = "/dev/null"')["pulses"].level is WARNING
-    assert found(tmp_path, GNSS, 'chip = "gpiochip99"')["pulses"].level is WARNING
+def test_a_device_that_is_no_input_for_pulses_is_a_problem(tmp_path: Path) -> None:
+    for device in ("/dev/null", "/dev", "/etc/passwd"):
+        assert found(tmp_path, GNSS, f'device = "{device}"')["pulses"].level is PROBLEM
+
+
+def test_a_chip_that_is_not_there_is_a_warning(tmp_path: Path) -> None:
+    assert found(tmp_path, GNSS, 'chip = "gpiochip99"\noffset = 18')["pulses"].level is WARNING
 
 
 def test_a_running_station_is_asked_in_place_of_the_input(tmp_path: Path) -> None:
@@ -61,6 +65,16 @@ def test_the_socket_of_chronyd_is_looked_for(tmp_path: Path, monkeypatch: pytest
         assert found(tmp_path, text)["chrony"].level is OK
         monkeypatch.setattr(os, "access", lambda *_: False)
         assert found(tmp_path, text)["chrony"].text.endswith("may not be written to by this user")
+
+
+def test_what_is_no_socket_of_chronyd_is_none(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    for path in (tmp_path, tmp_path / "file"):
+        assert found(tmp_path, f'[time]\nchrony = "{path}"\n')["chrony"].level is PROBLEM
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as left:
+        left.bind(str(tmp_path / "left"))
+    told = found(tmp_path, f'[time]\nchrony = "{tmp_path}/left"\n')["chrony"]
+    assert (told.level, "Connection refused" in told.text) == (WARNING, True)
 
 
 def test_a_list_of_leap_seconds_that_cannot_be_used_is_a_warning(tmp_path: Path) -> None:
