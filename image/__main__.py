@@ -2,6 +2,7 @@
 
 import argparse
 import sys
+import time
 from pathlib import Path
 
 from image import build, description, flash, verify
@@ -29,18 +30,19 @@ def main() -> int:
         if arguments.verb == "flash":
             flash.write(made.card().image, Path(arguments.device))
             return 0
+        began = time.monotonic()
         card = made.card(getattr(arguments, "upgrade", False))
-        _tell(card)
+        _tell(card, time.monotonic() - began)
         return _verified(verify.Card(found, card.image, arguments.to / "tools"))
     except ImageError as error:
         print(f"image: {error}", file=sys.stderr)
         return 1
 
 
-def _tell(card: build.Card) -> None:
+def _tell(card: build.Card, took_in_all_s: float) -> None:
     for name, took_s in card.took.items():
         print(f"{took_s:6.1f} s  {name}")
-    print(f"{sum(card.took.values()):6.1f} s  in all\n{card.image}")
+    print(f"{took_in_all_s:6.1f} s  in all\n{card.image}")
 
 
 def _verified(card: verify.Card) -> int:

@@ -6,6 +6,7 @@ import os
 import re
 import shutil
 import tarfile
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
@@ -50,10 +51,15 @@ class Build:
         chosen = self._packages(upgrade)
         lists = {name: read_list(chosen / f"{name}.json") for name in GROUPS}
         tools = self._tools(lists["tools"])
-        userland = self._userland(lists["userland"])
-        unpacked = self._unpacked(lists["unpacked"])
-        early = self._early(unpacked)
-        program = self._program(lists["freezer"])
+        # Both are emulated, and each keeps one processor busy: they are made at the same time.
+        with ThreadPoolExecutor(2) as pool:
+            emulated = [
+                pool.submit(self._userland, lists["userland"]),
+                pool.submit(self._program, lists["freezer"]),
+            ]
+            unpacked = self._unpacked(lists["unpacked"])
+            early = self._early(unpacked)
+        userland, program = (step.result() for step in emulated)
         parts = self._parts(tools, userland, unpacked, early, program)
         return self._card(parts, lists, userland, unpacked)
 
