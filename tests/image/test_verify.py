@@ -1,0 +1,91 @@
+"""What is found on a card that is not what its description says. Whole cards: python -m tests.image, .ci/image verify."""
+
+import struct
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from image import disk, state
+from image.description import read
+from image.verify import Card
+
+OWN = read(Path(__file__).resolve().parents[2] / "image/image.toml")
+MIB = disk.MIB
+
+
+def entry(start: int, sectors: int, kind: int) -> bytes:
+    """A row of a table of partitions, in sectors. Source: the PC's master boot record; CHS is not looked at."""
+    return struct.pack("<B3sB3sII", 0, b"", kind, b"", start, sectors)
+
+
+def card(path: Path, change: Callable[[bytearray], None] = lambda head: None) -> Path:
+    """A card with its tables and its counters, by hand."""
+    at = {place.partition.number: place for place in disk.places(OWN.disk)}
+    first = at[5].offset - MIB
+    rows = [entry(at[n].offset // 512, at[n].partition.size_mib * MIB // 512, 0x83) for n in (1, 2, 3)]
+    head = bytearray(512)
+    head[440:444] = OWN.disk.label_id.to_bytes(4, "little")
+    head[446:510] = b"".join([*rows, entry(first // 512, (2048 * MIB - first) // 512, 0x0F)])
+    head[510:] = b"\x55\xaa"
+    change(head)
+    with path.open("wb") as file:
+        file.truncate(OWN.disk.size_mib * MIB)
+        file.write(head)
+        for number in (5, 6):
+            file.seek(at[number].offset - MIB + 446)
+            file.write(entry(MIB // 512, at[number].partition.size_mib * MIB // 512, 0x83))
+        file.seek(at[5].offset)
+        file.write(state.blank())
+    return path
+
+
+def trouble(path: Path) -> dict[str, str]:
+    looked = Card(OWN, path, Path("/none"))
+    return {row.check: row.trouble for row in (looked._table(), looked._counters())}
+
+
+def test_a_card_as_described_has_no_trouble(tmp_path: Path):
+    assert trouble(card(tmp_path / "card")) == {"the table of partitions": "", "the boot counters": ""}
+
+
+def other_label(head: bytearray) -> None:
+    head[440] ^= 1
+
+
+def moved_slot(head: bytearray) -> None:
+    head[446 + 16 + 8] ^= 8
+
+
+def smaller_slot(head: bytearray) -> None:
+    head[446 + 32 + 13] ^= 1
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (other_label, "its id is 0x43505400, not 0x43505401"),
+        (moved_slot, "root-a lies at sector 270344"),
+        (smaller_slot, "root-b lies at sector"),
+    ],
+)
+def test_a_table_that_differs_is_told(tmp_path: Path, change: Callable[[bytearray], None], said: str):
+    assert said in trouble(card(tmp_path / "card", change))["the table of partitions"]
+
+
+def test_a_card_that_was_cut_short_is_told(tmp_path: Path):
+    path = card(tmp_path / "card")
+    with path.open("r+b") as file:
+        file.truncate(100 * MIB)
+    assert [row.trouble for row in Card(OWN, path, Path("/none")).rows()] == [
+        f"the image has {100 * MIB} octets, not 2048 MiB"
+    ]
+
+
+def test_counters_of_a_card_that_was_used_are_told(tmp_path: Path):
+    path = card(tmp_path / "card")
+    offset = next(place.offset for place in disk.places(OWN.disk) if place.partition.name == "state")
+    with path.open("r+b") as file:
+        file.seek(offset)
+        file.write(state.packed(state.State(("B", "A"), 3, 2), 2))
+    assert trouble(path)["the boot counters"].startswith("State(order=('B', 'A'), a_left=3, b_left=2)")
