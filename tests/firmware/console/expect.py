@@ -2,6 +2,7 @@
 
 import fcntl
 import os
+import re
 import select
 import struct
 import subprocess
@@ -61,6 +62,20 @@ class Expect:
 
     def until(self, words: str) -> None:
         self._until(lambda: words in self.text, f"{words!r} is shown")
+
+    def prompted(self) -> None:
+        """Until the shell waits for a command: what is typed before would be shown wherever it falls."""
+        self._until(lambda: self.text.rstrip().endswith("prompt>"), "a prompt is shown")
+
+    def run(self, command: str, answer: str) -> re.Match[str]:
+        """Give a command to the shell, and wait for a line that is an answer as a regular expression has it."""
+        self.prompted()
+        self.type(f"{command}\n".encode())
+        line = re.compile(rf"^{answer}$", re.MULTILINE)
+        self._until(lambda: line.search(self.text) is not None, f"{answer!r} is answered")
+        found = line.search(self.text)
+        assert found
+        return found
 
     def until_gone(self, words: str) -> None:
         self._until(lambda: words not in self.text, f"{words!r} is gone")

@@ -1,7 +1,6 @@
 """The program itself on a terminal: its shell, its end, and a real station beside it."""
 
 import os
-import re
 import signal
 import subprocess
 import sys
@@ -21,12 +20,7 @@ SHELL = ("--shell", "/bin/sh -i")
 
 
 def pid_of_shell(console: Expect) -> int:
-    console.type(b"echo me=$$.\n")
-    console.until("prompt> echo me=$$.")
-    console._until(lambda: re.search(r"me=\d+\.", console.text) is not None, "told")
-    found = re.search(r"me=(\d+)\.", console.text)
-    assert found
-    return int(found[1])
+    return int(console.run("echo me=$$", r"me=(\d+)")[1])
 
 
 @pytest.mark.parametrize("is_controlling", [True, False])
@@ -38,11 +32,11 @@ def test_a_key_opens_a_shell_with_job_control_and_its_end_brings_the_screen_back
         console.type(b"s")
         console.until("prompt>")
         assert "job control turned off" not in console.text
-        console.type(b"sh -c 'echo $((6 * 7)); exec sleep 100'\n")
-        console.until("\n42\n")
+        console.run("grep SigIgn /proc/self/status", "SigIgn: 0000000000000000")
+        console.run("sh -c 'echo $((6 * 7)); exec sleep 100'", "42")
         console.type(b"\x03")  # ends what runs in the shell, and nothing else
-        console.type(b"stty -echo -icanon; echo spoilt\n")
-        console.until("> spoilt\n")
+        console.run("stty -echo -icanon; echo spoilt", "spoilt")
+        console.prompted()
         console.type(b"exit 7\n")
         console.until("the shell has ended, with status 7")
         console.type(b"x")
@@ -58,6 +52,7 @@ def test_the_shell_is_opened_again_and_again(tmp_path: Path) -> None:
             console.until("keys: s shell")
             console.type(b"s")
             console.until("prompt>")
+            console.prompted()
             console.type(b"exit\n")
             console.until_gone("prompt>")
 
@@ -73,11 +68,12 @@ def test_a_hang_up_ends_shell_and_console(tmp_path: Path, wait_for_end: Callable
         assert console.ended() == 0
 
 
+@pytest.mark.parametrize("is_controlling", [True, False])
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGKILL])
 def test_a_shell_does_not_outlive_its_console(
-    tmp_path: Path, number: signal.Signals, wait_for_end: Callable[[int], None]
+    tmp_path: Path, number: signal.Signals, is_controlling: bool, wait_for_end: Callable[[int], None]
 ) -> None:
-    with Expect(*SHELL, runtime=tmp_path) as console:
+    with Expect(*SHELL, runtime=tmp_path, is_controlling=is_controlling) as console:
         console.until("keys: s shell")
         console.type(b"s")
         console.until("prompt>")
