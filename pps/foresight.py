@@ -17,6 +17,8 @@ UNDER_WAY = 8
 # of them is raised by the law of a tail that falls with this power: heavier than noise, as changes of temperature are.
 RARE = 0.001
 TAIL = 3.0
+# By no more than this: what nothing has shown yet is stated beside it, below.
+RAISED = 3.0
 
 # What was seen counts half after so long: summer is not winter.
 HALF_LIFE_S = 14 * 86400
@@ -103,7 +105,7 @@ class Horizon:
         worst_ns: float = LEAST_NS * 2.0 ** ((bin_ + 1) / PER_OCTAVE)
         independent = self._total / self._overlap
         raised: float = max(1.0, 1 / (RARE * max(independent, 1.0))) ** (1 / TAIL)
-        return worst_ns * raised
+        return worst_ns * min(raised, RAISED)
 
     def _forget(self, its_s: int) -> None:
         if its_s - self._forgotten_s >= HALF_LIFE_S:

@@ -119,7 +119,7 @@ class Model:
         moment_s, phase_ns = self._moment_s(raw_ns), float(its_ns - raw_ns - self._base_ns)
         limit_s = SILENCE_S if self._settling is None else APART_S
         if moment_s - self._good_s > limit_s:
-            self._settling = Settling(self._trackers.best.rate if self.is_settled else None)
+            self._settling = Settling(self._trackers.steady.rate if self.is_settled else None)
         if self._settling is None:
             self._track(second, moment_s, phase_ns)
         else:
@@ -174,14 +174,13 @@ class Model:
         self._trackers.reading(elapsed_s, foretold_ns - late_ns)
         self._lag_ns += (late_ns - self._lag_ns) / LAGGING
         self._good_s = moment_s
-        best = self._trackers.best
         if self._trackers.count >= SEASONED:
-            self._foresight.second(second.its_s, moment_s, best.phase, best.rate)
+            self._foresight.second(second.its_s, moment_s, self._trackers.best.phase, self._trackers.steady.rate)
         self._draw(second, moment_s)
 
     def _draw(self, second: Second, moment_s: float) -> None:
         """The line of now: by the memory that foretells best, with the errors that noise and lag leave in it."""
-        best, noise_ns = self._trackers.best, SIGMAS * self._lateness.deviation_ns
+        best, steady, noise_ns = self._trackers.best, self._trackers.steady, SIGMAS * self._lateness.deviation_ns
         within_ns = self._floor_ns + SIGMAS * second.accuracy_ns + noise_ns * best.alpha**0.5 + 2 * abs(self._lag_ns)
-        skew_ppb = noise_ns * (12 / best.count**3) ** 0.5
-        self.line = Line(moment_s, best.phase, best.rate, within_ns, skew_ppb)
+        skew_ppb = noise_ns * (12 / steady.count**3) ** 0.5
+        self.line = Line(moment_s, best.phase, steady.rate, within_ns, skew_ppb)

@@ -5,7 +5,7 @@ from random import Random
 
 import pytest
 
-from pps.foresight import BEYOND, FADES_S, HORIZONS_S, Foresight, unseen_ns
+from pps.foresight import BEYOND, FADES_S, HORIZONS_S, RAISED, Foresight, unseen_ns
 from tests.pps.station import START_S
 
 
@@ -86,4 +86,4 @@ def test_a_silence_beyond_the_longest_horizon_counts_by_the_law():
     foresight = Foresight()
     foresight.returned(START_S, 4 * 4096, 8_000_000.0)
     assert foresight.bound_ns(4 * 4096) > 8_000_000
-    assert learnt_ns(foresight, 4096) == pytest.approx(1_000_000 * 10, rel=0.2)  # once in a thousand: ten times
+    assert learnt_ns(foresight, 4096) == pytest.approx(1_000_000 * RAISED, rel=0.2)  # once in a thousand
