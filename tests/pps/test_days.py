@@ -1,13 +1,14 @@
 """A day in virtual time for every fault: seconds that are passed on, and how well the time is known, beside the truth."""
 
 from dataclasses import replace
+from functools import cache
 
 import pytest
 
-from pps import statements, timemark
+from pps import chrony, timemark
 from pps.quality import Estimator
 from pps.refused import Why
-from tests.pps.days.__main__ import HEADS, play, row
+from tests.pps.days.__main__ import HEADS, Played, play, row
 from tests.pps.days.account import HOLDOVER, PULSES, Account
 from tests.pps.days.day import Day, Plan
 from tests.pps.days.plans import LOST_S, days, random_day
@@ -17,24 +18,36 @@ HOUR = 3_600
 
 
 def played(*troubles: Trouble, seconds: int = HOUR) -> Account:
-    return Day(Plan("short", 1, troubles, seconds=seconds)).play()
+    return Day(Plan("short", 1, troubles, base_ns=3_000.0, seconds=seconds)).play()
 
 
 def unmet(account: Account) -> list[str]:
     return [goal.what.partition(":")[0] for goal in account.goals() if not goal.is_met]
 
 
+@cache
+def played_once(name: str) -> Played:
+    return play(next(plan for plan in days() if plan.name == name))
+
+
 @pytest.mark.parametrize("plan", days(), ids=lambda plan: plan.name)
 def test_a_day_passes_on_no_wrong_second_is_back_within_5_s_and_knows_how_well_it_knows_the_time(plan):
-    found = play(plan)
+    found = played_once(plan.name)
     print(f"\n{HEADS}\n{row(found)}")
     account = found.account
-    assert [f"{goal.what}: {goal.seen}" for goal in account.goals() if not goal.is_met] == []
+    assert [f"{goal.what}: {goal.seen}" for goal in account.goals_of_day() if not goal.is_met] == []
     assert account.known[HOLDOVER].inside_share >= 0.999
     lost = sum(trouble.seconds >= LOST_S for trouble in plan.troubles if trouble.kind is Kind.LOSS)
-    assert account.acquired == 1 + lost
-    stepped = [one for one in plan.troubles if one.kind is Kind.STEP and abs(one.amount) > 0.11]
-    assert account.stepped == len(stepped)
+    assert account.acquired == (1 + lost if plan.is_wired else 0)
+
+
+def test_over_all_boards_the_bound_is_not_wide():
+    together = Account()
+    for plan in days():
+        together.add(played_once(plan.name).account)
+    assert [f"{goal.what}: {goal.seen}" for goal in together.goals() if not goal.is_met] == []
+    assert all(len(told.errors) > 5_000 for told in together.told.values())
+    assert together.fed > 50
 
 
 def test_a_day_is_the_same_whenever_it_is_played():
@@ -48,7 +61,7 @@ def test_a_day_is_the_same_whenever_it_is_played():
 
 
 def test_a_receiver_that_is_wrong_for_too_long_is_seen_to_be_believed():
-    account = played(Trouble(600, 500, Kind.BOTH, 1.0))
+    account = played(Trouble(600, 1_000, Kind.BOTH, 1.0))
     assert account.wrong > 100
     assert "wrong seconds passed on" in unmet(account)
 
@@ -62,15 +75,16 @@ def test_a_pairing_that_asks_for_too_much_is_seen_to_be_slow(monkeypatch):
     assert played(Trouble(600, 100, Kind.LOSS)).back_s == 7
 
 
-def test_good_pulses_that_are_refused_are_counted(monkeypatch):
-    monkeypatch.setattr(statements, "LIMIT_NS", 10)
-    monkeypatch.setattr(timemark, "LIMIT_NS", 10)
-    account = Account()
+def test_good_pulses_that_are_refused_are_counted():
     day = Day(Plan("short", 1, seconds=900))
     day._pairing = timemark.Pairing(limit_ns=10)
-    day.account = account
-    with pytest.raises(AssertionError):
-        assert day.play().refused_good == 0
+    assert day.play().refused_good > 800
+
+
+def test_samples_of_a_clock_that_was_stepped_since_are_seen(monkeypatch):
+    monkeypatch.setattr(chrony, "STEP_NS", 10**12)
+    steps = tuple(Trouble(at, 1, Kind.STEP, 0.002) for at in range(100, 900, 20))
+    assert played(*steps, seconds=900).misled > 5
 
 
 def test_bounds_that_are_too_narrow_are_seen(monkeypatch):

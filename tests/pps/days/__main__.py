@@ -67,7 +67,7 @@ def main() -> int:
     with Pool(options.jobs) as pool:
         for played in pool.imap(play, plans):
             print(row(played), flush=True)
-            for goal in played.account.goals():
+            for goal in played.account.goals_of_day():
                 if not goal.is_met:  # of an estimate: not in this day
                     print(f"  {goal.what}: {goal.seen}", flush=True)
             together.add(played.account)

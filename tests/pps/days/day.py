@@ -9,16 +9,18 @@ from dataclasses import dataclass, field
 from heapq import heappop, heappush
 from random import Random
 
+from board.leaps import BUILT_IN
 from board.time import Fix, TimeMark
-from pps.pulse import Pulse
+from pps.pulse import Clocks, Pulse
 from pps.quality import HOLDOVER_S, Estimator
 from pps.sim.interrupts import Edges, Interrupts
 from pps.sim.machine import Machine
 from pps.sim.oscillator import START_NS, Crystal, Oscillator
 from pps.sim.temperature import Temperature
 from pps.timemark import Acquired, Event, Pairing, Second
-from tests.pps.days.account import HOLDOVER, PULSES, RECOVERY_S, Account
-from tests.pps.days.trouble import HARMFUL, NOISY, Kind, Trouble
+from tests.pps.days.account import HOLDOVER, PULSES, RECOVERY_S, WHOSE, Account
+from tests.pps.days.fed import Fed
+from tests.pps.days.trouble import HARMFUL, Kind, Trouble
 from tests.pps.days.words import Leaping, Words
 
 DAY_S = 86_400
@@ -29,24 +31,32 @@ SPREAD_S = 0.06
 END_S = 0.95  # of a second: when samples are taken
 
 SAMPLE_S = 10
+STEP_NS = 250_000_000  # after a pulse: a step of the system's clock, before that
 
 FORGOTTEN_S = 200  # pulses of so long ago are not asked for any more
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What a day is made of. base_ns: the shortest path of an interrupt."""
+    """What a day is made of.
+
+    base_ns   the shortest path of an interrupt; drawn from all that boards have where it is not given.
+    is_wired  whether the receiver's pulses reach the machine.
+    word_ns   what the system says of its clock is right within that, and said every 10 s; None: it says nothing.
+    """
 
     name: str
     seed: int
     troubles: tuple[Trouble, ...] = ()
     crystal: Crystal = field(default_factory=Crystal)
     temperature: Temperature = field(default_factory=Temperature)
-    base_ns: float = 3_000.0
+    base_ns: float | None = None
     loads: tuple[tuple[float, float], ...] = ()
     start_s: int = START_NS // SECOND_NS
     leaping: Leaping = field(default_factory=Leaping)
     seconds: int = DAY_S
+    is_wired: bool = True
+    word_ns: int | None = None
 
 
 class Day:
@@ -58,10 +68,11 @@ class Day:
         self._random = Random(f"{plan.name} {plan.seed}")
         self._oscillator = Oscillator(plan.crystal, plan.temperature, plan.seed, plan.start_s * SECOND_NS)
         self._machine = Machine(self._oscillator, system_error_ns=self._random.randrange(-(10**10), 10**10))
-        interrupts = Interrupts(plan.seed, plan.base_ns, plan.loads)
+        interrupts = Interrupts(self._random.randrange(10**9), plan.base_ns, plan.loads)
         self._edges = Edges(self._machine, interrupts, plan.seed)
         self._pairing, self._estimator = Pairing(), Estimator()
         self._words = Words(plan.leaping)
+        self._fed = Fed() if any(one.kind is Kind.STEP for one in plan.troubles) else None
         self._coming = sorted(plan.troubles, reverse=True)
         self._troubles: list[Trouble] = []
         self._queue: list[tuple[float, int, Pulse | Fix | TimeMark]] = []
@@ -79,7 +90,7 @@ class Day:
         for second in range(self.plan.seconds):
             if self._troubles or (self._coming and self._coming[-1].at <= second):
                 self._change(second)
-            if self._troubles or self._queue:
+            if self._troubles or self._queue or not self.plan.is_wired:
                 self._troubled(second)
             else:
                 self._calm(second)
@@ -101,7 +112,11 @@ class Day:
             self._expire(pulse.monotonic)
         spread = SPREAD_S * random()
         told = pairing.pulse(pulse)
-        told += pairing.fix(self._words.fix(its_s, pulse.monotonic + FIX_S + spread))
+        fix = self._words.fix(its_s, pulse.monotonic + FIX_S + spread)
+        if second % SAMPLE_S == 0:
+            raw_ns = pulse.raw_ns + round((FIX_S + spread) * 1e9)
+            self._estimator.fix(fix, Clocks(pulse.system_ns, raw_ns, fix.monotonic))
+        told += pairing.fix(fix)
         told += pairing.mark(self._words.mark(its_s + 1, pulse.monotonic + MARK_S + spread))
         if told:
             self._tell(told)
@@ -109,11 +124,8 @@ class Day:
     def _troubled(self, second: int) -> None:
         plan, troubles = self.plan, self._troubles
         its_s = plan.start_s + second
-        has_pulse = self._words.has_pulse(second, troubles)
+        has_pulse = plan.is_wired and self._words.has_pulse(second, troubles)
         is_clean = has_pulse and not self._queue and not any(one.kind in HARMFUL for one in troubles)
-        is_noisy = any(one.kind in NOISY for one in troubles)
-        if is_noisy and self._clean_s < RECOVERY_S:
-            is_clean = False
         self._clean(second, is_clean)
         for at_s in self._edge_times(has_pulse):
             self._later(second + at_s, self._pulse(its_s * SECOND_NS + round(at_s * 1e9)))
@@ -138,7 +150,8 @@ class Day:
                     if random.random() < trouble.amount:
                         times.append(random.random())
                 case Kind.BOUNCE if has_pulse:
-                    times.append(random.uniform(5e-6, 300e-6))
+                    off_s = random.uniform(5e-6, 300e-6)
+                    times.append(-off_s if trouble.amount < 0 else off_s)
                 case Kind.TRAILING if has_pulse:
                     times.append(0.1)
         return sorted(times)
@@ -156,10 +169,11 @@ class Day:
             match trouble.kind:
                 case Kind.SLEW:
                     self._machine.slew(its_ns - 300_000_000, trouble.amount)
-                case Kind.STEP:
-                    self._machine.step(its_ns - 200_000_000, round(trouble.amount * 1e9))
                 case Kind.STALL:
                     self._stalled_s = max(self._stalled_s, trouble.end + self._random.random())
+        for trouble in self._troubles:
+            if trouble.kind is Kind.STEP and trouble.at == second:  # before the pulse is confirmed, or after
+                self._machine.step(its_ns + self._random.randrange(STEP_NS), round(trouble.amount * 1e9))
 
     def _clean(self, second: int, is_clean: bool) -> None:
         """Count seconds in which nothing stands against the pulse, and note what is owed."""
@@ -205,17 +219,20 @@ class Day:
         """Let the loop turn until a second of the day."""
         while self._queue and max(self._queue[0][0], self._stalled_s) < until_s:
             at_s, _, word = heappop(self._queue)
-            now = self._monotonic(max(at_s, self._stalled_s))
+            clocks = self._machine.clocks(self._its_ns(max(at_s, self._stalled_s)))
+            now = clocks.monotonic
             if at_s < self._stalled_s:
                 self._turn = now
             self._expire(now)
             self._turn = now
             if isinstance(word, Pulse):
-                self._tell(self._pairing.pulse(word))
+                self._tell(self._pairing.pulse(word), clocks)
             elif isinstance(word, Fix):
-                self._tell(self._pairing.fix(word._replace(monotonic=now)))
+                word = word._replace(monotonic=now)
+                self._estimator.fix(word, clocks)
+                self._tell(self._pairing.fix(word), clocks)
             else:
-                self._tell(self._pairing.mark(word._replace(monotonic=now)))
+                self._tell(self._pairing.mark(word._replace(monotonic=now)), clocks)
         if self._stalled_s < until_s:
             self._expire(self._monotonic(min(until_s, self.plan.seconds + FORGOTTEN_S)))
 
@@ -232,13 +249,14 @@ class Day:
 
     # What comes of it
 
-    def _tell(self, events: Iterable[Event]) -> None:
+    def _tell(self, events: Iterable[Event], clocks: Clocks | None = None) -> None:
         account = self.account
         for event in events:
             if isinstance(event, Second):
                 self._estimator.second(event)
                 account.passed += 1
-                account.stepped += event.is_stepped
+                if self._fed is not None and clocks is not None:
+                    self._feed(self._fed, event, clocks)
                 off_ns = abs(self._truth[event.pulse.sequence] - event.its_s * SECOND_NS)
                 account.false += off_ns > 0
                 account.off_ns = max(account.off_ns, off_ns)
@@ -251,16 +269,30 @@ class Day:
             elif isinstance(event, Acquired):
                 account.acquired += 1
 
-    def _sample(self, second: int) -> None:
-        its_ns = self._its_ns(second + END_S)
-        known = self._estimator.estimate(self._oscillator.raw_ns(its_ns))
-        if known is None:
-            self.account.blind += 1
+    def _feed(self, fed: Fed, second: Second, clocks: Clocks) -> None:
+        """A sample for chronyd, which it takes for one of the clock that it has now."""
+        offset_ns = fed.second(second, BUILT_IN.unix_ns(second.its_s * SECOND_NS), clocks)
+        if offset_ns is None:
             return
-        state = PULSES if second - self._followed < HOLDOVER_S else HOLDOVER
-        self.account.known[state].add(known[0] - its_ns, known[1])
-        quality = self._estimator.quality(self._machine.clocks(its_ns))
-        assert quality.offset_ns is not None
-        assert quality.uncertainty_ns is not None
-        self.account.states[quality.state] += 1
-        self.account.told.add(self._machine.system_offset_ns(its_ns) - quality.offset_ns, quality.uncertainty_ns)
+        self.account.fed += 1
+        is_slewed = any(one.kind is Kind.SLEW for one in self._troubles)
+        within_ns = (600_000 if self.plan.loads else 100_000) + 100_000_000 * is_slewed
+        true_ns = self._machine.system_offset_ns(self._oscillator.its_ns(clocks.raw_ns))
+        self.account.misled += abs(offset_ns - true_ns) > within_ns
+
+    def _sample(self, second: int) -> None:
+        account, its_ns = self.account, self._its_ns(second + END_S)
+        clocks, true_ns = self._machine.clocks(its_ns), self._machine.system_offset_ns(its_ns)
+        known = self._estimator.estimate(clocks.raw_ns)
+        if known is None:
+            account.blind += 1
+        else:
+            state = PULSES if second - self._followed < HOLDOVER_S else HOLDOVER
+            account.known[state].add(known[0] - its_ns, known[1])
+        quality = self._estimator.quality(clocks)
+        if quality.offset_ns is not None and quality.uncertainty_ns is not None:
+            account.told[WHOSE[quality.state]].add(true_ns - quality.offset_ns, quality.uncertainty_ns)
+        word_ns = self.plan.word_ns
+        if word_ns is not None:
+            said_ns = true_ns + self._random.randint(-word_ns, word_ns)
+            self._estimator.system(said_ns, word_ns, clocks.raw_ns)

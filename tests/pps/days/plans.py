@@ -4,9 +4,9 @@ from collections.abc import Callable, Iterable
 from random import Random
 
 from board.time import EPOCH, LeapEvent
+from pps.sim.interrupts import SHORTEST_NS
 from pps.sim.oscillator import START_NS, drawn
 from pps.sim.temperature import Ramp, Temperature, clouds, engine, fan
-from pps.timemark import RELABEL_S
 from tests.pps.days.day import DAY_S, SECOND_NS, Plan
 from tests.pps.days.trouble import Kind, Trouble
 from tests.pps.days.words import WEEK_S, Leaping
@@ -15,14 +15,15 @@ HOUR = 3600
 NOON_2016 = 410_270_404  # ITS second of 2016-12-31T12:00:00Z
 START = START_NS // SECOND_NS
 
-# A receiver that came back with a wrong second keeps to it for less than RELABEL_S, and the raw clock can tell.
-WRONG_S = RELABEL_S - 20
+# A receiver that is wrong has been told by satellites after one frame of GPS, in which leap seconds come once.
+WRONG_S = 750
 # Without pulses for longer than this nothing can tell, and the receiver has to be right.
-TOLD_S = 3_600
+TOLD_S = 3_000
 # And this is when a pairing does not ask it to.
 LOST_S = 4_000
 # Seconds without trouble between two that concern the receiver: 4 to agree, and some more.
 REST_S = 60
+AROUND_S = 15 * HOUR  # from noon to after midnight
 
 
 def train(kind: Kind, every_s: int, seconds: tuple[int, int], amounts: Iterable[float], seed: int) -> list[Trouble]:
@@ -41,7 +42,7 @@ def _labels() -> list[Trouble]:
     ]
     back = []
     for number, one in enumerate(train(Kind.LOSS, 7_200, (20, 2_000), (0,), 4)):
-        lost = one._replace(at=one.at + 2_700)
+        lost = one._replace(at=one.at + 2_900)
         wrong = (1, -1)[number % 2]
         back += [lost, Trouble(lost.end, 100 + 15 * number, (Kind.BOTH, Kind.MARK, Kind.EPOCH)[number % 3], wrong)]
     return alone + back
@@ -49,8 +50,23 @@ def _labels() -> list[Trouble]:
 
 def _steps() -> list[Trouble]:
     """By chronyd at its start, by an operator, by a battery-backed clock that comes late."""
-    amounts = (0.3, -0.3, 1.0, -1.0, 3600.0, -3600.0, 0.002, -0.05, 86_400.0, -5 * 86_400.0, 0.999_9, -0.128)
-    return train(Kind.STEP, 1_800, (1, 1), amounts, 5)
+    amounts = (
+        0.3,
+        -0.3,
+        0.000_5,
+        -0.005,
+        1.0,
+        -1.0,
+        3600.0,
+        -3600.0,
+        0.002,
+        -0.05,
+        86_400.0,
+        -5 * 86_400.0,
+        0.999_9,
+        -0.128,
+    )
+    return train(Kind.STEP, 900, (1, 1), amounts, 5)
 
 
 def _outages() -> list[Trouble]:
@@ -72,8 +88,27 @@ def _missed() -> list[Trouble]:
 def _noise() -> list[Trouble]:
     return [
         *train(Kind.NOISE, 7_200, (300, 1_200), (0.05, 0.5, 1.0), 8),
-        *(one._replace(at=one.at + 2_400) for one in train(Kind.BOUNCE, 7_200, (300, 1_200), (0,), 9)),
+        *(one._replace(at=one.at + 2_400) for one in train(Kind.BOUNCE, 7_200, (300, 1_200), (1, -1), 9)),
         *(one._replace(at=one.at + 300) for one in train(Kind.TRAILING, 7_200, (600, 1_500), (0,), 10)),
+    ]
+
+
+def _returns() -> list[Trouble]:
+    """Satellites are lost and seen again while an edge of noise comes in each second, or pulses have two ends."""
+    found = []
+    for number, at in enumerate(range(1_000, DAY_S - 2_000, 1_500)):
+        noise = Trouble(at, 900, (Kind.NOISE, Kind.NOISE, Kind.TRAILING)[number % 3], 1.0)
+        found += [noise, Trouble(at + 200, 20 + 15 * (number % 30), Kind.LOSS)]
+    return found
+
+
+def _epochs() -> list[Trouble]:
+    """What messages alone may say: other seconds, nothing, and the free time of a receiver without satellites."""
+    return [
+        *train(Kind.EPOCH, 7_200, (1, WRONG_S), (1, -1, 2, -1024 * WEEK_S), 17),
+        *(one._replace(at=one.at + 2_000) for one in train(Kind.RESTART, 7_200, (12, 750), (0,), 18)),
+        *(one._replace(at=one.at + 3_500) for one in train(Kind.LOSS, 7_200, (20, 2_000), (0,), 19)),
+        *(one._replace(at=one.at + 1_000) for one in train(Kind.STEP, 3_600, (1, 1), (0.3, -1.0, 3600.0, 5e-4), 20)),
     ]
 
 
@@ -92,9 +127,10 @@ def days(seed: int = 1) -> list[Plan]:
     loads = tuple((at, at + 900.0) for at in range(1_800, DAY_S, 3_600))
     return [
         Plan("engine and sun", seed, crystal=drawn(seed + 7), temperature=drive),
-        Plan("interrupts", seed, loads=loads, base_ns=8_500.0),
+        Plan("interrupts", seed, loads=loads),
         Plan("missed pulses", seed, tuple(_missed())),
         Plan("false edges", seed, tuple(_noise())),
+        Plan("back amid noise", seed, tuple(_returns())),
         Plan("outages", seed, tuple(_outages()), crystal=lively, temperature=sun),
         Plan("labels", seed, tuple(_labels())),
         Plan("clock stepped", seed, tuple(_steps())),
@@ -104,23 +140,28 @@ def days(seed: int = 1) -> list[Plan]:
         Plan("restarts", seed, tuple(_restarts())),
         leaping_day("leap second inserted", seed, 1),
         leaping_day("leap second deleted", seed, -1),
+        leaping_day("leap second unsaid", seed, 1, is_announced=False),
         _week(seed),
+        Plan("messages alone", seed, tuple(_epochs()), is_wired=False),
+        Plan("the system's word", seed, tuple(_restarts()), is_wired=False, word_ns=5_000_000),
     ]
 
 
-def leaping_day(name: str, seed: int, change: int) -> Plan:
-    """From noon on 31 December 2016; what was inserted then may as well have been left out."""
+def leaping_day(name: str, seed: int, change: int, is_announced: bool = True) -> Plan:
+    """From noon on 31 December 2016 to the morning; what was inserted then may as well have been left out."""
     midnight_s = NOON_2016 + 12 * HOUR
     event = LeapEvent(midnight_s - (change < 0), change)
     around = (Trouble(6 * HOUR, 900, Kind.LOSS), Trouble(12 * HOUR + 600, 300, Kind.RESTART))
-    return Plan(name, seed, around, start_s=NOON_2016, leaping=Leaping(17, event))
+    leaping = Leaping(17, event, is_announced)
+    return Plan(name, seed, around, start_s=NOON_2016, leaping=leaping, seconds=AROUND_S)
 
 
 def _week(seed: int) -> Plan:
     """From noon on a Saturday over the end of GPS week 2421; and a receiver that takes its week for another."""
     saturday = 1_780_747_200 - EPOCH + 5  # 2026-06-06T12:00:00Z
     wrong = train(Kind.BOTH, 9_000, (10, WRONG_S), (1024 * WEEK_S, -1024 * WEEK_S, WEEK_S), 16)
-    return Plan("week", seed, tuple(wrong), start_s=saturday)
+    wrong = [one for one in wrong if one.end < AROUND_S - REST_S]
+    return Plan("week", seed, tuple(wrong), start_s=saturday, seconds=AROUND_S)
 
 
 # The days of a year
@@ -140,7 +181,7 @@ def random_day(seed: int) -> Plan:
     loads = tuple(
         (at, at + random.uniform(10, 2_000)) for at in sorted(random.sample(range(DAY_S), random.randint(0, 12)))
     )
-    base_ns = random.choice((random.uniform(2_000, 4_000), random.uniform(8_000, 9_000)))
+    base_ns = random.uniform(*SHORTEST_NS)
     start_s = START + random.randrange(365) * DAY_S + random.randrange(DAY_S)
     troubles = (*_receiver_troubles(random), *_other_troubles(random))
     return Plan(f"day {seed}", seed, troubles, drawn(seed), temperature, base_ns, loads, start_s)

@@ -10,7 +10,7 @@ class Kind(StrEnum):
     # the pulses
     MISSED = "missed"  # the kernel counts an edge and nobody takes it; amount: how many of them
     NOISE = "noise"  # further edges, anywhere; amount: how many a second on average
-    BOUNCE = "bounce"  # another edge up to 300 us after each, or before it
+    BOUNCE = "bounce"  # another edge up to 300 us after each; before it where amount is negative
     TRAILING = "trailing"  # the edge at the end of each pulse as well, 100 ms later
     # the receiver
     LOSS = "loss"  # no satellites: no pulses, and its clock runs free
@@ -22,7 +22,7 @@ class Kind(StrEnum):
     LATE = "late"  # amount: s that its words are late by, each by something up to that
     # the machine
     STALL = "stall"  # the loop stands still
-    STEP = "step"  # the system's clock is set; amount: by how many s
+    STEP = "step"  # the system's clock is set, anywhere within the second; amount: by how many s
     SLEW = "slew"  # it is slewed; amount: ppb
 
 
@@ -30,8 +30,6 @@ class Kind(StrEnum):
 HARMFUL = frozenset(
     {Kind.LOSS, Kind.RESTART, Kind.VAGUE, Kind.MARK, Kind.EPOCH, Kind.BOTH, Kind.LATE, Kind.STALL, Kind.MISSED}
 )
-# Which spoil a second of a row, and hurt nothing that is counted already.
-NOISY = frozenset({Kind.NOISE, Kind.BOUNCE, Kind.TRAILING})
 
 
 class Trouble(NamedTuple):

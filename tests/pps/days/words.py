@@ -14,10 +14,11 @@ ANNOUNCED_S = 6 * 3600  # satellites say a leap second weeks ahead; here it come
 
 @dataclass(frozen=True)
 class Leaping:
-    """Leap seconds: GPS less UTC before the event, and the event."""
+    """Leap seconds: GPS less UTC before the event, and the event; whether satellites tell of it before."""
 
     seconds: int = 18
     event: LeapEvent | None = None
+    is_announced: bool = True
 
     def at(self, its_s: int) -> int:
         event = self.event
@@ -29,7 +30,7 @@ class Leaping:
     def said(self, its_s: int) -> tuple[int, LeapEvent | None]:
         """What NAV-TIMELS says in the second before: the new count is there a second after the event."""
         event = self.event
-        if event is None or its_s > event.its_s + 1 or its_s < event.its_s - ANNOUNCED_S:
+        if event is None or not self.is_announced or its_s > event.its_s + 1 or its_s < event.its_s - ANNOUNCED_S:
             return self.at(its_s), None
         return self.seconds, event
 
