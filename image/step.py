@@ -1,5 +1,6 @@
 """Steps of a build whose result is kept for as long as what they are made from stays the same."""
 
+import fcntl
 import hashlib
 import shutil
 import sys
@@ -15,7 +16,14 @@ class Steps:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder.resolve()
+        self.folder.mkdir(parents=True, exist_ok=True)
+        # For as long as this lives: a second build in the folder waits.
+        self._lock = (self.folder / "lock").open("w")
+        fcntl.flock(self._lock, fcntl.LOCK_EX)
         self.took: dict[str, float] = {}
+
+    def close(self) -> None:
+        self._lock.close()
 
     def made(
         self, name: str, inputs: Iterable[str | Path], make: Callable[[Path], object], forced: bool = False

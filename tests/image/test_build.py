@@ -1,6 +1,7 @@
 """Steps that are kept, packages that are listed, modules that are unpacked, a card that is flashed."""
 
 import lzma
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -24,20 +25,20 @@ def test_a_step_is_kept_while_its_inputs_stay_the_same_and_made_again_when_a_fil
 
     for content in ("1", "1", "2"):
         source.write_text(content)
-        place = Steps(tmp_path / "built").made("step", ["word", source], make)
+        with closing(Steps(tmp_path / "built")) as steps:
+            place = steps.made("step", ["word", source], make)
     assert made == ["1", "2"]
     assert (place / "result").read_text() == "2"
 
 
 def test_a_step_that_failed_is_made_again(tmp_path: Path):
-    steps = Steps(tmp_path)
-
     def fail(_: Path) -> None:
         raise ImageError("no")
 
-    with pytest.raises(ImageError):
-        steps.made("step", ["a"], fail)
-    assert (steps.made("step", ["a"], lambda folder: (folder / "x").touch()) / "x").exists()
+    with closing(Steps(tmp_path)) as steps:
+        with pytest.raises(ImageError):
+            steps.made("step", ["a"], fail)
+        assert (steps.made("step", ["a"], lambda folder: (folder / "x").touch()) / "x").exists()
 
 
 def test_a_list_of_packages_is_read_as_it_was_written_and_sorted(tmp_path: Path):
