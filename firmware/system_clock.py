@@ -2,13 +2,16 @@
 
 import logging
 import time
+from typing import TYPE_CHECKING
 
 from board.errors import InterfaceError
 from board.journal import Journal
 from board.loop import Loop
 from board.time import EPOCH, Lock, TimeQuality
-from pps.chrony_tracking import Tracker, Tracking
 from pps.kernel_clock import kernel_clock
+
+if TYPE_CHECKING:
+    from pps.chrony_tracking import Tracker, Tracking
 
 LATEST_S = 1.0  # after chronyd's answer it is seen
 DRIFT_PPM = 15  # that a clock may be off by since somebody said how good it is: RFC 5905, PHI
@@ -25,7 +28,7 @@ class SystemClock:
 
     def __init__(self, loop: Loop, is_asked: bool) -> None:
         self._loop = loop
-        self._tracker = Tracker(loop, Journal(log, "chrony", loop.clock)) if is_asked else None
+        self._tracker = self._made() if is_asked else None
         self._said: Tracking | None = None
         self._said_at = 0.0
 
@@ -63,6 +66,11 @@ class SystemClock:
         if tracker is None:
             return None
         return {"why": tracker.why, **(tracker.latest._asdict() if tracker.latest else {})}
+
+    def _made(self) -> "Tracker":
+        from pps.chrony_tracking import Tracker  # with what starts a child: most stations ask nobody
+
+        return Tracker(self._loop, Journal(log, "chrony", self._loop.clock))
 
 
 def _kernels_ns() -> int | None:

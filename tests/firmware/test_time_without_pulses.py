@@ -13,6 +13,7 @@ from firmware.own_time import OwnTime
 from firmware.simulation import Simulation
 from firmware.tables import TimeOptions
 from firmware.timekeeper import Timekeeper
+from pps import chrony_tracking
 from pps.chrony_tracking import Tracking
 from pps.kernel_clock import KernelClock, State
 from tests.virtual import VirtualLoop
@@ -45,7 +46,7 @@ def told() -> list[TimeQuality]:
 @pytest.fixture
 def loop(monkeypatch: pytest.MonkeyPatch) -> Iterator[VirtualLoop]:
     monkeypatch.setattr("time.time", lambda: NOW)
-    monkeypatch.setattr(system_clock, "Tracker", PlayedTracker)
+    monkeypatch.setattr(chrony_tracking, "Tracker", PlayedTracker)
     monkeypatch.setattr(PlayedTracker, "latest", None)
     with closing(VirtualLoop()) as loop:
         yield loop
