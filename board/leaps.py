@@ -185,14 +185,22 @@ def known(path: str, unix_s: float) -> Leaps:
     path  may be empty: no list is wanted.
     """
     if not path:
-        return BUILT_IN
+        return _built_in("", unix_s)
     try:
         listed = read(path)
     except StationError as error:
-        return replace(BUILT_IN, doubt=f"{error.message}; the leap seconds built in are used")
+        return _built_in(error.message, unix_s)
     if not listed.is_expired(unix_s):
         return listed
     expired = f"{path}: it expired on {day(listed.expires or 0)}"
     if len(listed.rows) > len(BUILT_IN.rows):
         return replace(listed, doubt=f"{expired}, and knows more leap seconds than are built in: it is used")
-    return replace(BUILT_IN, doubt=f"{expired}; the leap seconds built in are used")
+    return _built_in(expired, unix_s)
+
+
+def _built_in(why: str, unix_s: float) -> Leaps:
+    """With why it is no list, and whether there may be leap seconds by now that it does not know."""
+    doubts = [f"{why}; the leap seconds built in are used"] if why else []
+    if BUILT_IN.is_expired(unix_s):
+        doubts.append(f"the leap seconds built in are complete until {day(LEAPS_END)}, and that is past")
+    return replace(BUILT_IN, doubt="; ".join(doubts)) if doubts else BUILT_IN

@@ -100,6 +100,13 @@ def test_a_list_that_holds_is_taken_and_without_one_what_is_built_in(path):
     assert known(str(path), 0.0).source == str(path)  # a clock that is not set says nothing of a list
 
 
+@pytest.mark.parametrize("name", ["", "/no/such/list"])
+def test_what_is_built_in_is_doubted_once_it_may_lack_leap_seconds(name):
+    leaps = known(name, EXPIRES)
+    assert leaps.rows == BUILT_IN.rows
+    assert leaps.doubt.endswith("the leap seconds built in are complete until 2026-06-28, and that is past")
+
+
 def test_a_list_that_expired_is_taken_only_where_it_knows_more(path):
     path.write_text(listed())
     assert known(str(path), EXPIRES - 1).doubt == ""
