@@ -109,6 +109,8 @@ class Device:
             return os.open(self._path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOCTTY)
         except OSError as error:
             raise explained(self.where, error) from error
+        except ValueError as error:  # a NUL in it
+            raise InterfaceError(f"{self.where!r}: {error}", "see device of [pulse] in the board file") from None
 
     def _look(self, device: int) -> Fetched:
         """What has come so far, of a device that can do what is asked of it and does it."""

@@ -290,6 +290,11 @@ def test_a_path_that_is_no_device_is_refused_by_the_kernel_itself(loop, told, pa
     assert hint in refused.value.hint
 
 
+def test_a_path_that_no_file_can_have_is_refused(loop, told):
+    with pytest.raises(InterfaceError, match="null byte"):
+        Device(loop, Path("/dev/pps\0x"), told).start()
+
+
 @pytest.mark.parametrize(("number", "hint"), [
     (errno.EACCES, "udev rule"), (errno.EPERM, "udev rule"), (errno.ENODEV, "dtoverlay"), (errno.EBUSY, "dmesg"),
 ])  # fmt: skip
