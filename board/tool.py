@@ -53,13 +53,15 @@ class Tool:
             package = PACKAGES.get(argv[0], argv[0])
             raise BlockedError(f"{argv[0]} is not installed", f"apt install {package}")
         try:
+            # (1) Between fork and exec it makes one call of the C library, which is loaded. Another thread, that of
+            # pps.device, holds no lock that this needs: it sits in an ioctl, and who forks has the interpreter's.
             self._child = subprocess.Popen(
                 [path, *argv[1:]],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT,
                 env=environment(),
-                preexec_fn=None if quick else die_with_parent(signal.SIGTERM),  # noqa: PLW1509 one thread of Python
+                preexec_fn=None if quick else die_with_parent(signal.SIGTERM),  # noqa: PLW1509 (1)
             )
             assert self._child.stdout is not None
             self._stdout = self._child.stdout
