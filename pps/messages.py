@@ -1,11 +1,10 @@
 """What time it is by a receiver's messages alone: never before their epoch, and hardly more than 300 ms after it."""
 
+from pps.chain import DRIFT_PPM
+
 # Between the epoch of a message and its last octet: computing 40 to 100 ms, the line 3 to 100 ms (100 octets of NAV-PVT
 # at 38,400 baud take 26 ms, a burst of NMEA 150 ms), and the host.
 MOST_NS = 300_000_000
-
-# Any crystal's frequency is within this: +-50 ppm when made, and as much by temperature and age.
-CRYSTAL_PPM = 100
 
 # Messages that speak against those before them, and for each other, are believed after as long as those had agreed, or
 # after so long: a receiver has been told the leap seconds by then, as pps.timemark has it.
@@ -30,7 +29,7 @@ class Bounds:
 
     def at(self, raw_ns: int) -> tuple[int, int]:
         """Both at a moment of the raw clock: the oscillator may have gone either way."""
-        wander_ns = abs(raw_ns - self.at_ns) * CRYSTAL_PPM // 1_000_000
+        wander_ns = abs(raw_ns - self.at_ns) * DRIFT_PPM // 1_000_000
         return self.low_ns - wander_ns, self.high_ns + wander_ns
 
     def agree(self, its_ns: int, raw_ns: int) -> bool:

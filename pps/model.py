@@ -2,13 +2,12 @@
 
 from typing import NamedTuple
 
+from pps.chain import DRIFT_PPM, SECOND_NS
 from pps.foresight import Foresight
 from pps.lateness import Lateness
 from pps.settling import ENOUGH, Settling
 from pps.timemark import Second
 from pps.tracker import Trackers
-
-SECOND_NS = 1_000_000_000
 
 # A stamp of the kernel is later than its edge by something between a fifth of this and all of it, every time, and no
 # pulse shows by how much. Published: 4.4 us of a Raspberry Pi 4 (PPS-Client), 7 to 20 us of a Pi 5 (satpulse, issue
@@ -19,10 +18,9 @@ SHORTEST = 0.2
 # 99.9 % of a normal distribution are within so many standard deviations.
 SIGMAS = 3.3
 
-# A first pulse may have waited so long: the worst of an interrupt beside heavy work. And any crystal's frequency is
-# within this: +-50 ppm when made, and as much by temperature and age.
+# A first pulse may have waited so long: the worst of an interrupt beside heavy work.
 FIRST_NS = 500_000
-CRYSTAL_PPB = 100_000
+CRYSTAL_PPB = DRIFT_PPM * 1000
 
 # After a silence of so long the first pulses are looked at together before they are believed.
 SILENCE_S = 10.0

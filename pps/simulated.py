@@ -3,9 +3,8 @@
 from collections.abc import Callable
 
 from board.loop import Loop, Timer
+from pps.chain import SECOND_NS
 from pps.pulse import Above, Clocks, Pulse, Tally, read_clocks
-
-SECOND_NS = 10**9
 
 # A timer that came too early waits for this at least: a truth that stands still keeps nobody busy.
 EARLY_NS = 1_000_000

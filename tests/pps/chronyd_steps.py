@@ -1,12 +1,11 @@
 """A running captain between its simulated receiver and a real chronyd, while the clock that it sees is stepped.
 
-usage: python -m tests.pps.chronyd_steps
-
 `captain run --board sim` at its own pace: pulses, messages of the receiver, the socket and chronyc are what a user has.
 libfaketime steps the station's system clock by half a millisecond forth and back; the oscillator, the receiver and
 chronyd go on. Prints what was seen beside its goal; ends with 1 when one is not met. A minute and a half.
 """
 
+import argparse
 import os
 import sys
 import tempfile
@@ -148,6 +147,7 @@ def shown(took: float | None) -> str:
 
 
 def main() -> int:
+    argparse.ArgumentParser(prog="python -m tests.pps.chronyd_steps", description=__doc__).parse_args()
     with tempfile.TemporaryDirectory(prefix="steps-") as folder, closing(Bench(Path(folder))) as bench:
         seen = list(goals(bench))
     Screen().show([summary("a running captain feeds chronyd", seen)])

@@ -5,11 +5,11 @@ from typing import NamedTuple
 
 from board.time import EPOCH, GPS_LEAD, GPS_LEAPS, Fix, LeapEvent, TimeMark
 from pps.pulse import Pulse
+from pps.statements import WEEK_S
 from pps.timemark import Event, Pairing, Second
 
 START = 700_000_000  # ITS second that tests begin with: in March 2026
 LEAPS = 18
-WEEK_S = 604_800
 
 RAW_NS = 5_000_000_000  # of CLOCK_MONOTONIC_RAW at START
 MONOTONIC = 100.0

@@ -5,17 +5,18 @@ from itertools import pairwise
 from statistics import median, quantiles
 from typing import NamedTuple
 
-from board.time import Fix, FixKind, TimeMark
+from pps.chain import SECOND_NS
 from pps.quality import Estimator
 from pps.sim.interrupts import Edges, Interrupts
 from pps.sim.machine import Machine
 from pps.sim.oscillator import START_NS, Crystal, Oscillator, drawn
 from pps.sim.temperature import Temperature
 from pps.timemark import Pairing, Second
+from tests.pps.days.words import Leaping, Words
 
-SECOND_NS = 1_000_000_000
 START_S = START_NS // SECOND_NS
 LEAP_SECONDS = 18
+WORDS = Words(Leaping(LEAP_SECONDS))
 
 
 class Sample(NamedTuple):
@@ -60,12 +61,9 @@ class Station:
         """A pulse comes between what a receiver says before and after it."""
         its_s = START_S + second
         pulse = self.edges.edge(its_s * SECOND_NS)
-        utc_s, tow_ms = its_s + 1_072_915_195, (its_s + 756_950_413) % 604_800 * 1000
-        self.pairing.mark(TimeMark(pulse.monotonic - 0.9, utc_s, 20, None, True, LEAP_SECONDS, its_s))
+        self.pairing.mark(WORDS.mark(its_s, pulse.monotonic - 0.9))
         self.pairing.pulse(pulse)
-        at = pulse.monotonic + 0.08
-        fix = Fix(at, FixKind.FULL, utc_ns=utc_s * SECOND_NS, utc_accuracy_ns=20, tow_ms=tow_ms)
-        for event in self.pairing.fix(fix):
+        for event in self.pairing.fix(WORDS.fix(its_s, pulse.monotonic + 0.08)):
             if isinstance(event, Second):
                 self.estimator.second(event)
 

@@ -12,6 +12,7 @@ import pytest
 from board.leaps import BUILT_IN
 from board.time import Fix, FixKind, LeapEvent, Lock, TimeQuality
 from pps.messages import MOST_NS
+from pps.model import CRYSTAL_PPB
 from pps.quality import Estimator
 from pps.sim.interrupts import Edges, Interrupts
 from pps.sim.machine import Machine
@@ -271,6 +272,18 @@ def test_pulses_of_an_emulator_that_jitter_by_150_us_settle_to_a_third_of_that()
         samples.append(station.sample(second + 0.3))
     assert figures(samples).covered >= 0.99
     assert quality(station, 1_201.3).state == Lock.LOCKED
+
+
+def test_the_first_lines_know_how_little_they_know_of_the_rate():
+    inside = []
+    for seed in range(60):
+        station, random = Station(seed, crystal=CALM, air=EVEN, base_ns=5_000), Random(seed)
+        for second in range(2, 14):
+            station.pulse(second, late_ns=round(random.gauss(0, 20_000)))
+        said = quality(station, 13.3)
+        truth_ppb = station.oscillator.frequency_ppb(START_NS + 13 * SECOND_NS)
+        inside.append(abs(said.frequency_ppb - truth_ppb) <= said.skew_ppb < CRYSTAL_PPB)
+    assert sum(inside) >= 54  # eight pulses do not tell their own deviation any better
 
 
 def test_lateness_that_wanders_is_not_taken_for_an_oscillator_that_does():

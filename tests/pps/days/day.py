@@ -11,6 +11,7 @@ from random import Random
 
 from board.leaps import BUILT_IN
 from board.time import Fix, TimeMark
+from pps.chain import SECOND_NS
 from pps.pulse import Clocks, Pulse
 from pps.quality import HOLDOVER_S, Estimator
 from pps.sim.interrupts import Edges, Interrupts
@@ -24,7 +25,6 @@ from tests.pps.days.trouble import HARMFUL, Kind, Trouble
 from tests.pps.days.words import Leaping, Words
 
 DAY_S = 86_400
-SECOND_NS = 1_000_000_000
 
 FIX_S, MARK_S = 0.055, 0.075  # after the pulse, and up to SPREAD_S more
 SPREAD_S = 0.06

@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 from board.time import EPOCH, GPS_LEAD, GPS_LEAPS, Fix, FixKind, LeapEvent, TimeMark
+from pps.statements import WEEK_S
 from tests.pps.days.trouble import Kind, Trouble
 
-WEEK_S = 604_800
 GOOD_NS = 22
 SILENT_S, BLIND_S = 3, 8  # of a restart
 COASTING_NS = 40  # a second without satellites
