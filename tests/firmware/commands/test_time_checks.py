@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from board.time import LEAPS_END
 from firmware import config
 from firmware.lab import time_checks
 from firmware.lab.checks import Finding, Level
@@ -16,12 +17,14 @@ GNSS = '[interfaces.gnss]\ndriver = "zed_f9p"\nport = "/dev/ttyAMA0"\n'
 OK, WARNING, PROBLEM = Level.OK, Level.WARNING, Level.PROBLEM
 
 
-def found(folder: Path, text: str = "", pulse: str = 'device = "/dev/none"', running: Any = None) -> dict[str, Finding]:
+def found(
+    folder: Path, text: str = "", pulse: str = 'device = "/dev/none"', running: Any = None, now: float = NOW
+) -> dict[str, Finding]:
     board, file = folder / "board.toml", folder / "captain.toml"
     board.write_text('name = "a"\n' + (f"[pulse]\n{pulse}\n" if pulse else ""))
     file.write_text(text)
     read = config.load(str(file), (), str(board))
-    return {one.subject: one for one in time_checks.time(read, running, NOW)}
+    return {one.subject: one for one in time_checks.time(read, running, now)}
 
 
 def test_a_station_without_a_receiver_uses_nothing_of_it(tmp_path: Path) -> None:
@@ -80,4 +83,5 @@ def test_what_is_no_socket_of_chronyd_is_none(tmp_path: Path) -> None:
 def test_a_list_of_leap_seconds_that_cannot_be_used_is_a_warning(tmp_path: Path) -> None:
     told = found(tmp_path, f'[time]\nleap_list = "{tmp_path}/none"\n{GNSS}')["leap seconds"]
     assert (told.level, "built in are used" in told.text) == (WARNING, True)
-    assert found(tmp_path, f'[time]\nleap_list = ""\n{GNSS}')["leap seconds"].level is OK
+    assert found(tmp_path, f'[time]\nleap_list = ""\n{GNSS}')["leap seconds"].level is WARNING  # it has expired
+    assert found(tmp_path, f'[time]\nleap_list = ""\n{GNSS}', now=LEAPS_END - 1.0)["leap seconds"].level is OK
