@@ -20,6 +20,7 @@ def main() -> int:
     verbs = parser.add_subparsers(dest="verb", required=True)
     making = verbs.add_parser("build", help="make the card, and look it through")
     making.add_argument("--upgrade", action="store_true", help="with the newest packages")
+    making.add_argument("--compress", action="store_true", help="and .xz beside it, for downloads")
     verbs.add_parser("verify", help="look a finished card through")
     writing = verbs.add_parser("flash", help="write it to a card")
     writing.add_argument("device", help="/dev/sdX or /dev/mmcblkX: all that is on it is lost")
@@ -32,6 +33,8 @@ def main() -> int:
             return 0
         began = time.monotonic()
         card = made.card(getattr(arguments, "upgrade", False))
+        if getattr(arguments, "compress", False):
+            build.compress(card.image)
         _tell(card, time.monotonic() - began)
         return _verified(verify.Card(found, card.image, arguments.to / "tools"))
     except ImageError as error:
