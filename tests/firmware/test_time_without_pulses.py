@@ -6,11 +6,13 @@ from typing import Any
 
 import pytest
 
+from board import leaps
 from board.errors import InterfaceError
 from board.time import EPOCH, Lock, TimeQuality
 from firmware import board_file, system_clock
 from firmware.own_time import OwnTime
 from firmware.simulation import Simulation
+from firmware.system_clock import SystemClock
 from firmware.tables import TimeOptions
 from firmware.timekeeper import Timekeeper
 from pps import chrony_tracking
@@ -129,3 +131,24 @@ def test_chronyd_is_asked_where_it_is_fed_or_that_is_wanted(
     loop: VirtualLoop, told: list[TimeQuality], options: TimeOptions, is_asked: bool
 ) -> None:
     assert (run(loop, told, options)["tracking"] is not None) is is_asked
+
+
+def test_leap_seconds_of_the_list_are_those_of_own_time(
+    loop: VirtualLoop, told: list[TimeQuality], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    says(monkeypatch, STEERED)
+    listed = leaps.BUILT_IN.told(19, None, round(NOW - EPOCH) - 86_400)
+    monkeypatch.setattr(leaps, "known", lambda path, unix_s: listed)
+    status = run(loop, told)
+    assert (status["leap"]["seconds"], status["its_ms"]) == (6, round((NOW - EPOCH + 6) * 1000))
+
+
+def test_an_answer_of_chronyd_ages_until_the_next(
+    loop: VirtualLoop, told: list[TimeQuality], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    numbers = (NOW, 0.5, 0.0, 0.0, 12.5, 0.0, 0.1, 0.002, 0.0005, 64.0)
+    monkeypatch.setattr(PlayedTracker, "latest", Tracking("C0000201", "192.0.2.1", 2, *numbers, "Normal"))
+    clock = SystemClock(loop, is_asked=True)
+    assert clock.chronyds_ns() == 500_000_000 + 1_500_000 + 15_000  # it is slewed, and is half a second wrong at most
+    loop.run_for(12.0)
+    assert clock.chronyds_ns() == 500_000_000 + 1_500_000 + 15_000 * 13

@@ -139,6 +139,18 @@ def test_a_step_of_the_systems_clock_is_an_offset_and_no_step_of_the_time(bench:
     assert bench.state() == "locked"
 
 
+@pytest.mark.parametrize("ppm", [-12, 12, 500])
+def test_what_is_told_of_a_second_holds_until_the_next_is_told(bench: TimeBench, ppm: int) -> None:
+    """Of a system's clock that nobody steers, or that is being slewed."""
+    bench.loop.run_for(10)
+    for moment in range(300):
+        bench.loop.run_for(0.1)
+        bench.error_ns += 100 * ppm
+        error_ns = bench.told[-1].error_ns
+        assert error_ns is not None
+        assert moment < 20 or abs(bench.offset_ns()) <= error_ns
+
+
 def test_a_clock_that_was_never_set_does_not_hide_the_time(bench: TimeBench) -> None:
     bench.error_ns = -1_795_000_000 * 10**9  # in January 1970
     assert_true(bench)
