@@ -20,7 +20,7 @@ none, so all have to agree. The rules:
 # FOLLOWING  an edge whole seconds after the last good one,  same       passed on
 #            TIM-TP and NAV-PVT of the second that it is by
 #            the raw clock, even if they come late
-# FOLLOWING  two edges of one second                         same       the first that is not early by the grid is
+# FOLLOWING  two edges of one second                         same       the nearest to its place that is not early is
 #                                                                       meant, the other is refused
 # FOLLOWING  an edge between whole seconds                   same       refused
 # FOLLOWING  TIM-TP or NAV-PVT name another second           same       refused
@@ -111,10 +111,6 @@ class _Edge:
         self.is_graced = False
         self.its_s: int | None = None
         self.error_ns = 0
-
-
-def _raw_ns(edge: _Edge) -> int:
-    return edge.pulse.raw_ns
 
 
 class Pairing:
@@ -229,15 +225,18 @@ class Pairing:
         return [self._second(its_s, edge.pulse, mark, epoch.fix), *found]
 
     def _by_merit(self, its_s: int) -> list[_Edge]:
-        """The edges of one second: the first that is not early, for contacts bounce behind it; else the least early."""
+        """The edges of one second: those that are not early, the nearest to its place first; else the least early."""
         assert self._chain is not None
         edges = [edge for edge in self._edges if edge.its_s == its_s]
         if len(edges) == 1:
             return edges
         expected_ns, within_ns = self._chain.expected(its_s)
-        early = [edge for edge in edges if edge.pulse.raw_ns < expected_ns - within_ns]
-        punctual = [edge for edge in edges if edge.pulse.raw_ns >= expected_ns - within_ns]
-        return [*sorted(punctual, key=_raw_ns), *sorted(early, key=_raw_ns, reverse=True)]
+
+        def demerit(edge: _Edge) -> tuple[bool, float]:
+            late_ns = edge.pulse.raw_ns - expected_ns
+            return late_ns < -within_ns, abs(late_ns)
+
+        return sorted(edges, key=demerit)
 
     def _second(self, its_s: int, pulse: Pulse, mark: TimeMark, fix: Fix) -> Second:
         assert fix.utc_accuracy_ns is not None
