@@ -23,18 +23,29 @@ QUIET_WAITS, BUSY_WAITS = 0.002, 0.15
 QUIET_WAIT_NS, BUSY_WAIT_NS = 15_000.0, 40_000.0
 LONGEST_NS = 500_000.0
 
+# Seconds by which it forgets where it was.
+WANDER_S = 8.0
+
 
 class Interrupts:
     """Lateness of a kernel's stamps.
 
     base_ns   the shortest path from the edge to the stamp; drawn from SHORTEST_NS where it is not given.
     loads     (from, to) in seconds after the start: when the machine is busy. Caches are cold then: 1 us more.
+    wander_ns  deviation of what moves slowly, within WANDER_S: an emulator's, whose host has other work.
     """
 
-    def __init__(self, seed: int, base_ns: float | None = None, loads: Sequence[tuple[float, float]] = ()) -> None:
+    def __init__(
+        self,
+        seed: int,
+        base_ns: float | None = None,
+        loads: Sequence[tuple[float, float]] = (),
+        wander_ns: float = 0.0,
+    ) -> None:
         self._random = Random(seed)
         self._base_ns = self._random.uniform(*SHORTEST_NS) if base_ns is None else base_ns
         self._loads = loads
+        self._wander_ns, self._wandered_ns = wander_ns, 0.0
 
     def late_ns(self, second: float) -> float:
         """Of an edge so many seconds after the start."""
@@ -43,6 +54,11 @@ class Interrupts:
         late_ns = self._base_ns + random.expovariate(1 / QUIET_NS) + 1_000.0 * is_busy
         if random.random() < (BUSY_WAITS if is_busy else QUIET_WAITS):
             late_ns += min(LONGEST_NS, random.expovariate(1 / (BUSY_WAIT_NS if is_busy else QUIET_WAIT_NS)))
+        if self._wander_ns:
+            most_ns, step_ns = 3 * self._wander_ns, self._wander_ns * (2 / WANDER_S) ** 0.5
+            wandered_ns = self._wandered_ns * (1 - 1 / WANDER_S) + random.gauss(0, step_ns)
+            self._wandered_ns = max(-most_ns, min(most_ns, wandered_ns))
+            late_ns = max(0.0, late_ns + self._wandered_ns)
         return late_ns
 
 

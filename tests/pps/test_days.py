@@ -11,7 +11,7 @@ from pps.refused import Why
 from tests.pps.days.__main__ import HEADS, Played, play, row
 from tests.pps.days.account import HOLDOVER, PULSES, Account
 from tests.pps.days.day import Day, Plan
-from tests.pps.days.plans import LOST_S, days, random_day
+from tests.pps.days.plans import LOST_S, days, emulated, random_day
 from tests.pps.days.trouble import Kind, Trouble
 
 HOUR = 3_600
@@ -48,6 +48,14 @@ def test_over_all_boards_the_bound_is_not_wide():
     assert [f"{goal.what}: {goal.seen}" for goal in together.goals() if not goal.is_met] == []
     assert all(len(told.errors) > 5_000 for told in together.told.values())
     assert together.fed > 50
+
+
+def test_a_day_of_lateness_that_wanders_is_known_as_well():
+    found = play(emulated())
+    print(f"\n{HEADS}\n{row(found)}")
+    assert [f"{goal.what}: {goal.seen}" for goal in found.account.goals_of_day() if not goal.is_met] == []
+    assert found.account.known[PULSES].usual_bound_ns < 800_000
+    assert found.account.known[HOLDOVER].usual_bound_ns < 5_000_000
 
 
 def test_a_day_is_the_same_whenever_it_is_played():

@@ -12,6 +12,7 @@ from random import Random
 from board.leaps import BUILT_IN
 from board.time import Fix, TimeMark
 from pps.chain import SECOND_NS
+from pps.model import LATENCY_NS
 from pps.pulse import Clocks, Pulse
 from pps.quality import HOLDOVER_S, Estimator
 from pps.sim.interrupts import Edges, Interrupts
@@ -41,6 +42,7 @@ class Plan:
     """What a day is made of.
 
     base_ns   the shortest path of an interrupt; drawn from all that boards have where it is not given.
+    wander_ns, latency_ns  what moves slowly in it, and the most that is expected of both together.
     is_wired  whether the receiver's pulses reach the machine.
     word_ns   what the system says of its clock is right within that, and said every 10 s; None: it says nothing.
     """
@@ -57,6 +59,8 @@ class Plan:
     seconds: int = DAY_S
     is_wired: bool = True
     word_ns: int | None = None
+    wander_ns: float = 0.0
+    latency_ns: int = LATENCY_NS
 
 
 class Day:
@@ -68,9 +72,9 @@ class Day:
         self._random = Random(f"{plan.name} {plan.seed}")
         self._oscillator = Oscillator(plan.crystal, plan.temperature, plan.seed, plan.start_s * SECOND_NS)
         self._machine = Machine(self._oscillator, system_error_ns=self._random.randrange(-(10**10), 10**10))
-        interrupts = Interrupts(self._random.randrange(10**9), plan.base_ns, plan.loads)
+        interrupts = Interrupts(self._random.randrange(10**9), plan.base_ns, plan.loads, plan.wander_ns)
         self._edges = Edges(self._machine, interrupts, plan.seed)
-        self._pairing, self._estimator = Pairing(), Estimator()
+        self._pairing, self._estimator = Pairing(), Estimator(plan.latency_ns)
         self._words = Words(plan.leaping)
         self._fed = Fed() if any(one.kind is Kind.STEP for one in plan.troubles) else None
         self._coming = sorted(plan.troubles, reverse=True)

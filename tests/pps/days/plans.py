@@ -147,6 +147,12 @@ def days(seed: int = 1) -> list[Plan]:
     ]
 
 
+def emulated() -> Plan:
+    """A machine in a machine: stamps are 0.4 ms late, and that wanders by 50 us; the crystal is as the host's."""
+    outages = tuple(Trouble(at, 600, Kind.LOSS) for at in range(HOUR, 8 * HOUR, 2 * HOUR))
+    return Plan("emulated", 1, outages, base_ns=400_000, wander_ns=50_000, latency_ns=800_000, seconds=8 * HOUR)
+
+
 def leaping_day(name: str, seed: int, change: int, is_announced: bool = True) -> Plan:
     """From noon on 31 December 2016 to the morning; what was inserted then may as well have been left out."""
     midnight_s = NOON_2016 + 12 * HOUR
