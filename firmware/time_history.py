@@ -57,7 +57,7 @@ class Rows:
 
 
 class TimeHistory:
-    """200 kB in all."""
+    """Less than 250 kB in all."""
 
     def __init__(self) -> None:
         self._seconds = Rows(SECONDS)
