@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from board.leaps import BUILT_IN
 from board.time import LeapEvent
+from firmware.own_time import OwnTime
 from firmware.pulsed_time import PulsedTime
 from pps.pulse import Clocks, Pulse
 from tests.pps.chronyd import STAMPED_AGO_NS, Chronyd, shift_to
@@ -38,7 +38,8 @@ class Daemon:
         self._far = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
         self._far.bind(str(folder / "station.sock"))
         self._near = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
-        self.time = PulsedTime(self._loop, "gnss", None, 0, str(folder / "station.sock"), BUILT_IN, self._clocks)
+        own = OwnTime(self._loop.clock)
+        self.time = PulsedTime(self._loop, "gnss", None, 0, str(folder / "station.sock"), own, self._clocks)
 
     def __call__(self) -> None:
         """One more second of the station."""
