@@ -88,7 +88,9 @@ class Leaps:
         base = known = self.base or self
         if not base._counts_as(before, then_s):
             is_learnt = self._counts_as(before, then_s)  # as an event that was announced and has passed
-            known = self._until(then_s) if is_learnt else base._corrected(before, then_s)
+            # Beside an event no other is kept: what is corrected comes before it.
+            when_s = then_s if event is None else min(then_s, event.its_s - LATE_S)
+            known = self._until(then_s) if is_learnt else base._corrected(before, when_s)
         if event is not None and event not in known.rows:
             known = known._announced(event, then_s)
         told = replace(known, source=RECEIVER, expires=None, base=base)

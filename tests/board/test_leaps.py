@@ -10,7 +10,7 @@ from datetime import UTC, datetime, timedelta
 from itertools import pairwise
 
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from board.leaps import BUILT_IN, LATE_S, RECEIVER, Leaps, events
@@ -348,6 +348,7 @@ def test_the_receivers_event_takes_the_place_of_all_to_come():
     ahead_s=st.integers(-60, 10_000_000),
     change=st.sampled_from([None, 1, -1]),
 )
+@example(leaps=Leaps((), "", None), its_s=1_341_100_780, says=-7, ahead_s=1, change=1)  # at a half-year's turn
 @settings(deadline=None, max_examples=150)
 def test_whatever_a_receiver_says_is_counted_now_and_the_table_stays_one(leaps, its_s, says, ahead_s, change):
     event = None if change is None else LeapEvent(its_s + ahead_s, change)
