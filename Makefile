@@ -3,8 +3,8 @@
 
 .DEFAULT_GOAL := help
 .PHONY: help setup run codec import-check docs test test-binary check portable fuzz truth \
-	bench bench-station bench-messages bench-v2n bench-time lab chaos outages fleet kernel clock days chronyd binary lock \
-	proof clean
+	bench bench-station bench-messages bench-v2n bench-time lab chaos outages fleet kernel clock days chronyd binary \
+	image image-test flash lock proof clean
 
 PYTEST := .venv/bin/python -m pytest
 
@@ -101,6 +101,15 @@ chronyd: setup-test ## a real chronyd, fed and stepped: by the refclock alone, t
 
 binary: setup-freeze setup ## one file to copy by hand and one directory for the image, in build/binary
 	@.ci/freeze
+
+image: setup-image ## the card of a Raspberry Pi 4, build/captain-VERSION-arm64.img, looked through; ARGS='build --upgrade'
+	@.ci/image $(ARGS)
+
+image-test: setup-image ## start the card in QEMU: console, heartbeats, ssh, a power cut
+	@.venv/bin/python -m tests.image $(ARGS)
+
+flash: setup-image ## write the card, after a question: DEV=/dev/sdX
+	@.ci/image flash $(DEV)
 
 lock: ## newest versions of everything that pyproject.toml names, with hashes
 	@.ci/lock
