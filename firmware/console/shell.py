@@ -83,6 +83,8 @@ def _ours(terminal: int, is_controlling: bool) -> Callable[[], None]:
         else:
             os.setsid()
             fcntl.ioctl(terminal, termios.TIOCSCTTY, 0)
-        signal.signal(signal.SIGTTOU, signal.SIG_DFL)
+        for number in range(signal.SIGHUP, signal.SIGSYS + 1):  # whatever started the station ignored
+            if number not in (signal.SIGKILL, signal.SIGSTOP):
+                signal.signal(number, signal.SIG_DFL)
 
     return take

@@ -4,7 +4,7 @@ import itertools
 import json
 import re
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import zmq
@@ -75,11 +75,12 @@ class User:
         air.send(last := mark())
         self.forget_until(last)
 
-    def forget_until(self, pdu: bytes) -> None:
-        """Read away all that was published up to a PDU."""
+    def forget_until(self, pdu: bytes, again: Callable[[], None] = lambda: None) -> None:
+        """Read away all that was published up to a PDU; what makes it come is done again at each other message."""
         end = time.monotonic() + PATIENCE
         while self.sub.recv_multipart()[-1] != pdu:
             assert time.monotonic() < end, "nothing but heartbeats came"
+            again()
 
     def send(self, *frames: bytes) -> None:
         """By 5555."""
