@@ -1,13 +1,12 @@
-"""QEMU's virt with the very card: U-Boot, the boot script, the slot. What it says is waited for, never a time."""
+"""An emulated machine with the very card: U-Boot, the boot script, the slot. What it says is waited for, never a time."""
 
 import os
 import re
-import shutil
 import signal
 import socket
 import subprocess
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
@@ -29,29 +28,59 @@ class Ports(NamedTuple):
 
 
 GUEST = Ports(22, 5555, 5556, 5557, 5558)
+Machine = Callable[[Path, Ports], list[str]]
 
 
 class NotSeenError(Exception):
     """What was waited for did not come; with the last words of the console."""
 
 
+def user_network(ports: Ports) -> str:
+    """QEMU's own network, by which this machine reaches the guest's ports."""
+    forwards = (f"hostfwd=tcp:127.0.0.1:{own}-:{its}" for own, its in zip(ports, GUEST, strict=True))
+    return ",".join(("user,id=eth0", *forwards))
+
+
+def virt(card: Path, ports: Ports) -> list[str]:
+    """A board of no maker, with the card at virtio; its U-Boot is QEMU's."""
+    return [
+        *BARE_VIRT,
+        *("-bios", str(LOADER), "-drive", f"file={card},format=raw,if=virtio"),
+        *("-netdev", user_network(ports), "-device", "virtio-net-pci,netdev=eth0,romfile="),
+    ]
+
+
+BARE_VIRT = (
+    *("-M", "virt", "-cpu", "cortex-a72", "-smp", "2", "-m", "1024", "-accel", "tcg,thread=multi"),
+    *("-device", "virtio-rng-pci"),
+)
+
+
 class Guest:
     """A running machine with a serial console.
 
     began  when it was started, on the monotonic clock.
+    text   all that the console has said.
+    qmp    path of the socket at which QEMU takes commands.
     """
 
-    def __init__(self, card: Path, folder: Path, ports: Ports) -> None:
+    def __init__(self, words: Sequence[str], folder: Path, ports: Ports) -> None:
         self.ports = ports
+        self.text = ""
         self.log = folder / "console.log"
-        self._seen = ""
+        self.qmp = folder / "qmp"
         self._from = 0
         console = folder / "console"
         console.unlink(missing_ok=True)
-        self.log.unlink(missing_ok=True)
+        self._log = self.log.open("ab")  # of all starts in this folder
         self.began = time.monotonic()
         self._process = subprocess.Popen(
-            _command(card, console, folder / "qmp", self.log, ports),
+            [
+                *("qemu-system-aarch64", "-nodefaults", "-no-user-config", "-display", "none", *words),
+                *("-chardev", f"socket,id=con,path={console},server=on,wait=off"),
+                *("-qmp", f"unix:{self.qmp},server=on,wait=off"),
+                *(() if "-serial" in words else ("-serial", "chardev:con")),
+            ],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=(folder / "qemu.log").open("wb"),
@@ -62,17 +91,24 @@ class Guest:
     def wait(self, pattern: str, limit_s: float = LIMIT_S) -> re.Match[str]:
         """The next time that the console says it. Raises NotSeenError."""
         ends = time.monotonic() + limit_s
-        while not (found := re.search(pattern, self._seen[self._from :])):
-            self._console.settimeout(max(0.1, ends - time.monotonic()))
-            try:
-                octets = self._console.recv(65_536)
-            except TimeoutError:
-                octets = b""
-            if not octets:
-                raise NotSeenError(f"{pattern!r} was not seen; the console's last words:\n{self._seen[-1500:]}")
-            self._seen += octets.decode("utf-8", "replace")
+        while not (found := re.search(pattern, self.text[self._from :])):
+            if not self.read(ends - time.monotonic()):
+                raise NotSeenError(f"{pattern!r} was not seen; the console's last words:\n{self.text[-1500:]}")
         self._from += found.end()
         return found
+
+    def read(self, limit_s: float) -> str:
+        """What the console says next; empty when it says nothing for so long, or has ended."""
+        self._console.settimeout(max(0.1, limit_s))
+        try:
+            octets = self._console.recv(65_536)
+        except TimeoutError:
+            return ""
+        self._log.write(octets)
+        self._log.flush()
+        text = octets.decode("utf-8", "replace")
+        self.text += text
+        return text
 
     def type(self, text: str) -> None:
         self._console.sendall(text.encode())
@@ -82,11 +118,16 @@ class Guest:
         self._process.kill()
         self._process.wait()
         self._console.close()
+        self._log.close()
 
 
 @contextmanager
-def powered(card: Path, folder: Path, ports: Ports | None = None) -> Iterator[Guest]:
-    guest = Guest(card, folder, ports or free_ports())
+def powered(
+    card: Path, folder: Path, words: Sequence[str] = (), ports: Ports | None = None, machine: Machine = virt
+) -> Iterator[Guest]:
+    """A machine with its power on until the block ends. words: of QEMU's command line, beside the machine's."""
+    ports = ports or free_ports()
+    guest = Guest([*machine(card, ports), *words], folder, ports)
     try:
         yield guest
     finally:
@@ -97,13 +138,29 @@ def owned(image: Path, folder: Path, files: dict[str, str]) -> Path:
     """A copy of a card with files on the partition that its owner may edit."""
     card = folder / "card.img"
     subprocess.run(["cp", "--sparse=always", image, card], check=True)
-    for name, text in files.items():
-        source = folder / name
-        source.write_text(text)
-        offset = int.from_bytes(_read(card, 446 + 8, 4), "little") * 512
-        words = ["mcopy", "-o", "-i", f"{card}@@{offset}", str(source), f"::{name}"]
-        subprocess.run(words, check=True, env={**os.environ, "MTOOLS_SKIP_CHECK": "1"})
+    put(card, files)
     return card
+
+
+def put(card: Path, files: dict[str, str]) -> None:
+    """Files on a card's boot partition, as a laptop writes them; a folder in a name is made."""
+    with card.open("rb") as file:
+        file.seek(446 + 8)
+        offset = int.from_bytes(file.read(4), "little") * 512
+    for name, text in files.items():
+        if "/" in name:
+            _mtools(["mmd", "-D", "s"], card, offset, f"::{name.rpartition('/')[0]}", check=False)
+        _mtools(["mcopy", "-o"], card, offset, "-", f"::{name}", given=text)
+
+
+def _mtools(words: list[str], card: Path, offset: int, *names: str, given: str = "", check: bool = True) -> None:
+    subprocess.run(
+        [*words, "-i", f"{card}@@{offset}", *names],
+        check=check,
+        input=given.encode(),
+        stderr=None if check else subprocess.DEVNULL,
+        env={**os.environ, "MTOOLS_SKIP_CHECK": "1"},
+    )
 
 
 def free_ports() -> Ports:
@@ -112,18 +169,6 @@ def free_ports() -> Ports:
     for each in sockets:
         each.close()
     return found
-
-
-def _command(card: Path, console: Path, qmp: Path, log: Path, ports: Ports) -> list[str]:
-    forwards = ",".join(f"hostfwd=tcp:127.0.0.1:{own}-:{its}" for own, its in zip(ports, GUEST, strict=True))
-    return [
-        *("qemu-system-aarch64", "-nodefaults", "-no-user-config", "-display", "none"),
-        *("-M", "virt", "-cpu", "cortex-a72", "-smp", "2", "-m", "1024", "-accel", "tcg,thread=multi"),
-        *("-bios", str(LOADER), "-drive", f"file={card},format=raw,if=virtio"),
-        *("-netdev", f"user,id=eth0,{forwards}", "-device", "virtio-net-pci,netdev=eth0,romfile="),
-        *("-chardev", f"socket,id=con,path={console},server=on,wait=off,logfile={log}", "-serial", "chardev:con"),
-        *("-qmp", f"unix:{qmp},server=on,wait=off", "-device", "virtio-rng-pci"),
-    ]
 
 
 def _connected(path: Path, process: "subprocess.Popen[bytes]") -> socket.socket:
@@ -135,30 +180,4 @@ def _connected(path: Path, process: "subprocess.Popen[bytes]") -> socket.socket:
             time.sleep(0.05)  # QEMU makes it in some 100 ms
         else:
             return made
-    raise NotSeenError(f"QEMU has ended with {process.returncode}: {path.parent}/qemu.log")
-
-
-def _read(path: Path, offset: int, size: int) -> bytes:
-    with path.open("rb") as file:
-        file.seek(offset)
-        return file.read(size)
-
-
-def key_pair(folder: Path) -> tuple[Path, str]:
-    """A key for ssh: the private one's path, and the public one's line."""
-    path = folder / "key"
-    shutil.rmtree(path, ignore_errors=True)
-    for name in ("key", "key.pub"):
-        (folder / name).unlink(missing_ok=True)
-    subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-C", "bench", "-f", path], check=True)
-    return path, (folder / "key.pub").read_text()
-
-
-def ssh(guest: Guest, key: Path, command: str, limit_s: float = 120.0) -> "subprocess.CompletedProcess[str]":
-    """A command by ssh, as operator."""
-    options = ["StrictHostKeyChecking=no", "UserKnownHostsFile=/dev/null", "LogLevel=ERROR", "ConnectTimeout=60"]
-    words = ["ssh", "-p", str(guest.ports.ssh), "-i", str(key), "-o", "BatchMode=yes", "-o", "IdentitiesOnly=yes"]
-    words += [word for option in options for word in ("-o", option)]
-    return subprocess.run(
-        [*words, "operator@127.0.0.1", command], capture_output=True, text=True, timeout=limit_s, check=False
-    )
+    raise NotSeenError(f"QEMU has ended with {process.returncode}: {(path.parent / 'qemu.log').read_text()[-500:]}")
