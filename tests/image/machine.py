@@ -97,6 +97,15 @@ class Guest:
         self._from += found.end()
         return found
 
+    def stop_loader(self, extra: str) -> None:
+        """At U-Boot's prompt, as who holds the cable may: words for the kernel's command line, then go on."""
+        self.wait("Hit any key")
+        self.type(" ")
+        self.wait("=> ")
+        self.type(f"setenv extra_args '{extra}'\n")
+        self.wait("=> ")
+        self.type("boot\n")
+
     def read(self, limit_s: float) -> str:
         """What the console says next; empty when it says nothing for so long, or has ended."""
         self._console.settimeout(max(0.1, limit_s))

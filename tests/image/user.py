@@ -1,0 +1,50 @@
+"""A user's program of another machine: plain pyzmq, nothing of this project."""
+
+import json
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import zmq
+
+from tests.image.machine import NotSeenError, Ports
+
+FIRST_S = 600.0  # the station has to start: emulated, on a busy machine
+CAM = bytes.fromhex("020200000539") + bytes(35)
+
+
+class User:
+    """received: from the station's port 5556; sent: to its 5555."""
+
+    def __init__(self, context: "zmq.Context[zmq.Socket[bytes]]", ports: Ports) -> None:
+        self.sent = context.socket(zmq.PUB)
+        self.received = context.socket(zmq.SUB)
+        self.received.setsockopt(zmq.SUBSCRIBE, b"")
+        for one, port in ((self.sent, ports.from_users), (self.received, ports.to_users)):
+            one.setsockopt(zmq.RECONNECT_IVL, 500)
+            # QEMU takes the connection before the guest's station does: one that never speaks is tried again.
+            one.setsockopt(zmq.HANDSHAKE_IVL, 5000)
+            one.setsockopt(zmq.LINGER, 0)
+            one.connect(f"tcp://127.0.0.1:{port}")
+
+    def hear(self, topic: bytes, limit_s: float = FIRST_S) -> bytes:
+        """The body of the next message with such an envelope. Raises NotSeenError."""
+        ends = time.monotonic() + limit_s
+        while self.received.poll(max(0, round(1000 * (ends - time.monotonic())))):
+            envelope, body = self.received.recv_multipart()[:2]
+            if envelope == topic:
+                return body
+        raise NotSeenError(f"no {topic.decode()} came from port 5556 within {limit_s:.0f} s")
+
+    def heartbeat(self) -> int:
+        """The next one's number."""
+        return int(json.loads(self.hear(b"hb."))["heartbeat_counter"])
+
+
+@contextmanager
+def user(ports: Ports) -> Iterator[User]:
+    context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+    try:
+        yield User(context, ports)
+    finally:
+        context.destroy(linger=0)
