@@ -40,17 +40,23 @@ class Config:
     mac: bytes
 
 
-def load(path: str | None, overrides: Sequence[str] = (), board: str | None = None) -> Config:
+def load(
+    path: str | None, overrides: Sequence[str] = (), board: str | None = None, defaults: str | None = None
+) -> Config:
     """Read captain.toml, lay it over the board's interfaces, apply `section.key=value` overrides and check it all.
 
-    board  its name or file. By default the simulated one where no file says what is wanted, else none: nobody who
-           wrote a configuration shall receive messages of stations that do not exist.
+    board     its name or file. By default the simulated one where no file says what is wanted, else none: nobody who
+              wrote a configuration shall receive messages of stations that do not exist.
+    defaults  another captain.toml, whose keys count where path has none of them: those of the box, which an owner
+              who names his station need not know.
 
     Raises ConfigurationError that names every mistake with file and key path.
     """
     chosen = ("none" if path else "sim") if board is None else board
     there = board_file.load(chosen)
     wanted = describe.load(Path(path)) if path else {}
+    if defaults:
+        wanted = _completed(wanted, describe.load(defaults))
     present = copy.deepcopy(there.interfaces)  # overrides are written into it
     merged: dict[str, Any] = {"interfaces": present} | wanted
     if isinstance(wanted.get("interfaces"), dict):
@@ -87,6 +93,15 @@ def _source(name: str, wanted: Mapping[str, Any], overrides: Sequence[str], boar
     is_above = isinstance(above, dict) and name in above
     is_above = is_above or any(f"{text.partition('=')[0]}.".startswith(f"interfaces.{name}.") for text in overrides)
     return where if is_above else board
+
+
+def _completed(wanted: Mapping[str, Any], defaults: Mapping[str, Any]) -> dict[str, Any]:
+    """Tables with the keys that only the defaults have."""
+    merged = {**defaults, **wanted}
+    for name in defaults.keys() & wanted.keys():
+        if isinstance(defaults[name], dict) and isinstance(wanted[name], dict):
+            merged[name] = {**defaults[name], **wanted[name]}
+    return merged
 
 
 def _laid_over(there: Mapping[str, Any], wanted: Mapping[str, Any]) -> dict[str, Any]:

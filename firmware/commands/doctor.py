@@ -70,7 +70,9 @@ def examine(arguments: argparse.Namespace) -> Iterator[Finding]:
     yield from checks.clock(time.time())
     yield from checks.worker(echo.try_out)
     yield from checks.codec(library.load)
-    read, found = checks.configuration(lambda: config.load(arguments.config, arguments.overrides, arguments.board))
+    read, found = checks.configuration(
+        lambda: config.load(arguments.config, arguments.overrides, arguments.board, arguments.defaults)
+    )
     yield from found
     if read is None:
         return

@@ -54,7 +54,7 @@ def main(arguments: argparse.Namespace) -> int:
     logging.basicConfig(level=arguments.log.upper(), handlers=[journal])
 
     def read() -> config.Config:
-        return config.load(arguments.config, arguments.overrides, arguments.board)
+        return config.load(arguments.config, arguments.overrides, arguments.board, arguments.defaults)
 
     wanted = read()
     loop = Loop()

@@ -70,7 +70,7 @@ def _rows(arguments: argparse.Namespace) -> list[dict[str, object]]:
     """Of the station that is meant; what a station may be asked afterwards is left out where that one has gone."""
     if arguments.control:
         return _asked(client.Address(), arguments.control)
-    endpoint = config.load(arguments.config, arguments.overrides, arguments.board).tables.endpoint
+    endpoint = config.load(arguments.config, arguments.overrides, arguments.board, arguments.defaults).tables.endpoint
     if ports.running(endpoint.from_users, endpoint.control) is not None:
         return _asked(client.Address(from_users=endpoint.from_users), endpoint.control)
     return [row | {"ask": ""} for row in listed(_alone(arguments), "rows")]
@@ -127,6 +127,7 @@ def _alone(arguments: argparse.Namespace) -> Mapping[str, object]:
             arguments.config,
             [*arguments.overrides, *NO_USERS, f"endpoint.control={scratch.path / 'control'}"],
             arguments.board,
+            arguments.defaults,
         )
         station = Station(loop, wanted, lambda: wanted)
         try:

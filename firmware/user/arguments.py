@@ -51,6 +51,9 @@ def add_configuration(parser: argparse.ArgumentParser) -> None:
     """The options that say how a station is configured: as config.load() takes them."""
     parser.add_argument("--config", metavar="FILE", help="captain.toml: what is wanted (default: nothing but defaults)")
     parser.add_argument(
+        "--defaults", metavar="FILE", help="another captain.toml, for the keys that --config does not have"
+    )
+    parser.add_argument(
         "--board",
         help="what is there: sim, quad, pi, none, or a board file of your own, which also has the simulated "
         "neighbours (default: sim, but none with --config)",

@@ -648,3 +648,20 @@ def test_a_socket_that_chronyd_cannot_make_is_a_mistake(folder: Path, path: str)
 )
 def test_who_announces_no_pulses_drives_none(folder: Path, name: str, said: str) -> None:
     assert mistake(folder, f'[time]\nreceiver = "{name}"\n' + GNSS + TWO_UDP) == said
+
+
+def test_a_file_may_be_laid_over_the_boxs_own(folder: Path) -> None:
+    box, own = folder / "box.toml", folder / "captain.toml"
+    box.write_text('[station]\nname = "captain"\n[endpoint]\naddress = "0.0.0.0"\n[time]\ntracking = true\n')
+    own.write_text('[station]\nname = "rsu"\n[endpoint]\nstrict = true\n')
+    tables = config.load(str(own), board="none", defaults=str(box)).tables
+    assert (tables.station.name, tables.endpoint.address, tables.endpoint.strict) == ("rsu", "0.0.0.0", True)
+    assert tables.time.tracking is True
+
+
+def test_what_the_owners_file_has_wrong_is_told_over_defaults_too(folder: Path) -> None:
+    box, own = folder / "box.toml", folder / "captain.toml"
+    box.write_text('[endpoint]\naddress = "0.0.0.0"\n')
+    own.write_text("endpoint = 3\n")
+    with pytest.raises(ConfigurationError, match="endpoint: 3 is an integer; give a table"):
+        config.load(str(own), board="none", defaults=str(box))
