@@ -12,7 +12,6 @@ ICMP, TCP, UDP, ICMP6 = 1, 6, 17, 58
 SYN, RST, ACK = 2, 4, 16
 BROADCAST = b"\xff" * 6
 Address = ipaddress.IPv4Address | ipaddress.IPv6Address
-NOWHERE = ipaddress.IPv4Address(0)
 
 
 class Packet(NamedTuple):
@@ -27,7 +26,7 @@ class Packet(NamedTuple):
     @property
     def ports(self) -> tuple[int, int]:
         """Source and destination, of TCP and UDP."""
-        return struct.unpack("!HH", self.body[:4])  # type: ignore[return-value]
+        return struct.unpack("!HH", self.body[:4])
 
 
 class Segment(NamedTuple):
@@ -43,7 +42,7 @@ class Segment(NamedTuple):
 def checksum(octets: bytes) -> int:
     """RFC 1071."""
     padded = octets + b"\0" * (len(octets) % 2)
-    total = sum(struct.unpack(f"!{len(padded) // 2}H", padded))
+    total: int = sum(struct.unpack(f"!{len(padded) // 2}H", padded))
     while total >> 16:
         total = (total & 0xFFFF) + (total >> 16)
     return ~total & 0xFFFF

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import NamedTuple
@@ -19,7 +20,8 @@ class Row(NamedTuple):
         return f"{'ok' if self.is_ok else 'MISSED':6}  {self.what:52} {self.seen:40} {self.goal}"
 
 
-class Options(NamedTuple):
+@dataclass(frozen=True)
+class Options:
     """Of one run of the parts.
 
     count     of whatever a part repeats: power cuts, starts; None: its own number.

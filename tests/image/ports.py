@@ -1,0 +1,223 @@
+"""Each network of the box, looked at from outside: what it lets in, what it says, and what it lets through."""
+
+import ipaddress
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import NamedTuple
+
+from tests.image import packets
+from tests.image.machine import BARE_VIRT, LOADER, Ports, owned, powered
+from tests.image.neighbour import Neighbour, answers_echo, tcp_scan, udp_scan
+from tests.image.packets import IPV4, TCP, UDP
+from tests.image.root_shell import EXTRA, RootShell
+from tests.image.rows import Options, Row
+from tests.image.wire import Wire
+
+ALL = range(1, 65536)
+FEW = (22, 53, 67, 68, 80, 123, 323, 546, 5353, 5355, 5555, 5556, 5557, 5558, 8947)
+LISTED = {22, 5555, 5556, 5557, 5558}
+
+
+class Network(NamedTuple):
+    """A network device of the box. is_near: who is there is a user; else only replies come in."""
+
+    name: str
+    device: str
+    network: str
+    is_near: bool
+
+
+NETWORKS = (
+    Network("eth0", "virtio-net-pci", "192.0.2.0/24", True),
+    Network("wlan0", "virtio-net-pci", "198.51.100.0/24", True),
+    Network("usb0", "usb-net", "192.168.1.0/24", False),  # the SOM301-E's
+    Network("wwan0", "virtio-net-pci", "203.0.113.0/24", False),
+)
+
+
+def _asked(name: str, kind: int = 1) -> bytes:
+    """A question of DNS, mDNS and LLMNR. Source: RFC 1035, 4.1."""
+    labels = b"".join(bytes((len(word),)) + word.encode() for word in name.split("."))
+    return b"\0\7\0\0\0\1\0\0\0\0\0\0" + labels + b"\0" + bytes((0, kind)) + b"\0\1"
+
+
+# What such a service would answer: DNS, NTP (RFC 5905: client, version 4), chronyd's commands (candm.h of chrony 4:
+# version 6, request 0), mDNS and LLMNR.
+QUESTIONS = {
+    53: _asked("localhost"),
+    123: b"\x23" + bytes(47),
+    323: bytes((6, 1, 0, 0)) + bytes(400),
+    5353: _asked("captain.local"),
+    5355: _asked("captain"),
+}
+
+
+def rows(card: Path, folder: Path, options: Options) -> Iterator[Row]:
+    own = owned(card, folder, {})
+    ports = FEW if options.is_short else ALL
+    shell = RootShell(folder)
+    wires = [Wire(folder, one.name, number, one.device) for number, one in enumerate(NETWORKS)]
+    words = [*shell.words, "-device", "qemu-xhci,id=xhci", *(word for wire in wires for word in wire.words)]
+    with ExitStack() as opened:
+        guest = opened.enter_context(powered(own, folder, words, machine=_without_network))
+        opened.callback(shell.close)
+        for wire in wires:
+            opened.callback(wire.close)
+        neighbours = {one.name: Neighbour(wire, one.network) for one, wire in zip(NETWORKS, wires, strict=True)}
+        for wire in wires:
+            wire.start()
+        guest.stop_loader(EXTRA)
+        shell.open()
+        _name(shell, wires)
+        for one in NETWORKS:
+            yield _lease(shell, one, neighbours[one.name])
+        shell.run("until systemctl is-active -q captain.service ssh.service; do sleep 1; done", 600)
+        for one in NETWORKS:
+            yield from _scanned(one, neighbours[one.name], ports)
+            yield from _spoken(one, neighbours[one.name], shell)
+        yield from _crossed(neighbours)
+        yield _heard(neighbours)
+        yield _listening(shell)
+        yield from _opened(shell, neighbours)
+
+
+def _without_network(card: Path, _: Ports) -> list[str]:
+    return [*BARE_VIRT, "-bios", str(LOADER), "-drive", f"file={card},format=raw,if=virtio"]
+
+
+def _name(shell: RootShell, wires: Sequence[Wire]) -> None:
+    """What the kernel of a Pi would have named so: a Wi-Fi and a modem are no virtio devices."""
+    for wire in wires:
+        mac = ":".join(f"{octet:02x}" for octet in wire.guest)
+        found = f"$(basename $(dirname $(grep -l {mac} /sys/class/net/*/address)))"
+        shell.run(
+            f"until grep -q {mac} /sys/class/net/*/address; do sleep 1; done; is={found};"
+            f" [ $is = {wire.name} ] || {{ ip link set $is down; ip link set $is name {wire.name};"
+            f" networkctl reconfigure {wire.name}; }}"
+        )
+
+
+def _lease(shell: RootShell, network: Network, neighbour: Neighbour) -> Row:
+    name, address = network.name, neighbour.guest
+    said = shell.run(
+        f"for i in $(seq 120); do ip -4 -o addr show dev {name} | grep {address}/ && break; sleep 1; done", 600
+    )
+    return Row(f"{name}: takes a lease", str(address) if said else "none", "its server's", bool(said))
+
+
+def _scanned(network: Network, neighbour: Neighbour, ports: Sequence[int]) -> Iterator[Row]:
+    """Which ports say anything at all."""
+    wanted = LISTED if network.is_near else set()
+    goal = _ports(wanted) or "silence"
+    of = f"{ports[0]} to {ports[-1]}" if ports is ALL else f"{len(ports)} of them"
+    for version in (4, 6):
+        found = tcp_scan(neighbour, version, ports)
+        is_ok = set(found) <= wanted and (version == 6 or {port for port in found if found[port] == "open"} == wanted)
+        yield Row(f"{network.name}: TCP ports {of}, IPv{version}", _said(found), goal, is_ok)
+        found = udp_scan(neighbour, version, lambda _: b"", ports)
+        yield Row(f"{network.name}: UDP ports {of}, IPv{version}", _said(found), "silence", not set(found) - {5353})
+
+
+def _spoken(network: Network, neighbour: Neighbour, shell: RootShell) -> Iterator[Row]:
+    """What answers to a question of its own protocol."""
+    found = set(udp_scan(neighbour, 4, lambda port: QUESTIONS[port], QUESTIONS))
+    mdns = " ".join(sorted(_multicast(neighbour, network.is_near)))
+    if mdns:
+        found.add(5353)
+    wanted = {5353} if network.is_near else set()
+    yield Row(f"{network.name}: DNS, NTP, chrony, mDNS, LLMNR", _ports(found) or "silence",
+              _ports(wanted) or "silence", found == wanted)  # fmt: skip
+    echo = [version for version in (4, 6) if answers_echo(neighbour, version)]
+    yield Row(f"{network.name}: answers ping", " ".join(f"IPv{version}" for version in echo) or "never",
+              "IPv4 IPv6" if network.is_near else "never", bool(echo) is network.is_near)  # fmt: skip
+    out = shell.run(f"timeout 60 bash -c 'exec 3<>/dev/tcp/{neighbour.own}/80' && echo out", 120)
+    yield Row(
+        f"{network.name}: replies to the box come in", "yes" if "out" in out else out[-30:] or "no", "yes", "out" in out
+    )
+
+
+def _multicast(neighbour: Neighbour, is_answered: bool) -> set[str]:
+    """Which of mDNS and LLMNR the box answers. Where one is, the other has had its time once that has come."""
+    for group, port in (("224.0.0.252", 5355), ("224.0.0.251", 5353)):
+        to = ipaddress.IPv4Address(group)
+        mac = b"\1\0\x5e" + to.packed[1:]
+        neighbour.probe(packets.udp(5353, port, QUESTIONS[port]), UDP, to, mac=mac)
+    found: set[str] = set()
+
+    def is_answer(octets: bytes) -> bool:
+        came = packets.packet(octets)
+        if came is None or came.protocol != UDP or came.source != neighbour.guest or b"captain" not in came.body:
+            return False
+        if came.ports[0] == 5355:
+            found.add("LLMNR")
+        elif came.ports[0] == 5353 and came.body[10] & 0x80:
+            found.add("mDNS")
+        return "mDNS" in found
+
+    if is_answered:
+        neighbour.wire.wait(is_answer, 60.0, "an answer of mDNS")
+    else:
+        for one in neighbour.settle():
+            is_answer(packets.frame(bytes(6), bytes(6), IPV4, packets.ip(one.source, one.destination, UDP, one.body)))
+    return found
+
+
+def _crossed(neighbours: Mapping[str, Neighbour]) -> Iterator[Row]:
+    """From the networks that may not come in to what lies behind the box, or to its other addresses."""
+    behind = neighbours["eth0"]
+    behind.settle()
+    for name in ("usb0", "wwan0"):
+        neighbour = neighbours[name]
+        found = tcp_scan(neighbour, 4, FEW, behind.guest)
+        yield Row(f"{name}: eth0's address of the box", _said(found), "silence", not found)
+        for count, port in enumerate(FEW):
+            neighbour.probe(packets.tcp(41000 + count, port, packets.SYN), TCP, behind.own)
+        neighbour.settle()
+        through = [one for one in behind.settle() if one.protocol == TCP and one.ports[0] >= 41000]
+        yield Row(f"{name}: a way through to eth0", f"{len(through)} of {len(FEW)}", "0", not through)
+
+
+def _heard(neighbours: Mapping[str, Neighbour]) -> Row:
+    """What the box itself has said to anybody, since it started."""
+    near = {one.name for one in NETWORKS if one.is_near}
+    heard = {name: {port for _, _, port in one.heard} for name, one in neighbours.items()}
+    bad = [f"{name} {port}" for name, ports in heard.items() for port in ports
+           if port == 5355 or (port == 5353 and name not in near)]  # fmt: skip
+    return Row("LLMNR anywhere, mDNS where only replies come in", ", ".join(bad) or "never", "never", not bad)
+
+
+def _listening(shell: RootShell) -> Row:
+    """Sockets that are open to more than the box itself, whatever the firewall says of them."""
+    said = shell.run("ss -Hltun | awk '{print $1, $5}'")
+    found = sorted({f"{kind} {at.rpartition(':')[2]}" for kind, at in (line.split() for line in said.splitlines())
+                    if not at.startswith(("127.", "[::1]"))})  # fmt: skip
+    tcp = {int(one.split()[1]) for one in found if one.startswith("tcp")}
+    is_ok = tcp <= LISTED and not {"udp 323", "udp 123", "udp 5355"} & set(found)
+    return Row("listens beyond loopback", ", ".join(found), "no more than the list", is_ok)
+
+
+def _opened(shell: RootShell, neighbours: Mapping[str, Neighbour]) -> Iterator[Row]:
+    """The proof that these scans see: without the firewall the same ones find what it had kept away."""
+    shell.run("nft flush ruleset")
+    for name in ("usb0", "wwan0"):
+        found = tcp_scan(neighbours[name], 4, FEW)
+        is_ok = {port for port in found if found[port] == "open"} >= LISTED and "closed" in found.values()
+        yield Row(f"{name}: the same scan without the firewall", _said(found), "22 5555 to 5558, others closed", is_ok)
+
+
+def _said(found: Mapping[int, str]) -> str:
+    opened = _ports({port for port in found if found[port] == "open"})
+    closed = _ports({port for port in found if found[port] == "closed"})
+    return ", ".join(filter(None, (opened, closed and f"closed {closed}"))) or "silence"
+
+
+def _ports(numbers: set[int]) -> str:
+    """In order, runs of more than two as "A to B"."""
+    runs: list[list[int]] = []
+    for number in sorted(numbers):
+        if runs and number == runs[-1][-1] + 1:
+            runs[-1].append(number)
+        else:
+            runs.append([number])
+    return " ".join(f"{run[0]} to {run[-1]}" if len(run) > 2 else " ".join(map(str, run)) for run in runs)
