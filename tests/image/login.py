@@ -61,3 +61,12 @@ def wait_for_ssh(guest: Guest, limit_s: float = LIMIT_S) -> None:
                 continue  # it was closed again
         time.sleep(0.5)
     raise NotSeenError(f"nobody answers at port 22 of the guest within {limit_s:.0f} s")
+
+
+def host_key(guest: Guest) -> str:
+    """The public key by which the guest's ssh says who it is."""
+    words = ["ssh-keyscan", "-t", "ed25519", "-T", "60", "-p", str(guest.ports.ssh), "127.0.0.1"]
+    found = subprocess.run(words, capture_output=True, text=True, check=True).stdout.split()
+    if not found:
+        raise NotSeenError("ssh-keyscan: the guest tells no key")
+    return found[-1]
