@@ -153,13 +153,18 @@ def owned(image: Path, folder: Path, files: dict[str, str]) -> Path:
 
 def put(card: Path, files: dict[str, str]) -> None:
     """Files on a card's boot partition, as a laptop writes them; a folder in a name is made."""
-    with card.open("rb") as file:
-        file.seek(446 + 8)
-        offset = int.from_bytes(file.read(4), "little") * 512
+    offset = partition_offset(card)
     for name, text in files.items():
         if "/" in name:
             _mtools(["mmd", "-D", "s"], card, offset, f"::{name.rpartition('/')[0]}", check=False)
         _mtools(["mcopy", "-o"], card, offset, "-", f"::{name}", given=text)
+
+
+def partition_offset(card: Path) -> int:
+    """Of the first partition, the boot one, in octets."""
+    with card.open("rb") as file:
+        file.seek(446 + 8)
+        return int.from_bytes(file.read(4), "little") * 512
 
 
 def _mtools(words: list[str], card: Path, offset: int, *names: str, given: str = "", check: bool = True) -> None:

@@ -4,6 +4,7 @@ import json
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import zmq
 
@@ -14,13 +15,16 @@ CAM = bytes.fromhex("020200000539") + bytes(35)
 
 
 class User:
-    """received: from the station's port 5556; sent: to its 5555."""
+    """received: from the station's port 5556; sent: to its 5555; reported: from its 5558."""
 
     def __init__(self, context: "zmq.Context[zmq.Socket[bytes]]", ports: Ports) -> None:
         self.sent = context.socket(zmq.PUB)
         self.received = context.socket(zmq.SUB)
+        self.reported = context.socket(zmq.SUB)
         self.received.setsockopt(zmq.SUBSCRIBE, b"")
-        for one, port in ((self.sent, ports.from_users), (self.received, ports.to_users)):
+        self.reported.setsockopt(zmq.SUBSCRIBE, b"status.")
+        sockets = ((self.sent, ports.from_users), (self.received, ports.to_users), (self.reported, ports.report))
+        for one, port in sockets:
             one.setsockopt(zmq.RECONNECT_IVL, 500)
             # QEMU takes the connection before the guest's station does: one that never speaks is tried again.
             one.setsockopt(zmq.HANDSHAKE_IVL, 5000)
@@ -39,6 +43,12 @@ class User:
     def heartbeat(self) -> int:
         """The next one's number."""
         return int(json.loads(self.hear(b"hb."))["heartbeat_counter"])
+
+    def status(self) -> dict[str, Any]:
+        """The next one that the station reports. Raises NotSeenError."""
+        if not self.reported.poll(round(1000 * FIRST_S)):
+            raise NotSeenError("no status came from port 5558")
+        return dict(json.loads(self.reported.recv_multipart()[-1]))
 
 
 @contextmanager
