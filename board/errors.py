@@ -50,5 +50,9 @@ class StuckError(InterfaceError):
     """
 
 
+class StorageError(StationError):
+    """State that was to outlive a restart cannot be kept or read: its folder is absent, full, or takes no writes."""
+
+
 class UsageError(StationError):
     """A command line asks for what does not go together: exit status 2."""

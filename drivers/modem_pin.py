@@ -13,8 +13,9 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
+from board import state_file
 from board.describe import read
-from board.errors import BlockedError, ConfigurationError
+from board.errors import BlockedError, ConfigurationError, StorageError
 
 LEAST_ATTEMPTS = 2
 MAX_FILE = 64 * 1024  # octets; a refused PIN takes 68 of them, and a person who corrects pin_file
@@ -112,39 +113,24 @@ class PinGuard:
 
     def _load(self) -> _Record:
         try:
-            found = json.loads(self._path.read_bytes()[:MAX_FILE])
+            octets = state_file.read(self._path, MAX_FILE)
+            if octets is None:
+                return _Record(os.urandom(8).hex())
+            found = json.loads(octets)
             return read(_Record, found if isinstance(found, dict) else {"": found}, "it")
-        except FileNotFoundError:
-            return _Record(os.urandom(8).hex())
-        except (OSError, ValueError, ConfigurationError) as error:
+        except StorageError as error:
+            raise PinError(error.message, "remove it when the PIN is right") from error
+        except (ValueError, ConfigurationError) as error:
             raise PinError(f"{self._path}: cannot be read: {error}", "remove it when the PIN is right") from error
 
     def _keep(self, record: _Record, iccid: str, card: _Card) -> None:
         cards = {**record.cards, record.digest(iccid): card}
         kept = _Record(record.salt, {key: value for key, value in cards.items() if value != _Card()})
-        new = self._path.with_suffix(".new")
         try:
-            with open(new, "w", encoding="ascii", opener=lambda path, flags: os.open(path, flags, 0o600)) as file:
-                json.dump(asdict(kept), file)
-                file.flush()
-                os.fsync(file.fileno())
-            new.rename(self._path)
-            _sync_folder(self._path.parent)
-        except OSError as error:
-            raise PinError(
-                f"{self._path}: cannot be written: {error.strerror}; without it no PIN is tried",
-                "give state_dir a folder that the station may write to",
-            ) from error
+            state_file.keep(self._path, json.dumps(asdict(kept)).encode(), 0o600)
+        except StorageError as error:
+            raise PinError(f"{error.message}; without it no PIN is tried", error.hint) from error
 
 
 def _open_at_once(path: str, flags: int) -> int:
     return os.open(path, flags | os.O_NONBLOCK | os.O_NOCTTY)
-
-
-def _sync_folder(folder: Path) -> None:
-    """A file that was renamed is there after a loss of power only when its folder has been written."""
-    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

@@ -5,6 +5,9 @@ import logging
 from pathlib import Path
 from typing import NamedTuple
 
+from board import state_file
+from board.errors import StorageError
+
 MAX_FILE = 4096  # octets
 
 log = logging.getLogger("captain.modem")
@@ -29,9 +32,9 @@ class SessionFile:
 
     def load(self) -> Session | None:
         try:
-            found = json.loads(self._path.read_bytes()[:MAX_FILE])
+            found = json.loads(state_file.read(self._path, MAX_FILE) or b"{}")
             session = Session(str(found["client"]), str(found["handle"]))
-        except (OSError, ValueError, KeyError, TypeError):
+        except (StorageError, ValueError, KeyError, TypeError):
             return None
         return session if session.client.isdecimal() and (session.handle or "0").isdecimal() else None
 
@@ -39,8 +42,8 @@ class SessionFile:
         """Write it down; None: there is none any more."""
         try:
             if session is None:
-                self._path.unlink(missing_ok=True)
+                state_file.forget(self._path)
             else:
-                self._path.write_text(json.dumps(session._asdict()))
-        except OSError as error:
-            log.debug("%s: %s", self._path, error.strerror)
+                state_file.keep(self._path, json.dumps(session._asdict()).encode())
+        except StorageError as error:
+            log.debug("%s", error.message)  # it is counted

@@ -73,6 +73,11 @@ class Tap:
             self._record(message)
             self.show(message)
 
+    def idle(self) -> None:
+        """To be called some times a second: what is recorded is not left with the kernel."""
+        if self._recording is not None:
+            self._recording.idle()
+
     def _record(self, message: Taken) -> None:
         if self._recording is None:
             return
@@ -123,6 +128,7 @@ def run(connection: Connection, tap: Tap, idle: Callable[[], None]) -> int:
         say(f"captain: {connection.broker}: subscribed")
         while not tap.is_done and not signals.number:
             connection.turn(TURN_S)
+            tap.idle()
             idle()
         connection.leave()
     return INTERRUPTED if signals.number == signal.SIGINT else 0

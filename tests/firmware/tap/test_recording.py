@@ -1,4 +1,5 @@
 import json
+import os
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -125,6 +126,65 @@ def test_a_name_of_no_known_form_is_refused_with_those_that_are(record: Record, 
 def test_a_folder_that_is_not_there_is_told(tmp_path: Path, record: Record) -> None:
     with pytest.raises(StationError, match="No such file"):
         record("no/drive.jsonl", messages=1)
+
+
+class Card:
+    """What is waited for, with the clock of a recording; it may refuse."""
+
+    def __init__(self, patch: pytest.MonkeyPatch) -> None:
+        self.now = 100.0
+        self.waits: list[str] = []
+        self.refusal: OSError | None = None
+        patch.setattr(os, "fsync", self._fsync)
+
+    def clock(self) -> float:
+        return self.now
+
+    def _fsync(self, descriptor: int) -> None:
+        self.waits.append(Path(f"/proc/self/fd/{descriptor}").readlink().name)
+        if self.refusal is not None:
+            raise self.refusal
+
+
+def test_no_message_waits_longer_than_half_a_second_for_the_card_and_none_is_waited_for_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    card = Card(monkeypatch)
+    recording = Recording(tmp_path / "drive.jsonl", Rotation(), card.clock)
+    for _ in range(100):  # of 20 ms: two seconds
+        recording.write(taken())
+        card.now += 0.02
+    assert card.waits == ["drive.jsonl", tmp_path.name, *["drive.jsonl"] * 2]
+    card.now += 0.5  # and nothing more comes
+    recording.idle()
+    card.now += 10
+    recording.idle()
+    assert len(card.waits) == 5
+    recording.close()
+    assert len(card.waits) == 5
+
+
+def test_a_file_is_on_the_card_before_the_next_one_begins_and_when_it_is_closed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    card = Card(monkeypatch)
+    recording = Recording(tmp_path / "drive.jsonl", Rotation(messages=1), card.clock)
+    recording.write(taken())
+    recording.write(taken())
+    assert card.waits == ["drive.000001.jsonl", tmp_path.name]
+    recording.close()
+    assert card.waits[2:] == ["drive.000002.jsonl", tmp_path.name]
+
+
+def test_a_card_that_fails_is_told_when_it_is_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    card = Card(monkeypatch)
+    recording = Recording(tmp_path / "drive.jsonl", Rotation(), card.clock)
+    recording.write(taken())
+    card.now += 1
+    card.refusal = OSError(5, "Input/output error")
+    with pytest.raises(StationError, match="Input/output error; 1 messages are recorded"):
+        recording.idle()
+    recording.close()
 
 
 def test_a_full_disk_says_how_much_was_recorded(record: Record, monkeypatch: pytest.MonkeyPatch) -> None:
