@@ -1,0 +1,79 @@
+"""How closed each unit of ours is, by systemd's own measure; what is left open has a reason, or it is a miss."""
+
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from tests.image.login import new_key, said, wait_for_ssh
+from tests.image.machine import owned, powered
+from tests.image.rows import Options, Row
+
+UNITS = "systemctl list-unit-files --plain --no-legend 'captain*.service' | cut -d ' ' -f 1"
+CONSOLE = "serial-getty@ttyAMA0.service"
+# A unit that does the work of root is as closed as its work lets it; the station meets the world.
+MOST = {"captain.service": 2.7}
+
+# Why a test of systemd-analyze is left open, by unit; "" holds for all. The names are its own.
+ANYWHERE = {
+    "RootDirectory_Or_RootImage": "the root is read-only, and most of it hidden: a second one would be a copy",
+}
+REASONS: Mapping[str, Mapping[str, str]] = {
+    "captain.service": {
+        "PrivateNetwork": "it is a router of messages between networks",
+        "RestrictAddressFamilies_AF_INET_INET6": "the endpoint, brokers, udp interfaces",
+        "RestrictAddressFamilies_AF_UNIX": "its control socket, systemd, chrony, its own workers",
+        "RestrictAddressFamilies_AF_NETLINK": "links that come and go, and devices at USB",
+        "RestrictAddressFamilies_AF_PACKET": "ITS-G5 is frames, EtherType 0x8947",
+        "IPAddressDeny": "users, brokers and neighbours have any address",
+        "CapabilityBoundingSet_CAP_NET_BIND_SERVICE_CAP_NET_BROADCAST_CAP_NET_RAW": "CAP_NET_RAW: the same frames",
+        "CapabilityBoundingSet_CAP_NET_ADMIN": "address and route of the 5G module; the queue of a radio",
+        "AmbientCapabilities": "those two, for a user who is not root",
+        "PrivateUsers": "they would be of another world's network",
+        "PrivateDevices": "the modules are devices",
+        "DeviceAllow": "GPIO, pulses, I2C, serial ports, USB; nothing else",
+        "SupplementaryGroups": "the groups of those devices",
+        "ProtectClock": "it reads the state of the kernel's clock, which this refuses as well",
+        "SystemCallFilter_clock": "the same: adjtimex, which changes nothing without CAP_SYS_TIME",
+        "SystemCallFilter_privileged": "the same: adjtimex is of both sets; the others of this one are refused",
+        "SystemCallFilter_resources": "libzmq asks for its threads' scheduling; the broker's process is nicer",
+        "ProcSubset": "routes and interface counters are in /proc/net",
+        "UMask": "operator reads recordings, by the group",
+    },
+}
+
+
+class Open(NamedTuple):
+    """A test that a unit does not pass."""
+
+    name: str
+    description: str
+    exposure: float
+
+
+def rows(card: Path, folder: Path, _options: Options) -> Iterator[Row]:
+    key = new_key(folder)
+    own = owned(card, folder, {"authorized_keys": key.line})
+    with powered(own, folder) as guest:
+        wait_for_ssh(guest)
+        names = [*said(guest, key, UNITS).split(), CONSOLE]
+        for name in names:
+            found = json.loads(said(guest, key, f"systemd-analyze security --json=short {name}"))
+            score = float(
+                said(guest, key, f"systemd-analyze security --no-pager {name} | tail -n 1").split(":")[1].split()[0]
+            )
+            yield from _of_unit(name, score, [_read(one) for one in found if one["set"] is False])
+
+
+def _read(one: Mapping[str, object]) -> Open:
+    return Open(str(one["json_field"]), str(one["description"]), float(str(one["exposure"])))
+
+
+def _of_unit(name: str, score: float, left: list[Open]) -> Iterator[Row]:
+    reasons = {**ANYWHERE, **REASONS.get(name, {})}
+    most = MOST.get(name)
+    yield Row(f"exposure of {name}", f"{score}", f"{most or ''}", most is None or score <= most)
+    for one in sorted(left, key=lambda one: -one.exposure):
+        if one.exposure and name in REASONS:
+            reason = reasons.get(one.name, "")
+            yield Row(f"{one.name}", f"{one.exposure}", reason or "a reason", bool(reason))
