@@ -20,6 +20,10 @@ LOGS = MADE / "proof"  # what the consoles of the last run of each part said
 # A part is a module of this package with rows(card, folder, options) -> Iterator[Row]: name = what it shows.
 PARTS = {
     "start": "it starts: console, key, endpoint, ssh, a power cut",
+    "pi3": "the same card in an emulated Raspberry Pi 3",
+    "ports": "each network of the box, scanned from outside",
+    "hardening": "how closed each unit is, and why not more",
+    "chart": "what a start is made of, and what captain adds to it (a bench)",
 }
 SHORT = ("start",)  # under 3 minutes
 NEEDED = {
