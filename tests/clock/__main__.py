@@ -8,29 +8,30 @@ from collections.abc import Callable
 from pathlib import Path
 
 from tests.clock import delay, leap, pulses, steered
-from tests.clock.bench import LateError
-from tests.clock.machine import MADE, Made
+from tests.clock.card import Card
+from tests.clock.machine import MADE, Kind, LateError, Made
 from tests.clock.rows import Row
 
+PARTS: dict[str, Callable[[Kind, argparse.Namespace], list[Row]]] = {
+    "pulses": lambda made, given: pulses.measure(made, given.pulses),
+    "steered": lambda made, given: steered.measure(made, given.calm_s, given.outage_s),
+    "leap": lambda made, given: leap.measure(made),
+    "delay": lambda made, given: delay.measure(made, given.calm_s),
+}
 RESULTS = MADE / "results.json"
+OF_CARD = ("pulses", "steered", "leap")  # a card has one network
 
 
 def main() -> int:
     arguments = _arguments()
-    made = Made(arguments.kernel, arguments.initrd, arguments.device_tree, arguments.root)
-    parts: dict[str, Callable[[], list[Row]]] = {
-        "pulses": lambda: pulses.measure(made, arguments.pulses),
-        "steered": lambda: steered.measure(made, arguments.calm_s, arguments.outage_s),
-        "leap": lambda: leap.measure(made),
-        "delay": lambda: delay.measure(made, arguments.calm_s),
-    }
+    made: Kind = Made(arguments.kernel, arguments.initrd, arguments.device_tree, arguments.root)
+    if arguments.card:
+        made = Card(arguments.card)
     rows: list[Row] = []
-    for name, measure in parts.items():
-        if name not in (arguments.only or parts):
-            continue
+    for name in arguments.only or (OF_CARD if arguments.card else PARTS):
         began = time.monotonic()
         print(f"{name}:", flush=True)
-        found = _measured(measure)
+        found = _measured(name, made, arguments)
         rows += found
         print(*found, sep="\n")
         print(f"        {time.monotonic() - began:.0f} s", flush=True)
@@ -40,17 +41,18 @@ def main() -> int:
     return 1 if missed or not rows else 0
 
 
-def _measured(measure: Callable[[], list[Row]]) -> list[Row]:
+def _measured(name: str, made: Kind, arguments: argparse.Namespace) -> list[Row]:
     try:
-        return measure()
+        return PARTS[name](made, arguments)
     except LateError as error:
         return [Row("the bench", str(error), "an end", str(error))]
 
 
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="make clock", description=__doc__)
+    parser.add_argument("--only", action="append", choices=tuple(PARTS), help="this part; again for more")
     parser.add_argument(
-        "--only", action="append", choices=("pulses", "steered", "leap", "delay"), help="this part; again for more"
+        "--card", metavar="FILE", type=Path, help=f"a card in place of the bench's own Linux: {', '.join(OF_CARD)}"
     )
     parser.add_argument("--pulses", type=int, default=30, help="how many of them (default 30)")
     parser.add_argument(

@@ -14,15 +14,10 @@ from typing import NamedTuple
 
 from board.child import die_with_parent
 from board.loop import Loop
-from tests.clock.machine import Guest
+from tests.clock.machine import Guest, LateError
 from tests.clock.truth import S, Span, Truth
 
-BOOT_S = 120.0  # 6 s on a quiet machine
 LEAD_NS = 300_000_000  # the pulser is told of a pulse so long before its moment
-
-
-class LateError(Exception):
-    """What was waited for did not come within its limit."""
 
 
 class Struck(NamedTuple):
@@ -105,7 +100,8 @@ class Bench:
         self.guests.append(guest)
 
     def wait_for_guests(self) -> None:
-        self.until(lambda: all(guest.is_up for guest in self.guests), BOOT_S, "the guests' agents")
+        limit_s = max(guest.boot_s for guest in self.guests)
+        self.until(lambda: all(guest.is_up for guest in self.guests), limit_s, "the guests' agents")
 
     def turn_for(self, seconds: float) -> None:
         end = self.loop.after(seconds, lambda: None)

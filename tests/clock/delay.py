@@ -10,7 +10,7 @@ from drivers.sim.receiver_habits import Habits
 from drivers.wire.gnss_time import Leap
 from pps.delay import Delay, Stamp, one_way
 from tests.clock.bench import Bench, Pulser, Struck, bench
-from tests.clock.machine import Made
+from tests.clock.machine import Kind
 from tests.clock.rows import Row
 from tests.clock.station import GPS_LEAD, Report, Station
 from tests.clock.steered import DATE, FAST_PPB, ITS_S, SETTLE_S, START_S, is_calm
@@ -45,7 +45,7 @@ class Passed(NamedTuple):
     error_ns: int
 
 
-def measure(made: Made, seconds: float) -> list[Row]:
+def measure(made: Kind, seconds: float) -> list[Row]:
     """Messages both ways for so long."""
     truth = Truth(ITS_S, FAST_PPB)
     with bench(truth) as on:
@@ -82,7 +82,7 @@ def measure(made: Made, seconds: float) -> list[Row]:
                 station.close()
 
 
-def _station(on: Bench, made: Made, name: str, other: str, receiver: Receiver) -> Station:
+def _station(on: Bench, made: Kind, name: str, other: str, receiver: Receiver) -> Station:
     ends = ",".join(
         f"{end}.type=unix,{end}.path={on.folder}/{whose}.air" for end, whose in (("local", name), ("remote", other))
     )

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from itertools import pairwise
 
 from drivers.wire.gnss_time import Leap
-from tests.clock.machine import Made
+from tests.clock.machine import Kind
 from tests.clock.rows import Row
 from tests.clock.stated import asked, field, sound, statements
 from tests.clock.station import GPS_LEAD, Station
@@ -17,7 +17,7 @@ NEAR_S = 5.0
 DATE = "2016-12-31T23:57:30"
 
 
-def measure(made: Made) -> list[Row]:
+def measure(made: Kind) -> list[Row]:
     """A station from 150 s before it to 30 s after it."""
     truth = Truth(LEAP_ITS_S - LEAD_S, FAST_PPB, LEAP_ITS_S, LEAPS - 1)
     with running(made, truth, DATE, Leap(17, LEAP_ITS_S + GPS_LEAD, 1)) as (on, station):

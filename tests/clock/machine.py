@@ -10,11 +10,13 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from board.child import die_with_parent
 from board.loop import Loop
+from pps.chrony_configuration import configuration
 from pps.pulse import Clocks, Pulse, pulse_at
+from tests.clock.files import BOARD, captain
 from tests.clock.truth import Ruler, host_ns
 
 PROJECT = Path(__file__).resolve().parents[2]
@@ -25,9 +27,40 @@ BATCH = 65_536
 Answered = Callable[[Any], None]
 
 
+class LateError(Exception):
+    """What was waited for did not come within its limit."""
+
+
+class Kind(Protocol):
+    """What a guest is made of.
+
+    boot_s  until its agent answers, at most. python: the words that a program of the bench is started with.
+    """
+
+    @property
+    def boot_s(self) -> float: ...
+    @property
+    def python(self) -> Sequence[str]: ...
+
+    def words(self, folder: Path, name: str, date: str, console: Path) -> list[str]:
+        """Of QEMU's command line. console: the file that keeps what it says."""
+
+    def has_power(self, folder: Path, name: str) -> None:
+        """Called once it has."""
+
+    def receiver(self, path: str) -> list[str]:
+        """The same, for a receiver at a tty of this machine."""
+
+    def hold(self, guest: "Guest") -> None:
+        """See to it that no station and no chronyd runs."""
+
+    def start(self, guest: "Guest", name: str, interfaces: str) -> None:
+        """Start both. interfaces: of captain.toml, beside the receiver."""
+
+
 @dataclass(frozen=True)
 class Made:
-    """What a guest is made of.
+    """The bench's own: a small Linux, in which the station runs from its sources.
 
     root  a directory, or the image of an ext4 file system; it has Python, chronyd and, for captain from its sources,
           the locked packages. initrd: .ci/clock's, with modules of this kernel.
@@ -38,6 +71,45 @@ class Made:
     device_tree: Path = MADE / "pps.dtb"
     root: Path = MADE / "root"
 
+    @property
+    def boot_s(self) -> float:
+        return 120.0  # 6 s on a quiet machine
+
+    @property
+    def python(self) -> Sequence[str]:
+        return ("python3",)
+
+    def words(self, folder: Path, name: str, date: str, console: Path) -> list[str]:
+        shares = {"bench": PROJECT} | ({"root": self.root} if self.root.is_dir() else {})
+        drive = ["-drive", f"file={self.root},format=raw,if=virtio,snapshot=on"] if self.root.is_file() else []
+        given = ["console=ttyAMA0", "quiet", "panic=-1", f"ROOT={'/dev/vda' if drive else ''}"]
+        words = [
+            *("-M", "virt,acpi=off", "-cpu", "cortex-a72", "-smp", "1", "-m", "1024", "-accel", "tcg,thread=multi"),
+            *("-dtb", str(self.device_tree), "-kernel", str(self.kernel), "-initrd", str(self.initrd)),
+            *("-append", " ".join(given), "-serial", f"file:{console}", "-rtc", f"base={date}"),
+            *drive,
+        ]
+        for tag, path in shares.items():
+            words += ["-virtfs", f"local,path={path},mount_tag={tag},security_model=none,readonly=on,multidevs=remap"]
+        return [*words, "-virtfs", f"local,path={COMPILED},mount_tag=compiled,security_model=none"]
+
+    def has_power(self, folder: Path, name: str) -> None:
+        """It asks nobody."""
+
+    def receiver(self, path: str) -> list[str]:
+        return ["-chardev", f"serial,id=gnss,path={path}", "-device", "virtconsole,chardev=gnss"]
+
+    def hold(self, guest: "Guest") -> None:
+        """None of them does yet."""
+
+    def start(self, guest: "Guest", name: str, interfaces: str) -> None:
+        guest.write("/run/chrony.conf", configuration())
+        guest.write("/run/board.toml", BOARD)
+        guest.write("/run/captain.toml", captain(name, 'port = "/dev/hvc0"', interfaces))
+        guest.start("chronyd", "chronyd", "-d", "-u", "root", "-f", "/run/chrony.conf")
+        files = ("--config", "/run/captain.toml", "--board", "/run/board.toml")
+        guest.start("captain", *self.python, "-m", "firmware", "run", *files)
+
 
 class Guest:
     """A running guest.
@@ -45,12 +117,14 @@ class Guest:
     monitor      path of its QMP socket.
     ruler        lays its oscillator on the host's clock; clocks() feeds it.
     told         by name: what is called with each line of a program in it.
+    boot_s       that its kind takes to boot, at most.
     is_up        its agent answers. trouble: what it or QEMU complained of.
     """
 
-    def __init__(self, loop: Loop, made: Made, name: str, folder: Path, date: str, devices: Sequence[str] = ()) -> None:
+    def __init__(self, loop: Loop, made: Kind, name: str, folder: Path, date: str, devices: Sequence[str] = ()) -> None:
         """Supply it. date: of its real-time clock, UTC. devices: further words for QEMU."""
         self.name = name
+        self.boot_s = made.boot_s
         self.monitor = folder / f"{name}.qmp"
         self.console = MADE / f"console-{name}.log"
         self.ruler = Ruler()
@@ -63,7 +137,8 @@ class Guest:
         self._asked: deque[tuple[int, Answered]] = deque([(0, self._greeted)])
         self._socket, far = socket.socketpair()
         with far, (MADE / f"qemu-{name}.log").open("wb") as complaints:
-            words = _command(made, self.monitor, self.console, date, devices)
+            own = made.words(folder, name, date, self.console)
+            words = _command(own, self.monitor, devices)
             self._process = subprocess.Popen(
                 words,
                 stdin=far.fileno(),
@@ -71,6 +146,11 @@ class Guest:
                 stderr=complaints,
                 preexec_fn=die_with_parent(signal.SIGKILL),  # noqa: PLW1509 - no other thread runs here
             )
+        try:
+            made.has_power(folder, name)
+        except BaseException:
+            self._process.kill()
+            raise
         loop.add(self)
 
     # A source of the loop
@@ -170,22 +250,14 @@ class Guest:
 def _ignored(line: str) -> None: ...
 
 
-def _command(made: Made, monitor: Path, console: Path, date: str, devices: Sequence[str]) -> list[str]:
-    shares = {"bench": PROJECT} | ({"root": made.root} if made.root.is_dir() else {})
-    drive = ["-drive", f"file={made.root},format=raw,if=virtio,snapshot=on"] if made.root.is_file() else []
-    given = ["console=ttyAMA0", "quiet", "panic=-1", f"ROOT={'/dev/vda' if drive else ''}"]
-    words = [
+def _command(own: Sequence[str], monitor: Path, devices: Sequence[str]) -> list[str]:
+    COMPILED.mkdir(exist_ok=True)
+    return [
         *("qemu-system-aarch64", "-nodefaults", "-no-user-config", "-display", "none", "-no-reboot"),
-        *("-M", "virt,acpi=off", "-cpu", "cortex-a72", "-smp", "1", "-m", "1024", "-accel", "tcg,thread=multi"),
-        *("-dtb", str(made.device_tree), "-kernel", str(made.kernel), "-initrd", str(made.initrd)),
-        *("-append", " ".join(given), "-serial", f"file:{console}", "-rtc", f"base={date}"),
+        *own,
         *("-qmp", f"unix:{monitor},server=on,wait=off"),
         *("-device", "virtio-serial-pci", "-chardev", "stdio,id=agent,signal=off"),
         *("-device", "virtserialport,chardev=agent,name=bench"),
-        *drive,
+        *devices,
+        *(() if "-netdev" in devices else ("-nic", "none")),
     ]
-    for tag, path in shares.items():
-        words += ["-virtfs", f"local,path={path},mount_tag={tag},security_model=none,readonly=on,multidevs=remap"]
-    COMPILED.mkdir(exist_ok=True)
-    words += ["-virtfs", f"local,path={COMPILED},mount_tag=compiled,security_model=none"]
-    return [*words, *devices, *(() if "-netdev" in devices else ("-nic", "none"))]

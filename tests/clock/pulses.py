@@ -7,7 +7,7 @@ from typing import Any
 
 from pps.pulse import Clocks, Pulse
 from tests.clock.bench import Bench, Pulser, Struck, bench
-from tests.clock.machine import Guest, Made
+from tests.clock.machine import Guest, Kind
 from tests.clock.rows import Row
 from tests.clock.truth import Truth
 
@@ -45,7 +45,7 @@ class Taken:
             self.others.append(text)
 
 
-def measure(made: Made, count: int) -> list[Row]:
+def measure(made: Kind, count: int) -> list[Row]:
     """So many pulses, a second apart, then the rows."""
     truth = Truth(ITS_S)
     taken = Taken()
@@ -55,7 +55,7 @@ def measure(made: Made, count: int) -> list[Row]:
         on.boot(guest)
         on.wait_for_guests()
         guest.told["pulses"] = taken.line
-        guest.start("pulses", "python3", "-m", "tests.clock.guest.pulses", "/dev/pps0")
+        guest.start("pulses", *made.python, "-m", "tests.clock.guest.pulses", "/dev/pps0")
         on.until(lambda: taken.is_ready or guest.trouble or taken.others, START_S, "the source of pulses")
         if not taken.is_ready:
             return [Row("pulses", "a source at /dev/pps0", "none", "; ".join([*taken.others, *guest.trouble]))]

@@ -10,17 +10,12 @@ from typing import Any, NamedTuple
 import zmq
 
 from drivers.sim.receiver import Receiver
-from pps.chrony_configuration import SOCKET, configuration
 from pps.pulse import Clocks, Pulse
 from tests.clock.bench import Bench, Struck
-from tests.clock.machine import MADE, Guest, Made
+from tests.clock.machine import MADE, Guest, Kind
 from tests.clock.truth import Span
 
 GPS_LEAD = 756_950_413  # GPS time less ITS time, s
-
-# A stamp in the guest is later than QEMU's raising of the line by 0.16 to 0.8 ms on a quiet machine: its board file
-# says so, as that of a real board has the latency of its interrupts.
-LATENCY_NS = 800_000
 
 EXCHANGE_S = 0.1  # between two looks at the guest's clocks
 LOOK_S = 0.02  # between two looks for what the station reports
@@ -29,25 +24,6 @@ PULSE_SEEN_S = 0.6  # after a pulse, when the kernel is asked for it
 STEP_NS = 50_000_000  # chronyd steps by no less than 0.1 s
 STALE_S = 2.3  # what is reported is of the second before, and may be of the one before that
 
-BOARD = f"""\
-name = "bench"
-[pulse]
-device = "/dev/pps0"
-latency_ns = {LATENCY_NS}
-"""
-CAPTAIN = f"""\
-[station]
-name = "NAME"
-[endpoint]
-address = "0.0.0.0"
-[time]
-chrony = "{SOCKET}"
-[interfaces.gnss]
-driver = "zed_f9p"
-port = "/dev/hvc0"
-receiver_port = "usb"
-rate_hz = 1
-"""
 PORTS = {"to_users": 5556, "pull": 5557, "report": 5558}
 
 
@@ -79,7 +55,7 @@ class Station:
     def __init__(
         self,
         on: Bench,
-        made: Made,
+        made: Kind,
         name: str,
         date: str,
         receiver: Receiver,
@@ -94,6 +70,7 @@ class Station:
         self.late_ns: list[int] = []
         self.log: list[tuple[float, str]] = []
         self._on = on
+        self._made = made
         self._interfaces = interfaces
         self.receiver = receiver
         self.receiver.power(True)
@@ -101,7 +78,7 @@ class Station:
         self.ports = {place: _free_port() for place in PORTS}
         forwards = ",".join(f"hostfwd=tcp:127.0.0.1:{self.ports[place]}-:{port}" for place, port in PORTS.items())
         own = [
-            *("-chardev", f"serial,id=gnss,path={self.receiver.path}", "-device", "virtconsole,chardev=gnss"),
+            *made.receiver(self.receiver.path),
             *("-netdev", f"user,id=users,{forwards}", "-device", "virtio-net-pci,netdev=users,romfile="),
         ]
         self.guest = Guest(on.loop, made, name, on.folder, date, [*own, *devices])
@@ -138,15 +115,13 @@ class Station:
         self._look_at_clocks()
         self._look_at_reports()
 
+    def hold(self) -> None:
+        """No chronyd and no station from now on."""
+        self._made.hold(self.guest)
+
     def start(self) -> None:
         """chronyd, and the station."""
-        guest = self.guest
-        guest.write("/run/chrony.conf", configuration())
-        guest.write("/run/board.toml", BOARD)
-        guest.write("/run/captain.toml", CAPTAIN.replace("NAME", self.name) + self._interfaces)
-        guest.start("chronyd", "chronyd", "-d", "-u", "root", "-f", "/run/chrony.conf")
-        captain = ("python3", "-m", "firmware", "run", "--config", "/run/captain.toml", "--board", "/run/board.toml")
-        guest.start("captain", *captain)
+        self._made.start(self.guest, self.name, self._interfaces)
 
     def now_s(self) -> float:
         """The clock that samples and reports have."""

@@ -10,7 +10,7 @@ from drivers.sim.receiver_habits import Habits
 from drivers.sim.receiver_messages import Sky
 from drivers.wire.gnss_time import Leap
 from tests.clock.bench import Bench, Pulser, bench
-from tests.clock.machine import Made
+from tests.clock.machine import Kind
 from tests.clock.rows import Row
 from tests.clock.stated import asked, field, sound, statements
 from tests.clock.station import GPS_LEAD, Station
@@ -30,7 +30,7 @@ OFF_NS = S // 2  # further off it is another second
 
 
 @contextmanager
-def running(made: Made, truth: Truth, date: str, leap: Leap) -> Iterator[tuple[Bench, Station]]:
+def running(made: Kind, truth: Truth, date: str, leap: Leap) -> Iterator[tuple[Bench, Station]]:
     """A station that is wrong by WRONG_NS and gets pulses, and whose programs have just been started."""
     with bench(truth) as on:
         receiver = Receiver(on.loop, Habits(gps_s=truth.its_s + GPS_LEAD, leap=leap))
@@ -38,6 +38,7 @@ def running(made: Made, truth: Truth, date: str, leap: Leap) -> Iterator[tuple[B
         station = Station(on, made, "steered", date, receiver)
         try:
             on.wait_for_guests()
+            station.hold()
             on.pulser = Pulser(on.loop, truth, [station.guest.monitor], lambda struck: station.pulsed(struck[0]))
             station.wrong_by(WRONG_NS)
             station.start()
@@ -47,7 +48,7 @@ def running(made: Made, truth: Truth, date: str, leap: Leap) -> Iterator[tuple[B
             station.close()
 
 
-def measure(made: Made, calm_s: float, outage_s: float) -> list[Row]:
+def measure(made: Kind, calm_s: float, outage_s: float) -> list[Row]:
     """From the wrong time to the right one, so long at rest, without satellites for so long, and back."""
     truth = Truth(ITS_S, FAST_PPB)
     with running(made, truth, DATE, Leap(18)) as (on, station):
