@@ -123,6 +123,11 @@ class Description:
     disk: Disk
     packages: Packages
 
+    @property
+    def compatible(self) -> str:
+        """What a box and an update have to agree in: another device tree is another word."""
+        return f"{self.name} {self.base.suite} {self.device_tree.board}"
+
 
 def read(path: Path) -> Description:
     """The description in a file. Raises ImageError."""

@@ -49,8 +49,8 @@ WANTED = {
         "systemd-networkd.service", "systemd-resolved.service",
     ),
     "sysinit.target": ("nftables.service",),
-    "timers.target": ("captain-keep-clock.timer",),
-    "sockets.target": ("systemd-networkd.socket",),
+    "timers.target": ("captain-keep-clock.timer", "captain-unproven.timer"),
+    "sockets.target": ("systemd-networkd.socket", "captain-restart.socket"),
 }  # fmt: skip
 _UNITS = "etc/systemd/system"
 
@@ -120,6 +120,8 @@ def _add_unpacked(tree: Tree, kernel: Kernel, initrd: Path) -> None:
         tree.write(notice.relative_to(kernel.folder).as_posix(), notice.read_bytes())
     authorities = sorted((kernel.folder / "usr/share/ca-certificates").rglob("*.crt"))
     tree.write("etc/ssl/certs/ca-certificates.crt", b"".join(path.read_bytes() for path in authorities))
+    # Where OpenSSL looks by itself: OPENSSLDIR of Debian's build.
+    tree.link("usr/lib/ssl/cert.pem", "/etc/ssl/certs/ca-certificates.crt")
     for name in ("regulatory.db", "regulatory.db.p7s"):
         tree.link(f"usr/lib/firmware/{name}", f"{name}-debian")  # signed by a key that Debian's kernel knows
     tree.write("boot/Image", kernel.image.read_bytes())
@@ -135,7 +137,7 @@ def _replace_words(tree: Tree, description: Description) -> None:
         "@ROOT_A@": disk.partuuid("root-a"),
         "@ROOT_B@": disk.partuuid("root-b"),
         "@BOARD@": description.device_tree.board,
-        "@COMPATIBLE@": f"{description.name} {description.base.suite} {description.device_tree.board}",
+        "@COMPATIBLE@": description.compatible,
     }
     for source in sorted(path for path in OVERLAY.rglob("*") if path.is_file()):
         text = source.read_text()

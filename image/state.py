@@ -9,18 +9,30 @@ APART = 4 << 20  # octets: what one erase block of a card may take with it
 _HEAD = struct.Struct("<IB")
 
 
+NONE = "0"  # a variable without a value is none
+
+
 class State(NamedTuple):
-    """Which slots are tried, in this order, and how often each still may be."""
+    """Which slots are tried, in this order, and how often each still may be.
+
+    new  the slot that was updated and has not been well yet.
+    """
 
     order: tuple[str, ...] = ("A", "B")
     a_left: int = 3
     b_left: int = 3
+    new: str = NONE
 
 
 def packed(state: State, counter: int) -> bytes:
     """A copy: CRC-32 of the text, a counter, the text. Source: libubootenv, redundant environment."""
-    words = (f"BOOT_ORDER={' '.join(state.order)}", f"BOOT_A_LEFT={state.a_left:x}", f"BOOT_B_LEFT={state.b_left:x}")
-    text = "".join(f"{word}\0" for word in words).encode().ljust(SIZE - _HEAD.size, b"\0")
+    words = {
+        "BOOT_ORDER": " ".join(state.order),
+        "BOOT_A_LEFT": f"{state.a_left:x}",
+        "BOOT_B_LEFT": f"{state.b_left:x}",
+        "BOOT_NEW": state.new,
+    }
+    text = "".join(f"{name}={value}\0" for name, value in words.items()).encode().ljust(SIZE - _HEAD.size, b"\0")
     return _HEAD.pack(zlib.crc32(text), counter) + text
 
 
@@ -32,8 +44,8 @@ def unpacked(octets: bytes) -> tuple[State, int] | None:
         return None
     words = dict(word.split("=", 1) for word in text.decode("ascii", "replace").split("\0") if "=" in word)
     try:
-        left = [int(words[key], 16) for key in ("BOOT_A_LEFT", "BOOT_B_LEFT")]
-        return State(tuple(words["BOOT_ORDER"].split()), *left), counter
+        a_left, b_left = (int(words[key], 16) for key in ("BOOT_A_LEFT", "BOOT_B_LEFT"))
+        return State(tuple(words["BOOT_ORDER"].split()), a_left, b_left, words.get("BOOT_NEW", NONE)), counter
     except (KeyError, ValueError):
         return None
 

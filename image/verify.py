@@ -17,6 +17,7 @@ WANTED = (
     "boot/Image", "boot/initrd", "usr/lib/captain/captain", "usr/lib/systemd/systemd", "usr/sbin/chronyd",
     "usr/sbin/nft", "usr/sbin/sshd", "usr/bin/rauc", "usr/sbin/e2fsck", "usr/lib/clock-epoch",
     "etc/nftables.conf", "etc/fstab", "etc/chrony/chrony.conf", "usr/lib/systemd/system/captain.service",
+    "etc/rauc/keyring.pem",
 )  # fmt: skip
 UNWANTED = ("etc/apt", "var/lib/apt", "var/lib/dpkg", "etc/ssh/ssh_host_*", "root/.ssh", "home/operator/.ssh")
 # A word that stands for a value, and was not replaced.
@@ -34,12 +35,17 @@ class Row(NamedTuple):
 
 
 class Card:
-    """An image file. tools: folder of an unpacked e2fsprogs, as the build leaves it."""
+    """An image file.
 
-    def __init__(self, description: Description, image: Path, tools: Path) -> None:
+    tools   folder of an unpacked e2fsprogs, as the build leaves it.
+    secret  octets of the key that updates are signed with; none where it is in hardware.
+    """
+
+    def __init__(self, description: Description, image: Path, tools: Path, secret: bytes = b"") -> None:
         self._description = description
         self._image = image
         self._tools = tools
+        self._secret = secret
         self._places = {place.partition.name: place for place in disk.places(description.disk)}
 
     def rows(self) -> Iterator[Row]:
@@ -150,6 +156,7 @@ class Card:
         """Where it was built, anywhere on the card, file or not: one pass over the octets."""
         words = {"the build's path": str(frozen.PROJECT).encode()}
         words |= {f"a mirror's name, {name}": name.encode() for name in mirrors()}
+        words |= {"the key of updates": self._secret} if self._secret else {}
         found: dict[str, int] = {}
         longest = max(map(len, words.values()))
         with self._image.open("rb") as file:

@@ -9,7 +9,13 @@ from hypothesis import strategies as some
 
 from image.state import APART, SIZE, State, blank, newest, packed, unpacked
 
-states = some.builds(State, some.sampled_from([("A", "B"), ("B", "A")]), some.integers(0, 15), some.integers(0, 15))
+states = some.builds(
+    State,
+    some.sampled_from([("A", "B"), ("B", "A")]),
+    some.integers(0, 15),
+    some.integers(0, 15),
+    some.sampled_from(["0", "A", "B"]),
+)
 
 
 def card(first: bytes, second: bytes) -> bytes:
@@ -25,7 +31,7 @@ def test_a_copy_has_the_form_of_libubootenv():
     # uboot_env.c: struct uboot_env_redund: crc, flags, data; the checksum is of the data alone.
     octets = packed(State(("B", "A"), 2, 10), 7)
     assert octets[4] == 7
-    assert octets[5:].startswith(b"BOOT_ORDER=B A\0BOOT_A_LEFT=2\0BOOT_B_LEFT=a\0\0")
+    assert octets[5:].startswith(b"BOOT_ORDER=B A\0BOOT_A_LEFT=2\0BOOT_B_LEFT=a\0BOOT_NEW=0\0\0")
     assert int.from_bytes(octets[:4], "little") == zlib.crc32(octets[5:])
     assert len(octets) == SIZE
 

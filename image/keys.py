@@ -1,0 +1,123 @@
+"""Who signs updates: a key made by this build for development, or one for release that lies outside the tree."""
+
+import os
+import secrets
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import NamedTuple
+
+from image.errors import ImageError
+from image.program import run
+
+DEVELOPMENT = "development"
+RELEASE = "release"
+KEY, CERTIFICATE, KEYRING = "CAPTAIN_RELEASE_KEY", "CAPTAIN_RELEASE_CERT", "CAPTAIN_RELEASE_KEYRING"
+PKCS11 = "pkcs11:"
+# A certificate "has no well-defined expiration date" by this one: RFC 5280, 4.1.2.5. A box in a cellar has no other.
+NEVER = "99991231235959Z"
+
+# x509 of OpenSSL before 3.4 begins a certificate's life now: its authority can be told when.
+_AUTHORITY = """\
+[ca]
+default_ca = own
+[own]
+database = {folder}/index
+serial = {folder}/serial
+new_certs_dir = {folder}
+default_md = sha256
+policy = any
+x509_extensions = signer
+[any]
+commonName = supplied
+organizationName = supplied
+[signer]
+basicConstraints = critical,CA:true
+keyUsage = critical,digitalSignature,keyCertSign
+subjectKeyIdentifier = hash
+[req]
+distinguished_name = name
+[name]
+"""
+
+
+class Keys(NamedTuple):
+    """Of one build.
+
+    kind         DEVELOPMENT or RELEASE.
+    key          a path, or a PKCS#11 URI: a key in hardware never leaves it.
+    certificate  of the key.
+    keyring      what a box trusts: the certificate itself, or the authority that gave it.
+    """
+
+    kind: str
+    key: str
+    certificate: Path
+    keyring: Path
+
+
+def chosen(folder: Path, epoch: int, environment: Mapping[str, str] = os.environ) -> Keys:
+    """The release key where the environment names one, else the development key. Raises ImageError.
+
+    folder  where the development key is kept from build to build.
+    epoch   of the build, in Unix seconds: a new key's certificate is valid from there.
+    """
+    key, certificate = environment.get(KEY, ""), environment.get(CERTIFICATE, "")
+    if not key and not certificate:
+        if environment.get(KEYRING):
+            raise ImageError(f"{KEYRING} is set, and nothing to sign with", f"set {KEY} and {CERTIFICATE} as well")
+        return development(folder, epoch)
+    for name, value in ((KEY, key), (CERTIFICATE, certificate)):
+        if not value:
+            raise ImageError(f"{name} is not set", "a release has a key and its certificate: set both, or neither")
+    keyring = environment.get(KEYRING, "") or certificate
+    files = [certificate, keyring, *([] if key.startswith(PKCS11) else [key])]
+    for path in files:
+        if not Path(path).is_file():
+            raise ImageError(f"{path}: there is no such file", f"{KEY}, {CERTIFICATE} and {KEYRING} are paths")
+    return Keys(RELEASE, key, Path(certificate), Path(keyring))
+
+
+def development(folder: Path, epoch: int) -> Keys:
+    """The key of this build folder; made where there is none. Raises ImageError."""
+    key, certificate = folder / "development.key.pem", folder / "development.cert.pem"
+    if not (key.exists() and certificate.exists()):
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        make(key, certificate, "development", epoch)
+    return Keys(DEVELOPMENT, str(key), certificate, certificate)
+
+
+def make(key: Path, certificate: Path, name: str, epoch: int) -> None:
+    """A key, and its certificate by itself. The number in its name tells the keys of two build folders apart."""
+    folder = key.parent
+    begins = datetime.fromtimestamp(epoch, UTC).strftime("%Y%m%d%H%M%SZ")
+    settings, request = folder / "authority", folder / "request"
+    settings.write_text(_AUTHORITY.format(folder=folder))
+    (folder / "index").write_text("")
+    (folder / "serial").write_text(f"{secrets.token_hex(8)}\n")
+    subject = f"/O=captain/CN=captain {name} {secrets.token_hex(4)}"
+    run(["openssl", "genpkey", "-algorithm", "EC", "-pkeyopt", "ec_paramgen_curve:P-256", "-out", key])
+    key.chmod(0o600)
+    run(["openssl", "req", "-new", "-config", settings, "-key", key, "-subj", subject, "-out", request])
+    dates = ["-startdate", begins, "-enddate", NEVER]
+    run(["openssl", "ca", "-batch", "-notext", "-selfsign", "-config", settings, "-keyfile", key, *dates,
+         "-in", request, "-out", certificate])  # fmt: skip
+    for path in folder.iterdir():
+        if path not in (key, certificate) and (path in (settings, request) or path.name[:5] in ("index", "seria")):
+            path.unlink()
+    for path in folder.glob("[0-9A-F]*.pem"):  # a copy of the certificate, by its serial number
+        path.unlink()
+
+
+def subject(certificate: Path) -> str:
+    """The name in it, as a person reads it."""
+    said = run(["openssl", "x509", "-in", certificate, "-noout", "-subject", "-nameopt", "RFC2253"])
+    return said.strip().removeprefix("subject=")
+
+
+def secret(keys: Keys) -> bytes:
+    """Octets that would be wherever the key was copied to: a line of its file; none of a key in hardware."""
+    if keys.key.startswith(PKCS11):
+        return b""
+    lines = [line for line in Path(keys.key).read_bytes().splitlines() if line and not line.startswith(b"-")]
+    return max(lines, key=len, default=b"")
