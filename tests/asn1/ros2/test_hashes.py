@@ -1,0 +1,23 @@
+"""Profile etsi_its against etsi_its_messages 3.5.0: the hash of every type of every package that it has.
+
+etsi_its_messages.json: hashes of the released definitions (MIT licence), computed by rosbags.
+"""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from asn1.ros2 import profile_etsi_its
+from asn1.ros2.rihs import hash_of
+from asn1.text import load_schema
+
+UPSTREAM = json.loads(Path(__file__).with_name("etsi_its_messages.json").read_text(encoding="utf-8"))["packages"]
+SCHEMA = load_schema()
+
+
+@pytest.mark.parametrize("edition", ["cam-1.4.1", "cam-2.1.1", "denm-2.2.1"])
+def test_every_type_is_that_of_etsi_its_messages(edition):
+    package = profile_etsi_its.package(SCHEMA, SCHEMA.messages[edition])
+    ours = {name: hash_of(package, name).removeprefix("RIHS01_") for name in package.messages}
+    assert ours == UPSTREAM[package.name]
