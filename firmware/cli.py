@@ -30,6 +30,7 @@ VERBS = {
     "time": "what time it is, by whose word, how exact; offset, jitter and Allan deviation as a picture",
     "modem": "what the cellular modem sees; a command to it; its reset",
     "selftest": "each thing that the board declares: is it there, does it work, what does it measure",
+    "update": "another version for the box: from a file or an address; the slots; back to the one before",
     "doctor": "check configuration, ports, interfaces, permissions and clock, and say what to do",
     "demo": "two simulated stations that exchange messages, watched live",
     "lab": "the ten-message test between two stations: sent, received, equal, lost",
@@ -108,6 +109,10 @@ def load(verb: str) -> ModuleType:
             from firmware.commands import selftest
 
             return selftest
+        case "update":
+            from firmware.commands import update
+
+            return update
         case "doctor":
             from firmware.commands import doctor
 

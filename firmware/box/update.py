@@ -1,0 +1,105 @@
+"""An update of the box, from whatever somebody has named to a slot that is tried at the next start."""
+
+import socket
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from board.errors import StationError
+from firmware.box import update_bundle, update_counters, update_fetch, update_rauc, update_slots, update_verity
+from firmware.box.update_bundle import Bundle
+from firmware.box.update_folder import Folder
+from firmware.box.update_slots import Slot
+
+# A connection to it restarts the box, and nothing else can be asked for: only operator and root reach it.
+RESTART = Path("/run/captain-image/restart")
+
+
+class Progress(NamedTuple):
+    """Who is told how far it is. step: percent and what is done. fetched: octets that are there, and of how many."""
+
+    step: Callable[[int, str], None]
+    fetched: Callable[[int, int], None]
+    shown: Callable[[Bundle, list[Slot]], None]
+
+
+def run(source: str, progress: Progress, folder: Folder | None = None, only_look: bool = False) -> Bundle:
+    """Look at a bundle, and unless only_look install it.
+
+    source  a path, an address, or - for what comes by the input.
+
+    Raises StationError where it is refused or cannot be had: nothing was written into a slot. Raises InstallError
+    where it broke off behind that: the other slot is empty, and this one stays in use.
+    """
+    folder = folder or Folder()
+    own = update_bundle.box()
+    with folder.locked():
+        version = ""
+        try:
+            path = _had(source, folder, progress)
+            found = update_bundle.read(path)
+            version = found.version
+            update_bundle.fits(found, own)
+            progress.shown(found, slots())
+            update_verity.check(
+                path, found.tree, lambda part: progress.step(round(100 * part), "checking the contents")
+            )
+            if only_look:
+                return found
+            update_rauc.install(path, progress.step)
+        except StationError as error:
+            if folder.bundle.exists():  # a part is kept, so that it goes on from there
+                folder.clear()
+            if not only_look:
+                folder.tell(source, version, error.message)
+            raise
+        folder.clear()
+        folder.tell(source, version, "installed")
+    return found
+
+
+def _had(source: str, folder: Folder, progress: Progress) -> Path:
+    if source == "-":
+        return update_fetch.from_stream(sys.stdin.buffer, folder, progress.fetched)
+    if update_fetch.is_url(source):
+        return update_fetch.from_url(source, folder, progress.fetched)
+    if "://" in source:
+        raise StationError(f"{source}: only http:// and https:// are fetched", "or copy the bundle here by ssh")
+    return Path(source).absolute()  # the service has another folder
+
+
+def slots() -> list[Slot]:
+    """Both, as they are now; without the tries where this user may not read them. Raises StationError."""
+    try:
+        counters = update_counters.read()
+    except StationError:
+        counters = None
+    return update_slots.slots(update_rauc.status(), counters)
+
+
+def back() -> Slot:
+    """Have the other slot be the next one. Raises StationError where there is nothing that would start in it."""
+    update_bundle.box()
+    with Folder().locked():
+        found = slots()
+        chosen = update_slots.other(found)
+        if chosen.state not in ("", "ok"):
+            raise StationError(f"slot {chosen.name} was not written whole", "an update writes it again")
+        if chosen.is_new and chosen.left == 0:
+            raise StationError(f"slot {chosen.name} was updated and did not get well", "an update writes it again")
+        update_rauc.activate(chosen.service_name)
+    return chosen
+
+
+def restart(place: Path = RESTART) -> None:
+    """Ask for a restart of the box. Raises StationError."""
+    try:
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as end:
+            end.settimeout(10.0)
+            end.connect(str(place))
+    except OSError as error:
+        why = error.strerror or str(error)
+        raise StationError(
+            f"the box cannot be asked to restart: {why}", "take its power away and give it again"
+        ) from error

@@ -1,0 +1,151 @@
+"""What is in a bundle, as RAUC reads it: looked at by whoever asks, before anything is asked of the service."""
+
+import configparser
+import json
+import re
+import subprocess
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from board.errors import StationError
+from firmware.box.update_verity import Tree
+
+SYSTEM = Path("/etc/rauc/system.conf")
+SIGNER = Path("/usr/lib/captain-image/signer")  # written when the image was built: whose updates it takes
+READ_S = 120.0  # a signature is checked in a second
+FETCH = "fetch or copy it again; the card was not touched"
+
+
+class Bundle(NamedTuple):
+    """path: of the file. size: octets, of the file. signer: subject of the certificate, RFC 2253."""
+
+    path: Path
+    size: int
+    version: str
+    compatible: str
+    build: str
+    signer: str
+    tree: Tree
+    written: int  # octets that go into the slot
+
+
+class Box(NamedTuple):
+    """compatible: what a bundle has to be for. takes: kind of the image and signer of its updates, in words."""
+
+    compatible: str
+    takes: str
+
+
+def box(system: Path = SYSTEM, signer: Path = SIGNER) -> Box:
+    """Of this machine. Raises StationError: it is no box with two slots."""
+    found = configparser.ConfigParser(interpolation=None, strict=False)
+    try:
+        with system.open(encoding="utf-8") as file:
+            found.read_file(file)
+        compatible = found["system"]["compatible"]
+    except (OSError, KeyError, configparser.Error, UnicodeDecodeError) as error:
+        raise StationError(
+            f"this machine has no two slots that updates go to: {system} says nothing of them",
+            "updates are for boxes that run the image; elsewhere install the newer program",
+        ) from error
+    try:
+        kind, _, name = signer.read_text(encoding="utf-8").strip().partition(" ")
+    except (OSError, UnicodeDecodeError):
+        return Box(compatible, "")
+    return Box(compatible, f"a {kind} image, which takes updates that are signed by {name}")
+
+
+def read(path: Path, program: str = "rauc") -> Bundle:
+    """A bundle whose signature is good. Raises StationError: why it is not taken."""
+    try:
+        size = path.stat().st_size
+        with path.open("rb"):
+            pass
+    except OSError as error:
+        raise StationError(f"{path}: {error.strerror}", "name a bundle, captain-VERSION-arm64.raucb") from error
+    if not path.is_file() or size == 0:
+        raise StationError(f"{path}: is empty, or no file", FETCH)
+    words = [program, "info", "--output-format=json-2", str(path)]
+    try:
+        ended = subprocess.run(words, capture_output=True, text=True, errors="replace", timeout=READ_S, check=False)
+    except FileNotFoundError as error:
+        raise StationError("rauc is not installed: this is no box that can be updated") from error
+    except subprocess.TimeoutExpired as error:
+        raise StationError(f"{path}: rauc has not read it within {READ_S:.0f} s", FETCH) from error
+    if ended.returncode:
+        raise refusal(path, size, ended.stderr)
+    try:
+        return _bundle(path, size, json.loads(ended.stdout), ended.stderr)
+    except (ValueError, KeyError, TypeError, IndexError) as error:
+        raise StationError(f"{path}: rauc says of it what is not understood: {ended.stdout[:80]!r}") from error
+
+
+def fits(bundle: Bundle, own: Box) -> None:
+    """Raises StationError for one of another kind of box."""
+    if bundle.compatible != own.compatible:
+        raise StationError(
+            f"{bundle.path}: is for {bundle.compatible!r}, and this box is {own.compatible!r}",
+            "project, base and device tree have to be the same: take the bundle of this box's image",
+        )
+
+
+def _bundle(path: Path, size: int, said: Mapping[str, Any], log: str) -> Bundle:
+    update, form = said["update"], said["bundle"]
+    tree = Tree(int(str(form["verity-size"])), str(form["verity-hash"]), str(form["verity-salt"]))
+    signer = re.search(r"Verified \S+ signature by '(.*)'", log)
+    written = sum(int(image["size"]) for image in said["images"])
+    return Bundle(
+        path,
+        size,
+        str(update["version"]),
+        str(update["compatible"]),
+        str(update.get("build", "")),
+        signer[1] if signer else "",
+        tree,
+        written,
+    )
+
+
+# What RAUC 1.13 says, in part, and what it means.
+_REASONS = (
+    (r"self-signed certificate|unable to get (local )?issuer|unable to verify the first", "FOREIGN"),
+    (r"certificate (is not yet valid|has expired)", "DATE"),
+    (r"[Vv]erification failure|digest_verify|bad signature|content digest|messageDigest", "CHANGED"),
+    (r"Invalid bundle|exceeds bundle size|Failed to (seek|read)|not a (RAUC )?bundle|short read", "TRUNCATED"),
+    (r"ormat '?plain'? not allowed|ormat .* not (allowed|supported)", "FORM"),
+)  # fmt: skip
+
+
+def refusal(path: Path, size: int, log: str) -> StationError:
+    """Why a bundle is not taken, of what rauc wrote to its error output."""
+    lines = [line for line in log.splitlines() if line.strip() and "rauc-Message" not in line]
+    said = lines[-1].strip() if lines else "rauc gives no reason"
+    kind = next((word for pattern, word in _REASONS if re.search(pattern, log)), "")
+    match kind:
+        case "FOREIGN":
+            takes = box_takes()
+            return StationError(
+                f"{path}: is signed by somebody whom this box does not know",
+                f"this is {takes}; a bundle of that signer is taken"
+                if takes
+                else "take a bundle of this image's signer",
+            )
+        case "DATE":
+            return StationError(f"{path}: its signer's certificate was not valid when it signed", said)
+        case "CHANGED":
+            return StationError(f"{path}: its signature does not fit: it was changed or damaged", FETCH)
+        case "TRUNCATED":
+            what = f"{path}: is no bundle, or not all of one ({size} octets)"
+            return StationError(what, FETCH)
+        case "FORM":
+            return StationError(f"{path}: is of another form than verity, whose contents are not looked at in time")
+    return StationError(f"{path}: is not taken: {said}", FETCH)
+
+
+def box_takes() -> str:
+    """Whose updates this image takes; empty where it does not say."""
+    try:
+        return box().takes
+    except StationError:
+        return ""

@@ -1,0 +1,112 @@
+"""Where a bundle lies while it is fetched and installed: one at a time, and no more than there is room for."""
+
+import fcntl
+import json
+import os
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+from board.errors import StationError
+
+FOLDER = Path("/data/update")
+# Left free for the station's own state and for the journal, which come first.
+RESERVE = 24 << 20  # octets
+KEPT = 4096  # octets of a small file that is read back
+
+
+class Folder:
+    """part: what is being fetched. bundle: what was fetched whole. Nobody else may write there."""
+
+    def __init__(self, place: Path = FOLDER, reserve: int = RESERVE) -> None:
+        self.place = place
+        self.part = place / "bundle.part"
+        self.bundle = place / "bundle.raucb"
+        self._about = place / "bundle.json"
+        self._last = place / "last.json"
+        self._reserve = reserve
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """For as long as one update lasts. Raises StationError where another one has it."""
+        try:
+            lock = os.open(self.place / "lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        except OSError as error:
+            why = f"{self.place}: {error.strerror}"
+            raise StationError(
+                f"no update can be prepared: {why}", "updates are for operator and root of a box"
+            ) from error
+        try:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError as error:
+                raise StationError(
+                    "another update is running", "wait for it; captain update --status tells how it has ended"
+                ) from error
+            yield
+        finally:
+            os.close(lock)
+
+    def room(self) -> int:
+        """Octets that a bundle may still take."""
+        found = os.statvfs(self.place)
+        return max(0, found.f_bavail * found.f_frsize - self._reserve)
+
+    def need(self, size: int) -> None:
+        """Raises StationError unless so many octets more have room."""
+        if (room := self.room()) < size:
+            raise StationError(
+                f"{self.place} has room for {room / 1e6:.0f} MB, and {size / 1e6:.0f} MB are to come",
+                "remove recordings or other files from /data, or use a larger card",
+            )
+
+    def about(self) -> Mapping[str, object]:
+        """What is known of the part: url, tag, size."""
+        return _read(self._about)
+
+    def note(self, about: Mapping[str, object]) -> None:
+        _write(self._about, about)
+
+    def clear(self) -> None:
+        """Of everything but the last result."""
+        for path in (self.part, self.bundle, self._about):
+            path.unlink(missing_ok=True)
+
+    def finish(self) -> Path:
+        """The part is all of it, and on the card."""
+        with self.part.open("rb") as file:
+            os.fsync(file.fileno())
+        self.part.rename(self.bundle)
+        self._about.unlink(missing_ok=True)
+        return self.bundle
+
+    def last(self) -> Mapping[str, object]:
+        """How the last update ended: time, source, version, result. Empty: there was none."""
+        return _read(self._last)
+
+    def tell(self, source: str, version: str, result: str) -> None:
+        """Keep how an update ended. That there is no room for it is no failure of the update."""
+        try:
+            _write(self._last, {"time": round(time.time()), "source": source, "version": version, "result": result})
+        except OSError:
+            return
+
+
+def _read(path: Path) -> Mapping[str, object]:
+    try:
+        with path.open("rb") as file:
+            found = json.loads(file.read(KEPT))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _write(path: Path, values: Mapping[str, object]) -> None:
+    """Whole or not at all: by rename."""
+    new = path.with_suffix(".new")
+    with new.open("w") as file:
+        json.dump(values, file)
+        file.flush()
+        os.fsync(file.fileno())
+    new.replace(path)

@@ -1,0 +1,97 @@
+"""RAUC's service, asked by its own command: it alone writes slots and counters, and lets root and operator ask."""
+
+import json
+import re
+import subprocess
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from board.errors import StationError
+
+PROGRAM = "rauc"
+ANSWER_S = 60.0
+_STEP = re.compile(r"^\s*(\d{1,3})% (.*)$")
+_LAST = re.compile(r"LastError: (.*)")
+_FORBIDDEN = re.compile(r"AccessDenied|rejected send message|Permission denied|not allowed to")
+
+
+class InstallError(StationError):
+    """The service has begun to install, and has not come to a good end."""
+
+
+def status(program: str = PROGRAM) -> Mapping[str, object]:
+    """What the service says of slots. Raises StationError."""
+    said = _ask([program, "status", "--detailed", "--output-format=json"])
+    try:
+        found = json.loads(said)
+    except ValueError as error:
+        raise StationError(f"rauc status: is not understood: {said[:80]!r}") from error
+    return found if isinstance(found, dict) else {}
+
+
+def activate(slot: str, program: str = PROGRAM) -> None:
+    """Have a slot (rootfs.1) be the first that is tried from now on, with all its tries. Raises StationError."""
+    _ask([program, "status", "mark-active", slot])
+
+
+def install(path: Path, step: Callable[[int, str], None], program: str = PROGRAM) -> None:
+    """Write a bundle into the other slot, and have that be tried next.
+
+    step  is told each step: percent, and what is done, in RAUC's words.
+
+    Raises InstallError, and StationError where nothing was begun. It goes on in the service if this process ends.
+    """
+    try:
+        running = subprocess.Popen(
+            [program, "install", str(path)],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+        )
+    except FileNotFoundError as error:
+        raise StationError("rauc is not installed: this is no box that can be updated") from error
+    said, furthest = [], 0
+    assert running.stdout is not None
+    with running:
+        for line in running.stdout:
+            if found := _STEP.match(line):
+                furthest = max(furthest, int(found[1]))
+                step(int(found[1]), found[2].strip())
+            said.append(line)
+    if running.returncode:
+        raise _failed(path, "".join(said[-40:]), furthest)
+
+
+def _failed(path: Path, said: str, furthest: int) -> StationError:
+    if _FORBIDDEN.search(said):
+        return _forbidden()
+    if "lready processing" in said or "already in progress" in said:
+        return StationError("another update is being installed", "captain update --status shows when it has ended")
+    last = _LAST.findall(said)
+    why = (
+        last[-1].strip() if last else next((line for line in reversed(said.splitlines()) if line.strip()), "no reason")
+    )
+    if furthest <= 0:
+        return StationError(f"{path}: was not installed: {why}", "nothing was written")
+    return InstallError(f"{path}: {why}")
+
+
+def _ask(words: Sequence[str]) -> str:
+    try:
+        ended = subprocess.run(words, capture_output=True, text=True, errors="replace", timeout=ANSWER_S, check=False)
+    except FileNotFoundError as error:
+        raise StationError("rauc is not installed: this is no box that can be updated") from error
+    except subprocess.TimeoutExpired as error:
+        raise StationError(f"rauc does not answer within {ANSWER_S:.0f} s", "journalctl -u rauc") from error
+    if ended.returncode == 0:
+        return ended.stdout
+    if _FORBIDDEN.search(ended.stderr):
+        raise _forbidden()
+    lines = [line for line in ended.stderr.splitlines() if line.strip() and "rauc-Message" not in line]
+    raise StationError(f"{' '.join(words[:3])}: {lines[-1] if lines else 'failed'}", "journalctl -u rauc")
+
+
+def _forbidden() -> StationError:
+    return StationError("this user may not update the box", "operator may, by ssh or at the serial console, and root")

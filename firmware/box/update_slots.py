@@ -1,0 +1,102 @@
+"""The two slots of the box: which runs, which comes next, what is in them, and how often each may still be tried."""
+
+from collections.abc import Mapping
+from datetime import datetime
+from typing import NamedTuple
+
+from board.errors import StationError
+from firmware.box.update_counters import Counters
+
+
+class Slot(NamedTuple):
+    """name: A or B. service_name: RAUC's. version and date of what was installed; empty: as the card was written.
+
+    left    tries; None where the counters cannot be read.
+    is_new  it was updated and has not been well yet.
+    state   of what was written into it, in RAUC's word: ok, failed, pending; empty: nothing was.
+    """
+
+    name: str
+    service_name: str
+    is_booted: bool
+    is_next: bool
+    version: str
+    installed: str
+    left: int | None
+    is_new: bool
+    state: str
+
+    @property
+    def words(self) -> str:
+        """What there is to say of it."""
+        if self.state not in ("", "ok"):
+            return "was not written whole: an update brings it back"
+        if self.left == 0:
+            return "was updated and did not get well" if self.is_new else "has used its tries up"
+        if self.is_new:
+            return "was updated, and has to show that it is well"
+        return "well" if self.is_booted else "kept"
+
+
+def slots(status: Mapping[str, object], counters: Counters | None) -> list[Slot]:
+    """Of RAUC's status and the boot counters. Raises StationError for a status of another form."""
+    found = []
+    try:
+        for entry in status["slots"]:  # type: ignore[attr-defined]
+            for service_name, one in entry.items():
+                if one.get("bootname"):
+                    found.append(_slot(service_name, one, status, counters))
+    except (KeyError, AttributeError, TypeError, ValueError) as error:
+        raise StationError(f"rauc status: has not the form of RAUC 1.13: {error!r}") from error
+    if len(found) != 2:
+        raise StationError(f"rauc knows {len(found)} slots, and not two")
+    return sorted(found)
+
+
+def booted(found: list[Slot]) -> Slot:
+    """Raises StationError where it is neither: an image that was started without the boot script."""
+    return _one(found, True)
+
+
+def other(found: list[Slot]) -> Slot:
+    """The one that is not running."""
+    booted(found)
+    return _one(found, False)
+
+
+def _one(found: list[Slot], is_booted: bool) -> Slot:
+    chosen = [slot for slot in found if slot.is_booted is is_booted]
+    if len(chosen) != 1:
+        raise StationError("which slot this system runs from is not known", "it was not started by the boot script")
+    return chosen[0]
+
+
+def _slot(name: str, one: Mapping[str, object], status: Mapping[str, object], counters: Counters | None) -> Slot:
+    letter = str(one["bootname"])
+    kept = one.get("slot_status") or {}
+    assert isinstance(kept, dict)
+    bundle, installed = kept.get("bundle") or {}, kept.get("installed") or {}
+    is_next = _first(counters) == letter if counters else status.get("boot_primary") == name
+    return Slot(
+        letter,
+        name,
+        one.get("state") == "booted",
+        is_next,
+        str(bundle.get("version") or ""),
+        _date(str(installed.get("timestamp") or "")),
+        counters.left.get(letter) if counters else None,
+        counters is not None and counters.new == letter,
+        str(kept.get("status") or ""),
+    )
+
+
+def _first(counters: Counters) -> str:
+    """The slot that the boot script would take now."""
+    return next((slot for slot in counters.order if counters.left.get(slot)), "")
+
+
+def _date(text: str) -> str:
+    try:
+        return datetime.fromisoformat(text).strftime("%Y-%m-%d %H:%M")
+    except ValueError:
+        return text

@@ -1,0 +1,69 @@
+"""The hash tree of a bundle: whether each octet is as it was when it was signed, before any of it is written anywhere.
+
+The kernel looks at the same tree again, block by block, while it installs: what changes in between does not get far.
+"""
+
+import hashlib
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from board.errors import StationError
+
+BLOCK = 4096
+DIGEST = 32
+AT_ONCE = 256 * BLOCK
+SIZE_FIELD = 8  # octets at the bundle's end: how long the signature before them is, the first octet the highest
+DAMAGED = "it was changed or damaged after it was signed; fetch it again"
+
+
+class Tree(NamedTuple):
+    """What a bundle's signed manifest says of it. size: octets of the tree. root, salt: hexadecimal."""
+
+    size: int
+    root: str
+    salt: str
+
+
+def check(path: Path, tree: Tree, seen: Callable[[float], None] = lambda part: None) -> None:
+    """Raises StationError where an octet of the contents, or of the tree, is another one.
+
+    seen  is told how far it is: 0 to 1.
+
+    Source: the kernel's Documentation/admin-guide/device-mapper/verity.rst, hash type 1, SHA-256; RAUC's reference,
+    "Bundle formats", verity.
+    """
+    total = path.stat().st_size
+    with path.open("rb") as file:
+        file.seek(-SIZE_FIELD, os.SEEK_END)
+        signature = int.from_bytes(file.read(SIZE_FIELD), "big")
+        content = total - SIZE_FIELD - signature - tree.size
+        if content <= 0 or content % BLOCK:
+            raise StationError(f"{path}: {total} octets are not what its signature belongs to", DAMAGED)
+        file.seek(0)
+        salted = hashlib.sha256(bytes.fromhex(tree.salt))
+        digests = bytearray()
+        for at in range(0, content, AT_ONCE):
+            digests += _digests(salted, file.read(min(AT_ONCE, content - at)))
+            seen(min(1.0, (at + AT_ONCE) / content))
+        levels = [_padded(bytes(digests))]
+        while len(levels[0]) > BLOCK:
+            levels.insert(0, _padded(_digests(salted, levels[0])))
+        if _digests(salted, levels[0]).hex() != tree.root or file.read(tree.size) != b"".join(levels):
+            raise StationError(f"{path}: its contents are not what was signed", DAMAGED)
+
+
+def _digests(salted: "hashlib._Hash", octets: bytes) -> bytes:
+    """Of each block, one after the other."""
+    found = bytearray()
+    view = memoryview(octets)
+    for at in range(0, len(octets), BLOCK):
+        block = salted.copy()
+        block.update(view[at : at + BLOCK])
+        found += block.digest()
+    return bytes(found)
+
+
+def _padded(digests: bytes) -> bytes:
+    return digests + bytes(-len(digests) % BLOCK)

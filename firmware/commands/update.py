@@ -1,0 +1,193 @@
+"""captain update: another version of the box's software, into the slot that is not running."""
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Callable, Mapping
+
+from board.errors import UsageError
+from firmware import VERSION
+from firmware.box import update, update_bundle
+from firmware.box.update_bundle import Bundle
+from firmware.box.update_folder import Folder
+from firmware.box.update_rauc import InstallError
+from firmware.box.update_slots import Slot, booted, other
+from firmware.user import health
+from firmware.user.table import Table, clean, lines_for
+
+HALF_WRITTEN = 3
+EVERY_PERCENT = 10
+EVERY_S = 5.0
+
+DESCRIPTION = """\
+Installs a bundle, captain-VERSION-arm64.raucb, into the slot that is not
+running; the box goes on meanwhile. Shows what is in it, compares signature
+and contents before anything is written, and the next start takes it. A new
+slot whose station does not get well is left again by itself: after three
+starts the old one is back.
+
+FILE is a bundle on the box, URL one of a web server (http:// or https://;
+it goes on where it was broken off), and - what comes by the input. For
+operator, by ssh or at the serial console, and for root.
+"""
+EPILOG = """\
+examples:
+  captain update https://example.org/captain-0.7.0-arm64.raucb --restart
+  captain update --look captain.raucb     what is in it; nothing is written
+  ssh operator@captain.local captain update - --restart < captain.raucb
+                                          from a laptop, without copying first
+  captain update --status                 both slots, and how the last one went
+  captain update --back --restart         the version from before
+
+exit codes:
+  0    installed, shown or switched; --check: the station is well
+  1    refused or not had: no slot was touched
+  2    wrong usage
+  3    it broke off while it was written: the other slot is unusable until the
+       next update, and this one stays in use
+  130  Ctrl-C; what is being written is written to its end all the same
+"""
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("source", nargs="?", metavar="FILE|URL|-", help="the bundle")
+    parser.add_argument("--restart", action="store_true", help="restart the box: then, or now if nothing else is asked")
+    verbs = parser.add_mutually_exclusive_group()
+    verbs.add_argument("--look", action="store_true", help="show what is in the bundle and check it; write nothing")
+    verbs.add_argument(
+        "--status", action="store_true", help="the slots: versions, tries left, how the last update went"
+    )
+    verbs.add_argument("--back", action="store_true", help="have the next start take the other slot")
+    verbs.add_argument(
+        "--check", action="store_true", help="wait until the station is well: what a new slot has to show"
+    )
+    parser.add_argument("--json", action="store_true", help="with --status: one JSON object")
+
+
+def main(arguments: argparse.Namespace) -> int:
+    is_other = arguments.status or arguments.back or arguments.check
+    if is_other == bool(arguments.source) and (is_other or not arguments.restart):
+        raise UsageError("name a bundle, or one of --status, --back and --check", "captain update --help")
+    if arguments.restart and (arguments.status or arguments.check or arguments.look):
+        raise UsageError("--restart goes with an update, with --back, or alone", "captain update --help")
+    if arguments.look and not arguments.source:
+        raise UsageError("--look: at which bundle?", "captain update --look FILE")
+    if arguments.check:
+        print(health.check(), flush=True)
+        return 0
+    if arguments.status:
+        _status(arguments.json)
+        return 0
+    if arguments.back:
+        chosen = update.back()
+        _told(f"the next start takes slot {chosen.name}, {_version(chosen)}", arguments.restart)
+        return 0
+    if not arguments.source:
+        print("restarting now", flush=True)
+        update.restart()
+        return 0
+    return _install(arguments)
+
+
+def _install(arguments: argparse.Namespace) -> int:
+    teller = Teller()
+    progress = update.Progress(teller.step, teller.fetched, _shown)
+    try:
+        found = update.run(arguments.source, progress, only_look=arguments.look)
+    except InstallError as error:
+        print(f"captain: {error}", file=sys.stderr)
+        print("  (the other slot is unusable until the next update; this one stays in use)", file=sys.stderr)
+        return HALF_WRITTEN
+    except KeyboardInterrupt:
+        print("captain: what is being written is written to its end; captain update --status", file=sys.stderr)
+        raise
+    if arguments.look:
+        print("signature and contents are as they were signed; nothing was written", flush=True)
+        return 0
+    _told(f"version {clean(found.version)} is installed; the next start takes it", arguments.restart)
+    return 0
+
+
+def _told(what: str, is_restarting: bool) -> None:
+    if is_restarting:
+        print(f"{what}: restarting now", flush=True)
+        update.restart()
+    else:
+        print(f"{what}: captain update --restart restarts the box", flush=True)
+
+
+def _shown(bundle: Bundle, slots: list[Slot]) -> None:
+    here, there = booted(slots), other(slots)
+    print(
+        f"version     {clean(bundle.version)}, built {clean(bundle.build)}; slot {here.name} runs {VERSION}\n"
+        f"for         {clean(bundle.compatible)}\n"
+        f"size        {bundle.size / 1e6:.1f} MB, {bundle.written / 1e6:.0f} MB on the card\n"
+        f"signed by   {clean(bundle.signer)}\n"
+        f"goes into   slot {there.name}, in place of {_version(there)}",
+        flush=True,
+    )
+
+
+def _version(slot: Slot) -> str:
+    return f"version {clean(slot.version)}" if slot.version else "what the card was written with"
+
+
+class Teller:
+    """Progress for a terminal that can do nothing but go on: a line every ten percent, or where something begins."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._said: tuple[str, int] = ("", -EVERY_PERCENT)
+        self._at = 0.0
+
+    def step(self, percent: int, what: str) -> None:
+        name = what.split(" ", 1)[0]
+        if name != self._said[0] or percent >= self._said[1] + EVERY_PERCENT or percent == 100 != self._said[1]:
+            self._said = (name, percent)
+            print(f"{percent:3d} %  {clean(what)}", flush=True)
+
+    def fetched(self, have: int, size: int) -> None:
+        if size:
+            self.step(100 * have // size, f"fetching, {have / 1e6:.0f} of {size / 1e6:.0f} MB")
+        elif self._clock() >= self._at + EVERY_S:
+            self._at = self._clock()
+            print(f"       fetching, {have / 1e6:.0f} MB", flush=True)
+
+
+def _status(is_json: bool) -> None:
+    own = update_bundle.box()
+    slots = update.slots()
+    last = Folder().last()
+    if is_json:
+        told = {"slots": [slot._asdict() | {"words": slot.words} for slot in slots], "last": last, "takes": own.takes}
+        print(json.dumps(told | {"compatible": own.compatible}), flush=True)
+        return
+    rows = [
+        (
+            slot.name,
+            "runs" if slot.is_booted else "",
+            "next" if slot.is_next else "",
+            VERSION if slot.is_booted else slot.version or "as written",
+            slot.installed or "-",
+            "?" if slot.left is None else str(slot.left),
+            slot.words,
+        )
+        for slot in slots
+    ]
+    notes = [f"this is {own.takes}"] if own.takes else []
+    notes.append(_last(last))
+    table = Table("slots", ("slot", "", "", "version", "installed", ">tries", "state"), rows, notes)
+    print("\n".join(lines_for(table, sys.stdout)), flush=True)
+
+
+def _last(last: Mapping[str, object]) -> str:
+    """How the last update went, in words."""
+    if not last:
+        return "no update was tried yet, as far as is kept"
+    try:
+        when = time.strftime("%Y-%m-%d %H:%M", time.gmtime(float(str(last["time"]))))
+    except (KeyError, ValueError, OverflowError, OSError):
+        when = "at a time that is not known"
+    version = f", version {clean(str(last.get('version')))}" if last.get("version") else ""
+    return f"last update, {when} UTC, {clean(str(last.get('source')))}{version}: {clean(str(last.get('result')))}"
