@@ -31,6 +31,7 @@ VERBS = {
     "modem": "what the cellular modem sees; a command to it; its reset",
     "selftest": "each thing that the board declares: is it there, does it work, what does it measure",
     "update": "another version for the box: from a file or an address; the slots; back to the one before",
+    "box": "the owner's files of a card: whether a box will take them",
     "doctor": "check configuration, ports, interfaces, permissions and clock, and say what to do",
     "demo": "two simulated stations that exchange messages, watched live",
     "lab": "the ten-message test between two stations: sent, received, equal, lost",
@@ -113,6 +114,10 @@ def load(verb: str) -> ModuleType:
             from firmware.commands import update
 
             return update
+        case "box":
+            from firmware.commands import box
+
+            return box
         case "doctor":
             from firmware.commands import doctor
 

@@ -48,6 +48,8 @@ TABLE = {
     ),
     # It runs for as long as the machine does: without the libraries of users and stations, it takes half the memory.
     "firmware/console": Rule(("board", "firmware"), frozenset({"firmware.lab", "firmware.user.client"})),
+    # Run by its own command once, before the station is there.
+    "firmware/box": Rule(("board", "drivers", "firmware", "yaml"), frozenset({"firmware.lab", "firmware.user.client"})),
     "firmware/commands": Rule(("board", "drivers", "pps", "firmware", "zmq", "rich")),
     "firmware/user": Rule(
         ("board", "drivers.wire", *WORDS, "firmware", "zmq", "rich", "pygal"), frozenset({"firmware.lab"})

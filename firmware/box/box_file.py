@@ -1,0 +1,157 @@
+"""box.toml: what an owner says of the box around the station, read and checked."""
+
+import ipaddress
+import re
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from board.describe import Check
+from board.errors import ConfigurationError
+
+ZONES = Path("/usr/share/zoneinfo")
+# RFC 1123, clause 2.1; one label, for mDNS adds .local.
+NAME = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9-]{0,61}[A-Za-z0-9])?")
+# ISO 3166-1, as the kernel's database of regulatory domains has them.
+REGION = re.compile(r"[A-Z]{2}")
+MOST_SSID = 32  # octets: IEEE 802.11, clause 9.4.2.2
+PHRASE = range(8, 64)  # characters: IEEE 802.11, clause J.4.1
+PSK = re.compile(r"[0-9A-Fa-f]{64}")
+TABLE = Path("/usr/share/zoneinfo/iso3166.tab")
+
+
+def check_host_name(text: str) -> None:
+    """Raises ConfigurationError, as the others here do."""
+    if not NAME.fullmatch(text):
+        near = re.sub(r"[^A-Za-z0-9]+", "-", text).strip("-")[:63]
+        hint = f"write {near}" if near else "write for example captain-7"
+        raise ConfigurationError(f'"{text}" is no host name: letters, digits, and - between them', hint)
+
+
+def check_country(text: str) -> None:
+    if not REGION.fullmatch(text) or ((known := _countries()) and text not in known):
+        hint = 'two capital letters of ISO 3166, such as "DE"'
+        if text == "UK":
+            hint = "the United Kingdom is GB"
+        elif text.upper() != text and REGION.fullmatch(text.upper()):
+            hint = f"write {text.upper()}"
+        raise ConfigurationError(f'"{text}" is no country', hint)
+
+
+def check_time_zone(text: str) -> None:
+    if re.fullmatch(r"[A-Za-z0-9_+-]+(?:/[A-Za-z0-9_+-]+)*", text) and ((ZONES / text).is_file() or not ZONES.is_dir()):
+        return
+    raise ConfigurationError(f'"{text}" is no time zone', 'write for example "Europe/Berlin", or leave it out for UTC')
+
+
+def check_ssid(text: str) -> None:
+    if not 1 <= (size := len(text.encode())) <= MOST_SSID:
+        raise ConfigurationError(f'"{text}" has {size} octets', f"the name of a network has 1 to {MOST_SSID}")
+
+
+def check_password(value: object) -> None:
+    """Its value is never told."""
+    if not isinstance(value, str):
+        raise ConfigurationError("is no text", 'write it in quotes: password = "..."')
+    if PSK.fullmatch(value):
+        return
+    if strange := [letter for letter in value if not " " <= letter <= "~"]:
+        where = value.index(strange[0]) + 1
+        raise ConfigurationError(f"character {where} is none that WPA takes", "only letters, digits and signs of ASCII")
+    if len(value) not in PHRASE:
+        hint = "WPA wants 8 to 63; of an open network leave the password out"
+        raise ConfigurationError(f"has {len(value)} characters", hint)
+
+
+def check_psk(value: object) -> None:
+    if not isinstance(value, str) or not PSK.fullmatch(value):
+        raise ConfigurationError("is not 64 hexadecimal digits", "or write the password itself: password = ...")
+
+
+def check_interface_address(text: str) -> None:
+    try:
+        found = ipaddress.ip_interface(text)
+    except ValueError as error:
+        raise ConfigurationError(f'"{text}" is no address', 'write for example "192.168.1.20/24"') from error
+    if "/" not in text:
+        raise ConfigurationError(f'"{text}" has no length of its network', f'write for example "{found.ip}/24"')
+    if found.network.num_addresses > 2 and found.ip in (found.network.network_address, found.network.broadcast_address):
+        raise ConfigurationError(f'"{text}" is the address of a whole network', "give one of it to the box")
+
+
+def check_plain_address(text: str) -> None:
+    try:
+        ipaddress.ip_address(text)
+    except ValueError as error:
+        raise ConfigurationError(f'"{text}" is no address', 'write for example "192.168.1.1"') from error
+
+
+def _each(check: Callable[[str], None]) -> Callable[[Iterable[str]], None]:
+    def look(values: Iterable[str]) -> None:
+        for value in values:
+            check(value)
+
+    return look
+
+
+@dataclass(frozen=True)
+class Wifi:
+    """[wifi]: the network that wlan0 joins. Neither password nor psk: an open one.
+
+    psk     64 hexadecimal digits that stand for network and password; Raspberry Pi Imager writes them.
+    hidden  its name is not sent out: it is asked for by name.
+    """
+
+    country: Annotated[str, Check(check_country)]
+    ssid: Annotated[str, Check(check_ssid)]
+    password: Annotated[object, Check(check_password)] = None
+    psk: Annotated[object, Check(check_psk)] = None
+    hidden: bool = False
+
+    def __post_init__(self) -> None:
+        if self.password is not None and self.psk is not None:
+            raise ConfigurationError("psk: is given beside password", "leave one out")
+
+
+@dataclass(frozen=True)
+class ConsoleOptions:
+    """[console]: shell = false takes the key for a shell from the serial console."""
+
+    shell: bool = True
+
+
+@dataclass(frozen=True)
+class Ethernet:
+    """[eth0]: an address of its own, in place of one by DHCP."""
+
+    address: Annotated[str, Check(check_interface_address)]
+    gateway: Annotated[str, Check(check_plain_address)] | None = None
+    dns: Annotated[tuple[str, ...], Check(_each(check_plain_address))] = ()
+
+    def __post_init__(self) -> None:
+        if self.gateway is None:
+            return
+        network, gateway = ipaddress.ip_interface(self.address).network, ipaddress.ip_address(self.gateway)
+        if gateway not in network:
+            raise ConfigurationError(f'gateway: "{gateway}" is not in the network {network} of the box', "correct one")
+
+
+@dataclass(frozen=True)
+class BoxOptions:
+    """All of box.toml; what is left out stays as the image has it."""
+
+    host_name: Annotated[str, Check(check_host_name)] | None = None
+    time_zone: Annotated[str, Check(check_time_zone)] | None = None
+    wifi: Wifi | None = None
+    console: ConsoleOptions = ConsoleOptions()
+    eth0: Ethernet | None = None
+
+
+def _countries() -> frozenset[str]:
+    """Those of this machine's list; none where it has no list."""
+    try:
+        lines = TABLE.read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return frozenset()
+    return frozenset(line.split("\t")[0] for line in lines if not line.startswith("#"))

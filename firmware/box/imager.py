@@ -1,0 +1,202 @@
+"""What Raspberry Pi Imager writes on a card, where it is data: user-data and network-config, and cmdline.txt's country.
+
+Source: rpi-imager 2.0, src/customization_generator.cpp; cloud-init's cloud-config; netplan, version 2. Commands,
+packages and passwords are named and not taken.
+"""
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+from firmware.box.note import Note, at, mistake, remark
+from firmware.box.ssh_keys import sound_keys
+from firmware.box.yaml_file import Entry, YamlFile
+
+REGION = re.compile(r"\bcfg80211\.ieee80211_regdom=(\S+)")
+# What the box does anyway, and what only describes the file.
+GRANTED = {
+    "manage_etc_hosts",
+    "enable_ssh",
+    "lock_passwd",
+    "optional",
+    "version",
+    "renderer",
+    "shell",
+    "dhcp4",
+    "dhcp6",
+}
+COMMANDS = {"runcmd", "bootcmd", "write_files", "packages", "apt", "snap", "rpi"}
+PASSWORDS = {"passwd", "plain_text_passwd", "hashed_passwd", "password", "chpasswd", "ssh_pwauth"}
+
+Table = dict[str, Any]
+
+
+class Imager:
+    """The settings of all files, as box.toml would have them.
+
+    table   keys of box.toml.
+    places  dotted key = file and line that it comes from.
+    keys    lines of authorized_keys.
+    """
+
+    def __init__(self) -> None:
+        self.table: Table = {}
+        self.places: dict[str, str] = {}
+        self.keys: list[str] = []
+
+    def read_user_data(self, name: str, text: str, notes: list[Note]) -> None:
+        if text.startswith("#!"):
+            notes.append(remark(name, "is a script: it is not run", "this box takes #cloud-config only"))
+            return
+        file = YamlFile(name, text, notes)
+        acts: dict[str, Callable[[Entry], None]] = {
+            "hostname": lambda entry: self._set(file, "host_name", entry),
+            "timezone": lambda entry: self._set(file, "time_zone", entry),
+            "ssh_authorized_keys": lambda entry: self._take_keys(file, entry, notes),
+            "users": lambda entry: self._take_users(file, entry, notes),
+        }
+        _each(file, file.entries(), acts, notes)
+        file.tell_left()
+
+    def read_network_config(self, name: str, text: str, notes: list[Note]) -> None:
+        file = YamlFile(name, text, notes)
+        entries = file.entries()
+        if len(entries) == 1 and entries[0].key == "network":
+            entries = file.entries(entries[0])
+        version = next((entry for entry in entries if entry.key == "version"), None)
+        if version is not None and version.text != "2":
+            what = f"version {version.text} is not read"
+            notes.append(mistake(at(name, version.line), what, "write it as netplan has it: version: 2"))
+            return
+        _each(
+            file,
+            entries,
+            {
+                "wifis": lambda entry: self._take_wifis(file, entry, notes),
+                "ethernets": lambda entry: self._take_ethernets(file, entry, notes),
+            },
+            notes,
+        )
+        file.tell_left()
+
+    def read_command_line(self, name: str, text: str) -> None:
+        """Imager names the country there when no network is given; the rest is for another boot loader."""
+        found = REGION.search(text)
+        if found and "country" not in self.table.get("wifi", {"country": ""}):
+            self._put("wifi.country", found[1], name)
+
+    # -- what is taken
+
+    def _put(self, path: str, value: object, place: str) -> None:
+        self.places[path] = place
+        table, _, key = path.rpartition(".")
+        (self.table.setdefault(table, {}) if table else self.table)[key] = value
+
+    def _set(self, file: YamlFile, path: str, entry: Entry) -> None:
+        if (text := file.text(entry)) is not None:
+            self._put(path, text, at(file.name, entry.line))
+
+    def _take_keys(self, file: YamlFile, entry: Entry, notes: list[Note]) -> None:
+        for item in file.items(entry):
+            self.keys += sound_keys(file.name, file.text(item) or "", notes, item.line)
+
+    def _take_users(self, file: YamlFile, entry: Entry, notes: list[Note]) -> None:
+        for user in file.items(entry):
+            if user.is_text:
+                continue  # `default`: the distribution's own
+            found = len(self.keys)
+            acts = dict.fromkeys(
+                ("ssh_authorized_keys", "ssh-authorized-keys"), lambda each: self._take_keys(file, each, notes)
+            )
+            entries = file.entries(user)
+            _each(file, [each for each in entries if each.key not in ("name", "groups", "sudo")], acts, notes)
+            name = next((each.text for each in entries if each.key == "name"), "")
+            if name != "operator":
+                whose = "; its ssh keys are operator's" if len(self.keys) > found else ""
+                what = f'no user "{name}" is made{whose}'
+                notes.append(remark(at(file.name, user.line), what, "log in as operator"))
+
+    def _take_wifis(self, file: YamlFile, entry: Entry, notes: list[Note]) -> None:
+        for device in file.entries(entry):
+            if device.key != "wlan0":
+                file.leave(device)
+                continue
+            acts: dict[str, Callable[[Entry], None]] = {
+                "regulatory-domain": lambda each: self._set(file, "wifi.country", each),
+                "access-points": lambda each: self._take_network(file, each, notes),
+            }
+            _each(file, file.entries(device), acts, notes)
+
+    def _take_network(self, file: YamlFile, entry: Entry, notes: list[Note]) -> None:
+        auth: dict[str, Callable[[Entry], None]] = {
+            "password": lambda each: self._take_password(file, each),
+            "key-management": lambda each: None,
+        }
+        acts: dict[str, Callable[[Entry], None]] = {
+            "password": auth["password"],
+            "hidden": lambda each: self._put("wifi.hidden", each.is_true, at(file.name, each.line)),
+            "auth": lambda each: _each(file, file.entries(each), auth, notes),
+        }
+        networks = file.entries(entry)
+        for network in networks[1:]:
+            what = f'a second network, "{network.key}", is not taken'
+            notes.append(remark(at(file.name, network.line), what, "this box joins one"))
+        for network in networks[:1]:
+            self._put("wifi.ssid", network.key, at(file.name, network.line))
+            _each(file, file.entries(network), acts, notes)
+
+    def _take_password(self, file: YamlFile, entry: Entry) -> None:
+        if entry.text:  # of an open network Imager writes an empty one
+            self._put("wifi.password", entry.text, at(file.name, entry.line))
+
+    def _take_ethernets(self, file: YamlFile, entry: Entry, notes: list[Note]) -> None:
+        for device in file.entries(entry):
+            if device.key != "eth0":
+                file.leave(device)
+                continue
+            acts: dict[str, Callable[[Entry], None]] = {
+                "addresses": lambda each: self._take_address(file, each),
+                "gateway4": lambda each: self._set(file, "eth0.gateway", each),
+                "routes": lambda each: self._take_routes(file, each),
+                "nameservers": lambda each: self._take_names(file, each),
+            }
+            _each(file, file.entries(device), acts, notes)
+
+    def _take_address(self, file: YamlFile, entry: Entry) -> None:
+        for number, item in enumerate(file.items(entry)):
+            if number:
+                file.leave(item)
+            else:
+                self._set(file, "eth0.address", item)
+
+    def _take_routes(self, file: YamlFile, entry: Entry) -> None:
+        for route in file.items(entry):
+            said = {each.key: each for each in file.entries(route)}
+            target = said["to"].text if "to" in said else ""
+            if target in ("default", "0.0.0.0/0") and "via" in said:
+                self._set(file, "eth0.gateway", said["via"])
+            else:
+                file.leave(route)
+
+    def _take_names(self, file: YamlFile, entry: Entry) -> None:
+        for each in file.entries(entry):
+            if each.key == "addresses":
+                names = [item.text or "" for item in file.items(each)]
+                self._put("eth0.dns", names, at(file.name, each.line))
+            else:
+                file.leave(each)
+
+
+def _each(file: YamlFile, entries: list[Entry], acts: dict[str, Callable[[Entry], None]], notes: list[Note]) -> None:
+    """Do what there is to do for each key; what is not taken is named."""
+    for entry in entries:
+        if entry.key in acts:
+            acts[entry.key](entry)
+        elif entry.key in PASSWORDS:
+            if entry.key != "ssh_pwauth" or entry.is_true:
+                what = f"{entry.key} is refused: no password exists on this box"
+                notes.append(remark(at(file.name, entry.line), what, "ssh takes keys only: give an ssh key"))
+        elif entry.key in COMMANDS:
+            notes.append(remark(at(file.name, entry.line), f"{entry.key} is not taken: nothing is run or installed"))
+        elif entry.key not in GRANTED:
+            file.leave(entry)

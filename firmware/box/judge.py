@@ -1,0 +1,156 @@
+"""A set of the owner's files: read, checked by the code that will use it, and what follows from it for the box."""
+
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from board import describe
+from board.errors import ConfigurationError
+from board.toml import show
+from firmware.box.box_file import BoxOptions
+from firmware.box.card import File, collect, is_brokers
+from firmware.box.imager import Imager
+from firmware.box.note import Note, at, is_refused, mistake, remark
+from firmware.box.plain import plain
+from firmware.box.ssh_keys import sound_keys
+from firmware.box.station import StationFiles, look_at_station
+from firmware.box.toml_lines import line_of, syntax_hint
+
+SECRETS = ("wifi.password", "wifi.psk")
+OPEN_PORTS = range(5555, 5559)  # of nftables.conf
+
+
+class Judged(NamedTuple):
+    """What became of a set.
+
+    notes    for the owner; with a mistake among them nothing of the set is used.
+    options  of the box.
+    names    of the files that were read, as they are known here.
+    keys     lines of authorized_keys that sshd takes, whatever else is wrong.
+    files    path = octets: what the station reads, as text of this system.
+    """
+
+    notes: list[Note]
+    options: BoxOptions
+    names: list[str]
+    keys: list[str]
+    files: dict[str, bytes]
+
+    @property
+    def is_accepted(self) -> bool:
+        return not is_refused(self.notes)
+
+
+def judge(folder: Path, scratch: Path, board: str, defaults: str | None) -> Judged:
+    """The set in a folder.
+
+    scratch   an empty folder; files are looked at there, as they will lie on the box.
+    board     the box's, unless the set has a board.toml.
+    defaults  captain.toml of the box, which the owner's is laid over, where this is the box.
+
+    Raises OSError where the folder cannot be read.
+    """
+    notes: list[Note] = []
+    found = collect(folder, notes)
+    texts = {
+        name: text
+        for name, file in found.items()
+        if not is_brokers(name) and (text := plain(file.place, file.octets, notes)) is not None
+    }
+    options, imager = _options(found, texts, notes)
+    own = "authorized_keys"
+    keys = sound_keys(found[own].place, texts[own], notes) if own in texts else []
+    keys += [key for key in imager.keys if key not in keys]
+    files = {name: file.octets for name, file in found.items() if is_brokers(name)}
+    files |= {name: texts[name].encode() for name in ("captain.toml", "board.toml") if name in texts}
+    places = {file.name: file.place for file in found.values()}
+    look_at_station(StationFiles(files, places, scratch, board, defaults), notes)
+    if not keys:
+        what = "there is no ssh key: nobody can log in by ssh"
+        notes.append(remark(own, what, "put the line of your .pub file into authorized_keys"))
+    return Judged(notes, options, sorted(found), keys, files)
+
+
+# -- the box
+
+
+def _options(found: Mapping[str, File], texts: Mapping[str, str], notes: list[Note]) -> tuple[BoxOptions, Imager]:
+    """Of box.toml and of Imager's files together."""
+    imager = Imager()
+    if "user-data" in texts:
+        imager.read_user_data(found["user-data"].place, texts["user-data"], notes)
+    if "network-config" in texts:
+        imager.read_network_config(found["network-config"].place, texts["network-config"], notes)
+    if "cmdline.txt" in texts:
+        imager.read_command_line(found["cmdline.txt"].place, texts["cmdline.txt"])
+    name = found["box.toml"].place if "box.toml" in found else "box.toml"
+    text = texts.get("box.toml", "")
+    table = _table(name, text, notes)
+    _drop_country(imager, table)
+    _compare(name, text, table, imager, notes)
+    merged = _merged(imager.table, table)
+    try:
+        return describe.read(BoxOptions, merged, ""), imager
+    except ConfigurationError as error:
+        for line in error.message.split("\n"):
+            path, _, what = line.removeprefix(": ").partition(": ")
+            notes.append(mistake(_place(path, name, text, table, imager), f"{path}: {what}", error.hint))
+    return BoxOptions(), imager
+
+
+def _table(name: str, text: str, notes: list[Note]) -> dict[str, Any]:
+    try:
+        return tomllib.loads(text)
+    except ValueError as error:
+        why, _, place = str(error).removesuffix(")").partition(" (at ")
+        line = place.removeprefix("line ").partition(",")[0]
+        notes.append(
+            mistake(at(name, int(line) if line.isdecimal() else None), f"is not TOML: {why}", syntax_hint(why))
+        )
+    except RecursionError:
+        notes.append(mistake(name, "is nested too deep"))
+    return {}
+
+
+def _drop_country(imager: Imager, table: Mapping[str, Any]) -> None:
+    """A country without a network: Imager writes it of itself, and it configures nothing."""
+    wifi = imager.table.get("wifi", {})
+    if "ssid" not in wifi and "wifi" not in table:
+        imager.table.pop("wifi", None)
+
+
+def _compare(name: str, text: str, table: Mapping[str, Any], imager: Imager, notes: list[Note]) -> None:
+    """What box.toml and Imager's files say differently."""
+    ours, theirs = dict(_leaves(table)), dict(_leaves(imager.table))
+    for path in sorted(ours.keys() & theirs.keys() - set(SECRETS)):
+        if ours[path] != theirs[path]:
+            what = f"{path} is {show(ours[path])}, but {show(theirs[path])} in {imager.places[path]}"
+            notes.append(mistake(at(name, line_of(text, path)), what, "remove the one that is not meant"))
+    if any(path in ours for path in SECRETS) and (wifi := imager.table.get("wifi")):
+        wifi.pop("password", None)
+
+
+def _leaves(table: Mapping[str, Any], path: str = "") -> list[tuple[str, Any]]:
+    found = []
+    for key, value in table.items():
+        place = f"{path}.{key}" if path else key
+        found += _leaves(value, place) if isinstance(value, dict) else [(place, value)]
+    return found
+
+
+def _merged(under: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+    merged = {**under, **over}
+    for key in under.keys() & over.keys():
+        if isinstance(under[key], dict) and isinstance(over[key], dict):
+            merged[key] = {**under[key], **over[key]}
+    return merged
+
+
+def _place(path: str, name: str, text: str, table: Mapping[str, Any], imager: Imager) -> str:
+    """File and line that a key comes from, or of the table that lacks it."""
+    if path in dict(_leaves(table)):
+        return at(name, line_of(text, path))
+    above = path.partition(".")[0]
+    places = [place for key, place in imager.places.items() if key == path or key.startswith(f"{above}.")]
+    return imager.places.get(path) or (places[0] if above not in table and places else at(name, line_of(text, path)))

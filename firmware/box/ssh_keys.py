@@ -1,0 +1,79 @@
+"""authorized_keys: each line as sshd will read it, and what people put there instead."""
+
+import base64
+import binascii
+import re
+
+from firmware.box.note import Note, at, mistake
+
+# sshd(8), AUTHORIZED_KEYS FILE FORMAT; what OpenSSH 10 takes by default.
+KINDS = (
+    "ssh-ed25519", "ecdsa-sha2-nistp256", "ecdsa-sha2-nistp384", "ecdsa-sha2-nistp521", "ssh-rsa",
+    "sk-ssh-ed25519@openssh.com", "sk-ecdsa-sha2-nistp256@openssh.com",
+)  # fmt: skip
+OLD = "ssh-dss"
+LEAST_RSA_BITS = 1024  # RequiredRSASize of sshd_config(5)
+# A word of options: letters, and values in quotes, in which blanks are not its end.
+OPTIONS = re.compile(r'(?:[^\s"]|"(?:[^"\\]|\\.)*")+')
+SHOWN = 24
+MAKE = "a line of authorized_keys is what `ssh-keygen -t ed25519` writes into id_ed25519.pub"
+
+
+def sound_keys(name: str, text: str, notes: list[Note], first: int = 1) -> list[str]:
+    """The lines that sshd takes; each of the others is noted. first: number of the text's first line."""
+    found = []
+    for number, line in enumerate(text.split("\n"), first):
+        word = line.strip()
+        if "PRIVATE KEY" in word or word.startswith("PuTTY-User-Key-File"):
+            what = "is a private key, which belongs on your own computer only"
+            notes.append(mistake(at(name, number), what, "put the file that ends in .pub here, and make a new pair"))
+            break  # what follows is the rest of it
+        if word.startswith("---- BEGIN SSH2"):
+            remedy = "turn it into one line: ssh-keygen -i -f FILE"
+            notes.append(mistake(at(name, number), "is a public key in PuTTY's form", remedy))
+            break
+        if not word or word.startswith("#"):
+            continue
+        if trouble := _trouble(word):
+            notes.append(mistake(at(name, number), *trouble))
+        else:
+            found.append(word)
+    return found
+
+
+def _trouble(line: str) -> tuple[str, str] | None:
+    """What is wrong with a line, and what to do; None where sshd takes it."""
+    kind, _, rest = line.partition(" ")
+    if kind not in (*KINDS, OLD) and (options := OPTIONS.match(line)):
+        kind, _, rest = line[options.end() :].strip().partition(" ")
+    if kind == OLD:
+        return "ssh-dss is no longer taken by sshd", "make another key: ssh-keygen -t ed25519"
+    if kind not in KINDS:
+        return f'"{line[:SHOWN]}" begins no public key', f"is the line broken, or cut off? {MAKE}"
+    written = rest.split()[0] if rest.split() else ""
+    try:
+        octets = base64.b64decode(written, validate=True)
+    except (binascii.Error, ValueError):
+        return f"the key {_short(written)} is not base64", "copy the whole line once more, without breaks"
+    fields = _fields(octets)
+    if not fields or fields[0] != kind.encode() or len(fields) < 2:
+        return f"the key {_short(written)} is cut off or damaged", "copy the whole line once more, without breaks"
+    if kind == "ssh-rsa" and len(fields) > 2 and (bits := int.from_bytes(fields[2]).bit_length()) < LEAST_RSA_BITS:
+        return f"an RSA key of {bits} bits is refused by sshd", "make another key: ssh-keygen -t ed25519"
+    return None
+
+
+def _fields(octets: bytes) -> list[bytes]:
+    """The strings of a key; none where one is cut off. Source: RFC 4253, clause 6.6; RFC 4251, clause 5."""
+    found, place = [], 0
+    while place < len(octets):
+        size = int.from_bytes(octets[place : place + 4])
+        place += 4 + size
+        if place > len(octets):
+            return []
+        found.append(octets[place - size : place])
+    return found
+
+
+def _short(written: str) -> str:
+    return f"{written[:8]}...{written[-6:]}" if len(written) > SHOWN else f'"{written}"'

@@ -1,0 +1,136 @@
+"""The station's part of a set: captain.toml, board.toml and the files for brokers, as the station will read them."""
+
+import os
+import tomllib
+from collections.abc import Iterator, Mapping
+from contextlib import chdir
+from pathlib import Path
+from typing import NamedTuple
+
+from board.errors import ConfigurationError, StationError
+from drivers.mqtt_options import MqttOptions
+from firmware import board_file, config
+from firmware.box.card import FOLDER, is_brokers
+from firmware.box.note import Note, at, mistake, remark
+from firmware.box.toml_lines import line_of, syntax_hint
+
+OPEN_PORTS = range(5555, 5559)  # of the box's nftables.conf
+PORTS = ("from_users", "to_users", "pull", "report")
+OWN, BOARD = "captain.toml", "board.toml"
+
+
+class StationFiles(NamedTuple):
+    """What the station is to be started with.
+
+    files     path = octets.
+    places    what they are called on the card.
+    scratch   an empty folder, in which they are read: paths in captain.toml begin there.
+    board     the box's, unless there is a board.toml.
+    defaults  captain.toml of the box, which the owner's is laid over, where this is the box.
+    """
+
+    files: Mapping[str, bytes]
+    places: Mapping[str, str]
+    scratch: Path
+    board: str
+    defaults: str | None
+
+    def at(self, name: str, path: str) -> str:
+        """Where a key stands."""
+        text = self.files[name].decode() if name in self.files else ""
+        return at(self.places.get(name, name), line_of(text, path))
+
+
+def look_at_station(given: StationFiles, notes: list[Note]) -> None:
+    """What `captain run` would say of them, and what is no mistake of theirs but keeps users out of the box."""
+    for name, octets in given.files.items():
+        path = given.scratch / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_bytes(octets)
+        path.chmod(0o600)
+    with chdir(given.scratch):
+        found = _loaded(given, notes)
+        if found is not None:
+            _look_at_endpoint(found, given, notes)
+            _look_at_brokers(found, given, notes)
+
+
+def _loaded(given: StationFiles, notes: list[Note]) -> config.Config | None:
+    board = f"./{BOARD}" if BOARD in given.files else given.board
+    own = OWN if OWN in given.files else None
+    try:
+        board_file.load(board)
+    except ConfigurationError as error:
+        notes += [_of_line(line, error.hint, given) for line in error.message.split("\n")]
+        board = given.board  # so that what captain.toml has wrong is told as well
+    try:
+        return config.load(own or given.defaults, (), board, given.defaults if own else None)
+    except ConfigurationError as error:
+        notes += [_of_line(line, error.hint, given) for line in error.message.split("\n")]
+        return None
+
+
+def _of_line(line: str, hint: str, given: StationFiles) -> Note:
+    """`file: key.path: what` with the line of the key; of a mistake in the text the parser tells the line itself."""
+    name, _, rest = line.partition(": ")
+    name = Path(name).name
+    path, _, what = rest.partition(": ")
+    if path.startswith("line "):
+        number = path.removeprefix("line ").partition(",")[0]
+        return mistake(at(given.places.get(name, name), int(number)), f"is not TOML: {what}", hint or syntax_hint(what))
+    inner = what.partition(": ")[0]  # `interfaces.g5: queue: 70000 is ...`
+    return mistake(given.at(name, f"{path}.{inner}" if inner.isidentifier() else path), rest, hint)
+
+
+def _look_at_endpoint(found: config.Config, given: StationFiles, notes: list[Note]) -> None:
+    endpoint = found.tables.endpoint
+    said = tomllib.loads(given.files.get(OWN, b"").decode()).get("endpoint", {})
+    for name in PORTS:
+        if (port := getattr(endpoint, name)) not in OPEN_PORTS:
+            what = f"endpoint.{name}: the box lets nobody in at port {port}"
+            notes.append(remark(given.at(OWN, f"endpoint.{name}"), what, "5555 to 5558 are open"))
+    if "address" in said and (endpoint.address.startswith("127.") or endpoint.address == "::1"):
+        what = f'endpoint.address: "{endpoint.address}" is reached from this box only'
+        notes.append(remark(given.at(OWN, "endpoint.address"), what, "leave it out for all addresses"))
+
+
+def _look_at_brokers(found: config.Config, given: StationFiles, notes: list[Note]) -> None:
+    """Certificates and keys as the client of a broker will load them; what no interface names is told."""
+    there = [name for name in given.files if is_brokers(name)]
+    used: set[str] = set()
+    for one in found.interfaces:
+        if isinstance(one.options, MqttOptions):
+            used |= {os.path.normpath(path) for _, path, _ in one.options.files()}
+            place = f"interfaces.{one.name}"
+            missing = list(_missing(one.options, there))
+            for option, what, remedy in missing or _of_tls(one.options):
+                notes.append(mistake(given.at(OWN, f"{place}.{option}"), f"{place}.{what}", remedy))
+    notes += [
+        remark(name, f"is named by no interface of {OWN}", f'for example: ca = "{name}"')
+        for name in there
+        if name not in used
+    ]
+
+
+Trouble = tuple[str, str, str]  # option, what is wrong with it, remedy
+
+
+def _missing(options: MqttOptions, there: list[str]) -> Iterator[Trouble]:
+    for option, path, _ in options.files():
+        if not os.path.exists(path):
+            near = next((name for name in there if name.lower() == path.lower()), "")
+            remedy = f"on the card it is written {near}" if near else f"put it into {FOLDER}/, beside {OWN}"
+            yield option, f"{option}: there is no {path}", remedy
+
+
+def _of_tls(options: MqttOptions) -> Iterator[Trouble]:
+    from drivers import mqtt_credentials
+    from drivers.mqtt_broker import broker
+
+    try:
+        if broker(options.url).has_tls:
+            mqtt_credentials.context(options)
+        if options.password_file:
+            mqtt_credentials.password(options)
+    except StationError as error:
+        yield error.message.partition(" ")[0], error.message, error.hint

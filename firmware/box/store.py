@@ -1,0 +1,126 @@
+"""Accepted sets on the data partition: one is in force, as a whole, whenever the power goes.
+
+/data/owner/KEY/     captain.toml, board.toml, authorized_keys, mqtt/, and made/: files for / by their paths
+/data/owner/current  a link to the set in force
+/data/owner/spare    a link to a set that has ssh keys only, as long as none was ever accepted
+/data/owner/looked   of the last set that was looked at: its key, the number that the LED blinks, notes
+"""
+
+import os
+import pwd
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from firmware.box.card import is_brokers
+from firmware.box.made import Made
+
+STATION = "captain"  # the user that the station runs as
+CURRENT, SPARE, LOOKED = "current", "spare", "looked"
+
+
+class Store:
+    """A folder of sets, /data/owner. What is written there is on the card before it counts."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    @property
+    def has_current(self) -> bool:
+        return (self._folder / CURRENT).is_dir()
+
+    def accept(self, key: str, keys: Sequence[str], files: Mapping[str, bytes], made: Mapping[str, Made]) -> None:
+        """Put a set in force, and forget the one before. Raises OSError; then the one before stays in force."""
+        self._write(key, keys, files, made)
+        self._link(CURRENT, key)
+        self._clean(key)
+
+    def keep_keys(self, key: str, keys: Sequence[str]) -> None:
+        """ssh keys of a set that was not accepted, while there is no other: the owner is not locked out."""
+        name = f"{key}-keys"
+        self._write(name, keys, {}, {})
+        self._link(SPARE, name)
+        self._clean(name)
+
+    def tell(self, key: str, blinks: int, lines: Sequence[str]) -> None:
+        """What was found; the same set is not looked at again."""
+        path = self._folder / f"{LOOKED}.new"
+        _put(path, "".join(f"{line}\n" for line in (key, blinks, *lines)).encode(), 0o644)
+        os.rename(path, self._folder / LOOKED)
+        _sync(self._folder)
+
+    def _write(self, name: str, keys: Sequence[str], files: Mapping[str, bytes], made: Mapping[str, Made]) -> None:
+        target = self._folder / name
+        if target.is_dir():  # complete: it was renamed
+            return
+        self._folder.mkdir(exist_ok=True)
+        new = self._folder / f"{name}.new"
+        shutil.rmtree(new, ignore_errors=True)
+        new.mkdir(mode=0o755)
+        _put(new / "authorized_keys", "".join(f"{line}\n" for line in keys).encode(), 0o644)
+        for path, octets in files.items():
+            _put(_above(new / path, 0o750), octets, 0o600 if is_brokers(path) else 0o640)
+            _give(new / path, is_own=is_brokers(path))
+        for path, one in made.items():
+            place = _above(new / "made" / path, 0o700)
+            if one.target:
+                place.symlink_to(one.target)
+            else:
+                _put(place, one.text.encode(), one.mode)
+        for folder in _folders(new):
+            _sync(folder)
+        os.rename(new, target)
+        _sync(self._folder)
+
+    def _link(self, name: str, target: str) -> None:
+        new = self._folder / f"{name}.new"
+        new.unlink(missing_ok=True)
+        new.symlink_to(target)
+        os.rename(new, self._folder / name)
+        _sync(self._folder)
+
+    def _clean(self, kept: str) -> None:
+        """Other sets than the one in force, and what a lost power left."""
+        if (spare := self._folder / SPARE).is_symlink() and os.readlink(spare) != kept:
+            spare.unlink()
+        for path in self._folder.iterdir():
+            if path.is_dir() and not path.is_symlink() and path.name != kept:
+                shutil.rmtree(path, ignore_errors=True)
+
+
+def _above(path: Path, mode: int) -> Path:
+    """The path, once its folders are there."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.parent.name == "mqtt":
+        path.parent.chmod(mode)
+        _give(path.parent)
+    return path
+
+
+def _put(path: Path, octets: bytes, mode: int) -> None:
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)
+    with os.fdopen(descriptor, "wb") as file:
+        file.write(octets)
+        file.flush()
+        os.fchmod(descriptor, mode)
+        os.fsync(descriptor)
+
+
+def _give(path: Path, is_own: bool = False) -> None:
+    """To the station to read, or to be its own, where this machine has such a user."""
+    with suppress(KeyError):
+        user = pwd.getpwnam(STATION)
+        os.chown(path, user.pw_uid if is_own else -1, user.pw_gid)
+
+
+def _folders(top: Path) -> Iterator[Path]:
+    yield from (Path(folder) for folder, _, _ in os.walk(top, topdown=False))
+
+
+def _sync(folder: Path) -> None:
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,65 @@
+"""In which line of a TOML file a key stands: parsers tell the path of a key, people look for lines."""
+
+import re
+import tomllib
+
+HEADER = re.compile(r"\s*\[(\[)?(.*?)\]\]?\s*(?:#.*)?$")
+KEY = re.compile(r"""\s*((?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*'|\s*\.\s*)+?)\s*=""")
+INDEX = re.compile(r"\[(\d+)\]")
+
+Keys = tuple[str, ...]
+
+
+def line_of(text: str, path: str) -> int | None:
+    """The line, from 1, of a key such as `wifi.country` or `policy[1].match`, or of the next table above it.
+
+    path  as board.describe tells it.
+    """
+    wanted = _keys(INDEX.sub(r".\1", path))
+    places = _places(text)
+    while wanted:
+        if wanted in places:
+            return places[wanted]
+        wanted = wanted[:-1]
+    return None
+
+
+def syntax_hint(why: str) -> str:
+    """What to do about what a parser says."""
+    if "value" in why.lower():
+        return 'text stands in quotes: key = "value"'
+    return "compare with the example in README"
+
+
+def _places(text: str) -> dict[Keys, int]:
+    """The first line of each key; arrays of tables have a number after their name."""
+    found: dict[Keys, int] = {}
+    table: Keys = ()
+    counts: dict[Keys, int] = {}
+    for number, line in enumerate(text.split("\n"), 1):
+        if header := HEADER.match(line):
+            name = _keys(header[2])
+            if header[1]:
+                counts[name] = counts.get(name, -1) + 1
+                found.setdefault(name, number)
+                name = (*name, str(counts[name]))
+            elif name[:-1] in counts:  # a table of the last element
+                name = (*name[:-1], str(counts[name[:-1]]), name[-1])
+            table = name
+            found.setdefault(table, number)
+        elif key := KEY.match(line):
+            found.setdefault((*table, *_keys(key[1])), number)
+    return found
+
+
+def _keys(dotted: str) -> Keys:
+    """The parts of a dotted key, quoted ones included."""
+    keys: list[str] = []
+    try:
+        table: object = tomllib.loads(f"{dotted} = 0")
+    except (ValueError, RecursionError):
+        return tuple(dotted.split("."))
+    while isinstance(table, dict) and len(table) == 1:
+        ((key, table),) = table.items()
+        keys.append(key)
+    return tuple(keys)

@@ -1,0 +1,67 @@
+"""captain box: the owner's files of a box's card, before they are in it."""
+
+import argparse
+import tempfile
+from pathlib import Path
+
+from board.errors import InterfaceError, UsageError
+from firmware.box import owner
+from firmware.box.judge import judge
+from firmware.box.store import Store
+from firmware.user.table import clean
+
+DESCRIPTION = """\
+Looks at the files that an owner puts on the first partition of a box's card,
+as the box itself will at its next start: captain.toml, box.toml,
+authorized_keys, board.toml, mqtt/, and what Raspberry Pi Imager writes there.
+Nothing is written. Each mistake is told with its file and line.
+"""
+EPILOG = """\
+examples:
+  captain box check /media/me/BOOT         the card, still in the laptop
+  captain box check ./my-box               a folder that is to be copied there
+
+exit codes:
+  0    the box will take them
+  1    it will not; what it took before stays in force
+  2    wrong usage
+"""
+HINT = "name the folder that the card's first partition is mounted at"
+BOARD = "quad"  # of the image
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("do", choices=("check", "apply"), metavar="check", help="what to do")
+    parser.add_argument("folder", type=Path, metavar="DIR", help="the card's first partition, or a folder like it")
+    parser.add_argument("--board", default=BOARD, help=f"that the box has, without a board.toml (default {BOARD})")
+    # `apply` is for the box itself: captain-owner.service.
+    for option in ("--key", "--owner", "--defaults"):
+        parser.add_argument(option, help=argparse.SUPPRESS)
+
+
+def main(arguments: argparse.Namespace) -> int:
+    try:
+        return _apply(arguments) if arguments.do == "apply" else _check(arguments)
+    except OSError as error:
+        raise InterfaceError(f"{error.filename or arguments.folder}: {error.strerror}", HINT) from error
+
+
+def _check(arguments: argparse.Namespace) -> int:
+    with tempfile.TemporaryDirectory(prefix="captain-box-") as scratch:
+        found = judge(arguments.folder, Path(scratch), arguments.board, None)
+    for note in found.notes:
+        print(clean(f"{'WRONG' if note.is_mistake else 'note':6} {note.text}"))
+    verdict = "the box will take it" if found.is_accepted else "the box will NOT take it"
+    print(clean(f"{verdict}: {owner.content(found)}"))
+    return 0 if found.is_accepted else 1
+
+
+def _apply(arguments: argparse.Namespace) -> int:
+    if not (arguments.key and arguments.owner):
+        raise UsageError("apply is for the box itself", "`captain box check DIR` looks at a card")
+    store = Store(Path(arguments.owner))
+    with tempfile.TemporaryDirectory(prefix="captain-box-") as scratch:
+        found = judge(arguments.folder, Path(scratch), arguments.board, arguments.defaults)
+    for line in owner.apply(found, store, arguments.key):
+        print(clean(line))
+    return 0

@@ -1,0 +1,88 @@
+"""Certificates and keys for brokers: looked at as the client will load them."""
+
+from pathlib import Path
+
+import pytest
+
+from firmware.box.judge import Judged
+from firmware.lab.certificates import Authority
+from tests.firmware.box.conftest import KEY, Files, Look, mistakes, remarks
+
+CONFIG = """\
+[interfaces.cloud]
+driver = "mqtt"
+url = "mqtts://broker.example:8883"
+ca = "mqtt/ca.pem"
+certificate = "mqtt/box.pem"
+key = "mqtt/box.key"
+"""
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> Files:
+    """A sound set."""
+    authority = Authority(tmp_path_factory.mktemp("ca"))
+    pair = authority.issue("box", "extendedKeyUsage=clientAuth\n", 2)
+    return {
+        "captain.toml": CONFIG,
+        "authorized_keys": KEY,
+        "mqtt/ca.pem": Path(authority.certificate).read_bytes(),
+        "mqtt/box.pem": pair.certificate.read_bytes(),
+        "mqtt/box.key": pair.key.read_bytes(),
+        "other.pem": authority.issue("other", "extendedKeyUsage=clientAuth\n", 2).key.read_bytes(),
+    }
+
+
+def own(files: Files) -> Files:
+    return {name: content for name, content in files.items() if name != "other.pem"}
+
+
+def only(found: Judged) -> str:
+    (text,) = mistakes(found)
+    return text
+
+
+def test_a_sound_set_is_kept_octet_for_octet(look: Look, files: Files):
+    found = look(own(files))
+    assert [note.text for note in found.notes] == []
+    assert found.files["mqtt/box.key"] == files["mqtt/box.key"]
+
+
+def test_a_key_of_another_certificate_is_named(look: Look, files: Files):
+    said = only(look(own(files) | {"mqtt/box.key": files["other.pem"]}))
+    assert said == (
+        "captain.toml:6: interfaces.cloud.key mqtt/box.key: is not the key of certificate mqtt/box.pem; name the key that "
+        "the certificate was made for"
+    )
+
+
+def test_what_is_no_certificate_is_named(look: Look, files: Files):
+    said = only(look(own(files) | {"mqtt/ca.pem": "hello\n"}))
+    assert said.startswith(
+        "captain.toml:4: interfaces.cloud.ca mqtt/ca.pem: holds no certificate in PEM form; name a file"
+    )
+
+
+def test_a_file_that_is_not_there_is_named_with_the_one_that_may_be_meant(look: Look, files: Files):
+    there = {name: content for name, content in own(files).items() if name != "mqtt/ca.pem"}
+    assert only(look(there)) == (
+        "captain.toml:4: interfaces.cloud.ca: there is no mqtt/ca.pem; put it into mqtt/, beside captain.toml"
+    )
+    said = only(look(there | {"mqtt/CA.PEM": files["mqtt/ca.pem"]}))
+    assert said.endswith("there is no mqtt/ca.pem; on the card it is written mqtt/CA.PEM")
+
+
+def test_a_file_that_nobody_names_is_told(look: Look, files: Files):
+    found = look(own(files) | {"mqtt/old.pem": "x"})
+    assert found.is_accepted
+    assert remarks(found) == [
+        'mqtt/old.pem: is named by no interface of captain.toml; for example: ca = "mqtt/old.pem"'
+    ]
+
+
+def test_an_empty_password_file_is_named(look: Look):
+    text = (
+        '[interfaces.c]\ndriver = "mqtt"\nurl = "mqtt://127.0.0.1"\nusername = "me"\npassword_file = "mqtt/password"\n'
+    )
+    said = only(look({"captain.toml": text, "mqtt/password": "\n", "authorized_keys": KEY}))
+    assert said.startswith("captain.toml:5: interfaces.c.password_file mqtt/password: its first line is no password")

@@ -1,0 +1,99 @@
+"""captain box: on a laptop before the card is used, and in the box at its start."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from firmware import cli
+from tests.firmware.box.conftest import KEY, OVERLAY, Files, write
+
+GOOD: Files = {"captain.toml": '[station]\nname = "rsu-7"\n', "authorized_keys": KEY}
+BAD: Files = {"captain.toml": "[statoin]\n", "authorized_keys": f"{KEY}\nssh-ed25519 x\n"}
+Said = pytest.CaptureFixture[str]
+
+
+def apply(card: Path, owner: Path, key: str) -> int:
+    words = ["--owner", str(owner), "--board", "none", "--defaults", str(OVERLAY / "etc/captain/captain.toml")]
+    return cli.main(["box", "apply", str(card), "--key", key, *words])
+
+
+def looked(owner: Path) -> list[str]:
+    return (owner / "looked").read_text().splitlines()
+
+
+def test_a_sound_card_is_told_to_be_one(tmp_path: Path, capsys: Said):
+    assert cli.main(["box", "check", str(write(tmp_path, GOOD))]) == 0
+    assert capsys.readouterr().out == "the box will take it: authorized_keys, captain.toml; 1 ssh key\n"
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(GOOD)
+
+
+def test_a_card_with_a_mistake_is_refused_with_a_status_for_scripts(tmp_path: Path, capsys: Said):
+    assert cli.main(["box", "check", str(write(tmp_path, BAD))]) == 1
+    assert capsys.readouterr().out == (
+        'WRONG  authorized_keys:2: the key "x" is not base64; copy the whole line once more, without breaks\n'
+        "WRONG  captain.toml:1: statoin: is not a known key; did you mean station?\n"
+        "the box will NOT take it: authorized_keys, captain.toml; 1 ssh key\n"
+    )
+
+
+def test_a_folder_that_is_not_there_is_told(tmp_path: Path, capsys: Said):
+    assert cli.main(["box", "check", str(tmp_path / "none")]) == 1
+    assert "none: No such file or directory\n  (name the folder" in capsys.readouterr().err
+
+
+def test_apply_is_for_the_box_itself(tmp_path: Path, capsys: Said):
+    assert cli.main(["box", "apply", str(tmp_path)]) == 2
+    assert "`captain box check DIR`" in capsys.readouterr().err
+
+
+def test_a_set_is_put_in_force_and_what_was_found_is_kept(tmp_path: Path):
+    card, owner = write(tmp_path / "card", GOOD), tmp_path / "owner"
+    assert apply(card, owner, "11112222") == 0
+    assert os.readlink(owner / "current") == "11112222"
+    assert looked(owner) == [
+        "11112222",
+        "0",
+        "the owner's files are in force: authorized_keys, captain.toml; 1 ssh key",
+    ]
+    environment = (owner / "current/made/run/captain-image/environment").read_text()
+    assert environment == "CAPTAIN_CONFIG=/data/owner/current/captain.toml\n"
+
+
+def test_a_first_set_with_mistakes_gives_its_sound_keys_and_nothing_else(tmp_path: Path):
+    card, owner = write(tmp_path / "card", BAD), tmp_path / "owner"
+    assert apply(card, owner, "11112222") == 0
+    assert not (owner / "current").exists()
+    assert (owner / "spare/authorized_keys").read_text() == f"{KEY}\n"
+    assert looked(owner)[1:] == [
+        "2",
+        "the owner's files are NOT taken, for 2 mistakes; the box runs as it was made, with the sound ssh keys of them: 1",
+        'authorized_keys:2: the key "x" is not base64; copy the whole line once more, without breaks',
+        "captain.toml:1: statoin: is not a known key; did you mean station?",
+    ]
+
+
+def test_the_set_of_before_stays_in_force_when_a_later_one_has_mistakes(tmp_path: Path):
+    owner = tmp_path / "owner"
+    apply(write(tmp_path / "good", GOOD), owner, "11112222")
+    apply(write(tmp_path / "bad", {**BAD, "authorized_keys": ""}), owner, "33334444")
+    assert os.readlink(owner / "current") == "11112222"
+    assert (owner / "current/authorized_keys").read_text() == f"{KEY}\n"
+    assert looked(owner)[0] == "33334444"
+    assert "those of before stay in force, their ssh keys too" in looked(owner)[2]
+    assert not (owner / "spare").exists()
+
+
+def test_a_set_of_which_everything_was_taken_away_is_a_set(tmp_path: Path):
+    owner = tmp_path / "owner"
+    apply(write(tmp_path / "good", GOOD), owner, "11112222")
+    (tmp_path / "empty").mkdir()
+    apply(tmp_path / "empty", owner, "33334444")
+    assert (owner / "current/authorized_keys").read_text() == ""
+    assert looked(owner)[2] == "the owner's files are in force: no files; 0 ssh keys"
+
+
+def test_a_data_partition_that_takes_nothing_is_told(tmp_path: Path, capsys: Said):
+    (tmp_path / "owner").write_text("")
+    assert apply(write(tmp_path / "card", GOOD), tmp_path / "owner", "11112222") == 1
+    assert "captain: " in capsys.readouterr().err

@@ -1,0 +1,178 @@
+"""Raspberry Pi Imager's customisation: what is taken of it as data, and what is named and not taken."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as some
+
+from firmware.box.imager import Imager
+from firmware.box.note import Note
+from tests.firmware.box.conftest import KEY, Look, mistakes, remarks
+
+# As rpi-imager 2.0 writes it, when everything of its pages is filled in (src/customization_generator.cpp).
+USER_DATA = f"""\
+#cloud-config
+hostname: captain-7
+manage_etc_hosts: true
+packages:
+- avahi-daemon
+apt:
+  conf: |
+    Acquire {{
+      Check-Date "false";
+    }};
+timezone: Europe/Berlin
+keyboard:
+  model: pc105
+  layout: "de"
+enable_ssh: true
+users:
+- name: pi
+  groups: users,adm,dialout,audio,netdev,video,plugdev,cdrom,games,input,gpio,spi,i2c,render,sudo
+  shell: /bin/bash
+  lock_passwd: false
+  passwd: $5$ABCDEFGH$0123456789
+  ssh_authorized_keys:
+    - {KEY}
+  sudo: ALL=(ALL) NOPASSWD:ALL
+ssh_pwauth: true
+runcmd:
+  - [ rfkill, unblock, wifi ]
+"""
+PSK = "0123456789abcdef" * 4
+NETWORK = f"""\
+network:
+  version: 2
+  wifis:
+    wlan0:
+      dhcp4: true
+      regulatory-domain: "DE"
+      access-points:
+        "Café \\"Nord\\"":
+          hidden: true
+          password: "{PSK}"
+      optional: true
+"""
+CMDLINE = " cfg80211.ieee80211_regdom=DE ds=nocloud;i=rpi-imager-1784124660514"
+
+
+def test_host_name_keys_time_zone_and_wifi_are_taken(look: Look):
+    found = look({"user-data": USER_DATA, "network-config": NETWORK, "cmdline.txt": CMDLINE, "meta-data": "x: y\n"})
+    assert mistakes(found) == []
+    options = found.options
+    assert (options.host_name, options.time_zone, found.keys) == ("captain-7", "Europe/Berlin", [KEY])
+    assert options.wifi is not None
+    assert (options.wifi.country, options.wifi.ssid) == ("DE", 'Café "Nord"')
+    assert (options.wifi.password, options.wifi.hidden) == (PSK, True)
+
+
+def test_each_key_that_is_not_taken_is_named_and_passwords_are_refused_with_words(look: Look):
+    told = remarks(look({"user-data": USER_DATA, "network-config": NETWORK}))
+    refused = "is refused: no password exists on this box; ssh takes keys only: give an ssh key"
+    assert told == [
+        "user-data:4: packages is not taken: nothing is run or installed",
+        "user-data:6: apt is not taken: nothing is run or installed",
+        f"user-data:21: passwd {refused}",
+        'user-data:17: no user "pi" is made; its ssh keys are operator\'s; log in as operator',
+        f"user-data:25: ssh_pwauth {refused}",
+        "user-data:26: runcmd is not taken: nothing is run or installed",
+        "user-data: not taken: keyboard (line 12)",
+    ]
+    assert not any("$5$" in text for text in told)
+
+
+def test_the_templates_of_raspberry_pi_os_which_are_comments_say_nothing(look: Look):
+    found = look(
+        {"user-data": "#cloud-config\n# hostname: x\n", "network-config": "#network:\n", "authorized_keys": KEY}
+    )
+    assert found.notes == []
+
+
+def test_a_static_address_is_taken_as_netplan_writes_it(look: Look):
+    text = """\
+version: 2
+ethernets:
+  eth0:
+    dhcp4: false
+    addresses: [192.168.1.20/24]
+    routes:
+      - to: default
+        via: 192.168.1.1
+    nameservers:
+      addresses: [192.168.1.1, 9.9.9.9]
+  eth1:
+    dhcp4: true
+"""
+    found = look({"network-config": text, "authorized_keys": KEY})
+    assert mistakes(found) == []
+    eth0 = found.options.eth0
+    assert eth0 is not None
+    assert (eth0.address, eth0.gateway, eth0.dns) == ("192.168.1.20/24", "192.168.1.1", ("192.168.1.1", "9.9.9.9"))
+    assert remarks(found) == ["network-config: not taken: eth1 (line 11)"]
+
+
+def test_an_open_network_has_the_empty_password_that_imager_writes(look: Look):
+    found = look({"network-config": NETWORK.replace(PSK, "")})
+    assert found.is_accepted
+    assert found.options.wifi is not None
+    assert found.options.wifi.password is None
+
+
+def test_the_country_of_the_command_line_counts_where_the_network_has_none(look: Look):
+    without = NETWORK.replace('      regulatory-domain: "DE"\n', "")
+    assert look({"network-config": without, "cmdline.txt": CMDLINE}).is_accepted
+    assert mistakes(look({"network-config": without})) == [
+        "network-config:7: wifi.country: is missing; give text in quotes"
+    ]
+
+
+def test_what_two_files_say_differently_is_told_with_both_places(look: Look):
+    box = 'host_name = "captain-8"\n[wifi]\ncountry = "DE"\nssid = "depot"\npassword = "12345678"\n'
+    assert mistakes(look({"box.toml": box, "user-data": USER_DATA, "network-config": NETWORK})) == [
+        'box.toml:1: host_name is "captain-8", but "captain-7" in user-data:2; remove the one that is not meant',
+        'box.toml:4: wifi.ssid is "depot", but "Café "Nord"" in network-config:8; remove the one that is not meant',
+    ]
+
+
+def test_what_two_files_say_alike_is_said_once(look: Look):
+    box = 'host_name = "captain-7"\n[wifi]\ncountry = "DE"\nssid = \'Café "Nord"\'\npassword = "12345678"\n'
+    found = look({"box.toml": box, "user-data": USER_DATA, "network-config": NETWORK, "authorized_keys": KEY})
+    assert mistakes(found) == []
+    assert found.keys == [KEY]
+    assert found.options.wifi is not None
+    assert found.options.wifi.password == "12345678"
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "said"),
+    [
+        ("user-data", "hostname:\n\t- x\n", "user-data:2: is not YAML: found character '\\t' that cannot start any token; indent by blanks: YAML takes no tab"),
+        ("user-data", "hostname: a: b\n", "user-data:1: is not YAML: mapping values are not allowed here"),
+        ("user-data", "hostname: [a]\n", "user-data:1: hostname is not text"),
+        ("user-data", "hostname: a\nhostname: b\n", "user-data:2: hostname stands there a second time, first in line 1"),
+        ("user-data", "users: pi\n", "user-data:1: users is not a list, each line with a - before it"),
+        ("user-data", "- x\n", "user-data: this is not keys with values"),
+        ("user-data", "hostname: raspberry_pi\n", 'user-data:1: host_name: "raspberry_pi" is no host name'),
+        ("user-data", "ssh_authorized_keys:\n  - ssh-ed25519 AAAA\n", "user-data:2: the key "),
+        ("user-data", "hostname: " + "[" * 2000, "user-data: is nested too deep"),
+        ("network-config", "version: 1\nconfig: []\n", "network-config:1: version 1 is not read; write it as netplan has it: version: 2"),
+        ("network-config", NETWORK.replace('"DE"', '"Germany"'), 'network-config:6: wifi.country: "Germany" is no country'),
+        ("network-config", NETWORK.replace(PSK, "short"), "network-config:10: wifi.password: has 5 characters"),
+    ],
+)  # fmt: skip
+def test_a_mistake_in_it_is_named(look: Look, name: str, text: str, said: str):
+    found = look({name: text})
+    assert len(mistakes(found)) == 1
+    assert mistakes(found)[0].startswith(said)
+
+
+def test_a_script_is_not_run(look: Look):
+    found = look({"user-data": "#!/bin/sh\nreboot\n", "authorized_keys": KEY})
+    assert remarks(found) == ["user-data: is a script: it is not run; this box takes #cloud-config only"]
+
+
+@given(text=some.text(alphabet=":-[]{}\"' \n#&*!|>%ab\t1", max_size=80))
+def test_any_text_is_read_or_named(text: str):
+    notes: list[Note] = []
+    imager = Imager()
+    imager.read_user_data("user-data", text, notes)
+    imager.read_network_config("network-config", text, notes)

@@ -1,0 +1,161 @@
+"""Each mistake that an owner makes on a card is named, with its file and line, and refuses the whole set."""
+
+import pytest
+
+from firmware.box.judge import Judged
+from tests.firmware.box.conftest import KEY, Files, Look, mistakes, remarks
+
+CAPTAIN = '[station]\nname = "rsu-7"\n'
+BOX = 'host_name = "captain-7"\n'
+WIFI = '[wifi]\ncountry = "DE"\nssid = "depot"\n'
+
+
+def only(found: Judged) -> str:
+    (text,) = mistakes(found)
+    assert not found.is_accepted
+    return text
+
+
+def test_a_sound_set_is_taken_whole(look: Look):
+    found = look({"captain.toml": CAPTAIN, "box.toml": BOX + WIFI + 'password = "12345678"\n', "authorized_keys": KEY})
+    assert (mistakes(found), remarks(found)) == ([], [])
+    assert (found.options.host_name, found.keys) == ("captain-7", [KEY])
+    assert found.options.wifi is not None
+    assert found.options.wifi.ssid == "depot"
+
+
+def test_a_card_without_files_is_taken_and_says_that_nobody_can_log_in(look: Look):
+    found = look({})
+    assert found.is_accepted
+    assert remarks(found) == [
+        "authorized_keys: there is no ssh key: nobody can log in by ssh; put the line of your .pub file into "
+        "authorized_keys"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("files", "said"),
+    [
+        # captain.toml
+        ({"captain.toml": "[statoin]\nname = 'x'\n"}, "captain.toml:1: statoin: is not a known key; did you mean station?"),
+        ({"captain.toml": "[endpoint]\nfrom_users = 66000\n"}, "captain.toml:2: endpoint.from_users: 66000 is out of range; give at least 0 and at most 65535"),
+        ({"captain.toml": "[station]\nname = rsu\n"}, "captain.toml:2: is not TOML: Invalid value; text stands in quotes: key = \"value\""),
+        ({"captain.toml": '[interfaces.g5]\nqueue = 0\ndriver = "udp"\nlisten = "127.0.0.1:0"\n'}, "captain.toml:2: interfaces.g5: queue: 0 is out of range; give at least 1 and at most 65536"),
+        ({"captain.toml": '[[policy]]\n[[policy]]\nrate_per_s = "x"\n'}, 'captain.toml:3: policy[1].rate_per_s: "x" is text in quotes; give a number'),
+        ({"captain.toml": '[interfaces.a]\ndriver = "upd"\n'}, "captain.toml:2: interfaces.a.driver: 'upd' is no driver; one of ethernet, morse, mqtt, sim8202g, som301e, uart, udp, zed_f9p"),
+        # box.toml
+        ({"box.toml": 'host_name = "rsu_7"\n'}, 'box.toml:1: host_name: "rsu_7" is no host name: letters, digits, and - between them; write rsu-7'),
+        ({"box.toml": '\n[wifi]\ncountry = "UK"\nssid = "x"\n'}, 'box.toml:3: wifi.country: "UK" is no country; the United Kingdom is GB'),
+        ({"box.toml": '[wifi]\ncountry = "de"\nssid = "x"\n'}, 'box.toml:2: wifi.country: "de" is no country; write DE'),
+        ({"box.toml": '[wifi]\nssid = "x"\n'}, "box.toml:1: wifi.country: is missing; give text in quotes"),
+        ({"box.toml": WIFI + "password = 12345678\n"}, 'box.toml:4: wifi.password: is no text; write it in quotes: password = "..."'),
+        ({"box.toml": WIFI + 'password = "secret"\n'}, "box.toml:4: wifi.password: has 6 characters; WPA wants 8 to 63; of an open network leave the password out"),
+        ({"box.toml": WIFI + 'password = "geheim-é-geheim"\n'}, "box.toml:4: wifi.password: character 8 is none that WPA takes; only letters, digits and signs of ASCII"),
+        ({"box.toml": WIFI + f'password = "12345678"\npsk = "{64 * "a"}"\n'}, "box.toml:1: wifi: psk: is given beside password; leave one out"),
+        ({"box.toml": "[console]\nshell = 0\n"}, "box.toml:2: console.shell: 0 is an integer; give true or false"),
+        ({"box.toml": 'time_zone = "Berlin"\n'}, 'box.toml:1: time_zone: "Berlin" is no time zone; write for example "Europe/Berlin", or leave it out for UTC'),
+        ({"box.toml": '[eth0]\naddress = "192.168.1.20"\n'}, 'box.toml:2: eth0.address: "192.168.1.20" has no length of its network; write for example "192.168.1.20/24"'),
+        ({"box.toml": '[eth0]\naddress = "192.168.1.0/24"\n'}, 'box.toml:2: eth0.address: "192.168.1.0/24" is the address of a whole network; give one of it to the box'),
+        ({"box.toml": '[eth0]\naddress = "10.0.0.2/24"\ngateway = "10.0.1.1"\n'}, 'box.toml:1: eth0: gateway: "10.0.1.1" is not in the network 10.0.0.0/24 of the box; correct one'),
+        ({"box.toml": "hostname = 'x'\n"}, "box.toml:1: hostname: is not a known key; did you mean host_name?"),
+        ({"box.toml": 'host_name = "a\n'}, "box.toml:1: is not TOML: Illegal character '\\n'; compare with the example in README"),
+        # board.toml
+        ({"board.toml": 'name = "mine"\n[identity]\nbus = "main"\naddress = 80\n'}, "board.toml:3: identity.bus: 'main' is not declared; add a table [buses.main]"),
+        # what is on the card
+        ({"captain.tml": CAPTAIN}, "captain.tml: is not read; rename it to captain.toml"),
+        ({"authorised_keys": KEY}, "authorised_keys: is not read; rename it to authorized_keys"),
+        ({"id_ed25519.pub": KEY}, "id_ed25519.pub: is not read; rename it to authorized_keys"),
+        ({"captain.toml": CAPTAIN, "captain.toml.txt": "[station]\n"}, "captain.toml: is there beside captain.toml.txt, which says something else; remove the one that is not meant"),
+        ({"captain.toml/x": ""}, "captain.toml: is no file; put a text file there"),
+        ({"mqtt/new/ca.pem": ""}, "mqtt/new: is a folder; put the files into mqtt/ itself"),
+        ({"box.toml": BOX + "#" * 300_000}, "box.toml: has more than 262144 octets; is it the right file?"),
+        # what editors do
+        ({"box.toml": "# Büro\n".encode("latin-1") + BOX.encode()}, "box.toml:1: octet 0xfc is not UTF-8; save it as UTF-8"),
+        ({"captain.toml": b"{\\rtf1\\ansi\n}"}, "captain.toml: is rich text (RTF); in TextEdit choose Format, Make Plain Text, and save again"),
+        ({"box.toml": bytes(4096)}, "box.toml: has 4096 octets of zero and nothing else; it was not written to its end: copy it again, and eject the card before you pull it"),
+        ({"box.toml": BOX.encode() + b"x\0"}, "box.toml:2: has a zero octet: this is no text; save it as UTF-8"),
+    ],
+)  # fmt: skip
+def test_it_is_named_with_its_place_and_what_to_do(look: Look, files: Files, said: str):
+    assert only(look(files)) == said
+
+
+def test_every_mistake_of_every_file_is_told_at_once(look: Look):
+    found = look({
+        "captain.toml": "[station]\nnmae = 'x'\n[endpoint]\npull = -1\n",
+        "box.toml": '[wifi]\ncountry = "UK"\n',
+        "authorized_keys": "ssh-rsa\n",
+        "board.toml": "nam = 3\n",
+        "user-data": "hostname:\n\t- x\n",
+    })  # fmt: skip
+    places = {text.split(": ")[0] for text in mistakes(found)}
+    assert places == {
+        "captain.toml:2", "captain.toml:4", "box.toml:1", "box.toml:2", "authorized_keys:1", "board.toml", "board.toml:1",
+        "user-data:2",
+    }  # fmt: skip
+
+
+def test_a_password_is_never_told(look: Look):
+    for word in ("geheim7", "12345678é"):
+        found = look({"box.toml": WIFI + f'password = "{word}"\n'})
+        assert not any(word in note.text for note in found.notes)
+    found = look({
+        "box.toml": WIFI + "password = 87654321\n",
+        "network-config": 'network:\n  wifis:\n    wlan0:\n      access-points:\n        "depot":\n          password: "kurz12"\n',
+    })  # fmt: skip
+    assert not any(word in note.text for note in found.notes for word in ("87654321", "kurz12"))
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-8"])
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_byte_order_marks_and_ends_of_lines_are_the_editors_own(look: Look, encoding: str, end: str):
+    text = '# Büro\n[station]\nname = "rsu-7"\n'.replace("\n", end)
+    found = look(
+        {"captain.toml": text.encode(encoding), "authorized_keys": (KEY + "\n").replace("\n", end).encode(encoding)}
+    )
+    assert mistakes(found) == []
+    assert found.files["captain.toml"].decode() == '# Büro\n[station]\nname = "rsu-7"\n'
+    assert found.keys == [KEY]
+
+
+def test_upper_case_names_and_the_hidden_end_of_a_name_are_taken(look: Look):
+    found = look({"CAPTAIN.TOML": CAPTAIN, "authorized_keys.txt": KEY})
+    assert found.is_accepted
+    assert found.keys == [KEY]
+    assert remarks(found) == [
+        "authorized_keys.txt: is taken as authorized_keys; better rename it; Windows hides the end of names"
+    ]
+
+
+def test_a_mistake_is_told_by_the_name_that_the_file_has(look: Look):
+    assert only(look({"Captain.toml.txt": "[station]\nnmae = 1\n"})).startswith("Captain.toml.txt:2: station.nmae: ")
+
+
+def test_what_computers_leave_on_a_card_is_nothing(look: Look):
+    found = look({
+        "authorized_keys": KEY, "._authorized_keys": b"\0\5\x16\7", ".DS_Store": b"", "System Volume Information/x": b"",
+        "start4.elf": b"\x7fELF", "config.txt": "arm_64bit=1\n", "README.txt": "", "photo.jpg": b"\xff\xd8",
+    })  # fmt: skip
+    assert [note.text for note in found.notes] == []
+
+
+def test_programs_and_files_of_other_systems_are_named_and_not_read(look: Look):
+    found = look({"authorized_keys": KEY, "firstrun.sh": "reboot", "wpa_supplicant.conf": "network={}", "ssh": ""})
+    assert found.is_accepted
+    assert [text.split(": ")[0] for text in remarks(found)] == ["firstrun.sh", "ssh", "wpa_supplicant.conf"]
+    assert "nothing here is ever run" in remarks(found)[0]
+
+
+def test_a_copy_beside_the_file_is_only_told(look: Look):
+    found = look({"captain.toml": CAPTAIN, "captain.toml.bak": "x", "authorized_keys": KEY})
+    assert found.is_accepted
+    assert remarks(found) == ["captain.toml.bak: is not read: captain.toml is"]
+
+
+def test_an_endpoint_that_nobody_can_reach_is_told_though_it_is_no_mistake(look: Look):
+    found = look({"captain.toml": '[endpoint]\naddress = "127.0.0.1"\nfrom_users = 6000\n', "authorized_keys": KEY})
+    assert found.is_accepted
+    assert remarks(found) == [
+        "captain.toml:3: endpoint.from_users: the box lets nobody in at port 6000; 5555 to 5558 are open",
+        'captain.toml:2: endpoint.address: "127.0.0.1" is reached from this box only; leave it out for all addresses',
+    ]

@@ -1,0 +1,76 @@
+"""Lines of authorized_keys: those that sshd takes, and what else people paste."""
+
+import base64
+import subprocess
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as some
+
+from firmware.box.note import Note
+from firmware.box.ssh_keys import sound_keys
+from tests.firmware.box.conftest import KEY
+
+
+def looked(text: str) -> tuple[list[str], list[str]]:
+    notes: list[Note] = []
+    keys = sound_keys("authorized_keys", text, notes)
+    assert all(note.is_mistake for note in notes)
+    return keys, [note.text for note in notes]
+
+
+def rsa(bits: int) -> str:
+    fields = (b"ssh-rsa", b"\1\0\1", b"\0" + b"\xff" * (bits // 8))
+    return "ssh-rsa " + base64.b64encode(b"".join(len(each).to_bytes(4) + each for each in fields)).decode()
+
+
+@pytest.mark.parametrize("kind", ["ed25519", "ecdsa", "rsa"])
+def test_what_ssh_keygen_writes_is_taken(tmp_path: Path, kind: str):
+    subprocess.run(["ssh-keygen", "-q", "-t", kind, "-N", "", "-C", "me at home", "-f", tmp_path / "key"], check=True)
+    line = (tmp_path / "key.pub").read_text()
+    assert looked(line) == ([line.strip()], [])
+
+
+def test_options_comments_and_empty_lines_are_sshds(tmp_path: Path):
+    lines = ["# of the workshop", "", f'from="10.0.0.*,!10.0.0.7",command="echo \\"a b\\"" {KEY}', f"restrict {KEY}"]
+    assert looked("\n".join(lines)) == (lines[2:], [])
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (KEY[:40], "authorized_keys:1: the key AAAAC3Nz...AAIG5Q is cut off or damaged"),
+        (KEY.replace("AAAAC3", "AAAAC4", 1), "authorized_keys:1: the key AAAAC4Nz...SxVTpF is cut off or damaged; copy the whole line once more, without breaks"),
+        ("ssh-ed25519", 'authorized_keys:1: the key "" is cut off or damaged'),
+        ("hello world", 'authorized_keys:1: "hello world" begins no public key; is the line broken, or cut off?'),
+        ("ssh-dss AAAA me", "authorized_keys:1: ssh-dss is no longer taken by sshd; make another key: ssh-keygen -t ed25519"),
+        (rsa(768), "authorized_keys:1: an RSA key of 768 bits is refused by sshd"),
+        ("-----BEGIN OPENSSH PRIVATE KEY-----\nb3BlbnNzaC1rZXktdjE\n", "authorized_keys:1: is a private key, which belongs on your own computer only"),
+        ("PuTTY-User-Key-File-3: ssh-ed25519\nEncryption: none\n", "authorized_keys:1: is a private key"),
+        ("---- BEGIN SSH2 PUBLIC KEY ----\nComment: x\n", "authorized_keys:1: is a public key in PuTTY's form; turn it into one line: ssh-keygen -i -f FILE"),
+    ],
+)  # fmt: skip
+def test_what_is_no_key_is_named(text: str, said: str):
+    keys, told = looked(text)
+    assert keys == []
+    assert len(told) == 1
+    assert said in told[0]
+
+
+def test_a_line_that_was_broken_in_two_spoils_no_other_line():
+    keys, told = looked(f"{KEY}\n{KEY[:30]}\n{KEY[30:]}\n{KEY}")
+    assert keys == [KEY, KEY]
+    assert [text.split(": ")[0] for text in told] == ["authorized_keys:2", "authorized_keys:3"]
+
+
+def test_a_private_key_is_not_shown():
+    _, told = looked("-----BEGIN OPENSSH PRIVATE KEY-----\nc2VjcmV0\n-----END OPENSSH PRIVATE KEY-----\n")
+    assert "c2VjcmV0" not in told[0]
+
+
+@given(text=some.text(max_size=200))
+def test_any_text_is_taken_or_named(text: str):
+    keys, told = looked(text)
+    lines = [line.strip() for line in text.split("\n")]
+    assert len(keys) + len(told) <= len([line for line in lines if line and not line.startswith("#")])

@@ -1,0 +1,154 @@
+"""Sets on the data partition: one in force, as a whole, wherever the power goes."""
+
+import os
+import stat
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+from firmware.box.box_file import BoxOptions, ConsoleOptions, Ethernet, Wifi
+from firmware.box.made import Made, made
+from firmware.box.store import Store
+from tests.firmware.box.conftest import KEY
+
+A, B = "aaaaaaaa", "bbbbbbbb"
+FILES = {"captain.toml": b"[station]\n", "mqtt/box.key": b"key"}
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    """Of the set in force."""
+    current = folder / "current"
+    return {
+        path.relative_to(current).as_posix(): path.read_bytes() for path in sorted(current.rglob("*")) if path.is_file()
+    }
+
+
+def modes(folder: Path) -> dict[str, str]:
+    return {
+        path.relative_to(folder).as_posix(): oct(stat.S_IMODE(path.stat().st_mode))
+        for path in sorted(folder.rglob("*"))
+    }
+
+
+def test_a_set_lies_there_with_its_keys_and_what_was_made_of_it(tmp_path: Path):
+    Store(tmp_path / "owner").accept(A, [KEY], FILES, {"etc/hostname": Made("x\n"), "etc/localtime": Made(target="/z")})
+    assert os.readlink(tmp_path / "owner/current") == A
+    assert content(tmp_path / "owner") == {
+        "authorized_keys": f"{KEY}\n".encode(),
+        "captain.toml": b"[station]\n",
+        "made/etc/hostname": b"x\n",
+        "mqtt/box.key": b"key",
+    }
+    assert os.readlink(tmp_path / "owner/current/made/etc/localtime") == "/z"
+
+
+def test_keys_of_brokers_are_read_by_the_station_alone_and_sshd_takes_its_file(tmp_path: Path):
+    Store(tmp_path).accept(A, [KEY], FILES, {"etc/x": Made("secret", 0o600)})
+    found = modes(tmp_path / A)
+    assert found["mqtt/box.key"] == "0o600"
+    assert found["mqtt"] == "0o750"
+    assert found["authorized_keys"] == "0o644"
+    assert found["captain.toml"] == "0o640"
+    assert found["made/etc/x"] == "0o600"
+
+
+def test_the_set_before_is_forgotten_and_nothing_else_is_left(tmp_path: Path):
+    store = Store(tmp_path)
+    store.keep_keys(A, [KEY])
+    store.accept(A, [KEY], FILES, {})
+    store.accept(B, [], FILES, {})
+    store.tell(B, 0, ["x"])
+    assert sorted(path.name for path in tmp_path.iterdir()) == [B, "current", "looked"]
+    assert (tmp_path / "looked").read_text() == f"{B}\n0\nx\n"
+
+
+def test_keys_of_a_refused_set_are_kept_until_one_is_accepted(tmp_path: Path):
+    store = Store(tmp_path)
+    store.keep_keys(A, [KEY])
+    assert (tmp_path / "spare/authorized_keys").read_text() == f"{KEY}\n"
+    assert not store.has_current
+    store.accept(B, [], {}, {})
+    assert not (tmp_path / "spare").exists()
+
+
+class CutError(Exception):
+    """The power has gone."""
+
+
+def cut(patched: pytest.MonkeyPatch, calls: int) -> None:
+    """After so many calls to the system."""
+    left = iter(range(calls))
+
+    def counted(real: Callable[..., object]) -> Callable[..., object]:
+        def call(*words: object, **more: object) -> object:
+            if next(left, None) is None:
+                raise CutError
+            return real(*words, **more)
+
+        return call
+
+    for name in ("rename", "fsync", "open", "fchmod", "readlink"):
+        patched.setattr(os, name, counted(getattr(os, name)))
+
+
+def test_a_set_is_in_force_as_a_whole_or_not_at_all_wherever_the_power_goes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """Each call to the system is the first that is not made once; then the box starts again."""
+    new = {"captain.toml": b"new", "mqtt/box.key": b"new"}
+
+    seen = set()
+    for last in range(60):
+        folder = tmp_path / str(last)
+        store = Store(folder)
+        store.accept(A, [KEY], FILES, {"etc/hostname": Made("a\n")})
+        before = content(folder)
+        with monkeypatch.context() as patched, suppress(CutError):
+            cut(patched, last)
+            store.accept(B, [], new, {"etc/hostname": Made("b\n")})
+        found = content(folder)
+        assert found in (before, found | {"captain.toml": b"new", "mqtt/box.key": b"new", "made/etc/hostname": b"b\n"})
+        seen.add(found == before)
+        store.accept(B, [], new, {"etc/hostname": Made("b\n")})
+        assert content(folder)["captain.toml"] == b"new"
+        assert sorted(path.name for path in folder.iterdir()) == [B, "current"]
+    assert seen == {True, False}
+
+
+def test_wifi_is_written_so_that_no_letter_of_its_name_means_anything():
+    wifi = Wifi("DE", 'a"b\\\n', "12345678", None, True)
+    text = made(BoxOptions(wifi=wifi), set())["etc/wpa_supplicant/wpa_supplicant-wlan0.conf"]
+    assert text.mode == 0o600
+    assert text.text == (
+        "country=DE\nctrl_interface=/run/wpa_supplicant\nnetwork={\n    ssid=6122625c0a\n    scan_ssid=1\n"
+        '    key_mgmt=WPA-PSK WPA-PSK-SHA256 SAE\n    psk="12345678"\n    ieee80211w=1\n}\n'
+    )
+
+
+def test_an_open_network_and_one_whose_key_was_made_already():
+    path = "etc/wpa_supplicant/wpa_supplicant-wlan0.conf"
+    assert "key_mgmt=NONE" in made(BoxOptions(wifi=Wifi("DE", "x")), set())[path].text
+    text = made(BoxOptions(wifi=Wifi("DE", "x", None, "AB" * 32)), set())[path].text
+    assert f"    psk={'ab' * 32}\n" in text
+    assert "SAE" not in text
+
+
+def test_names_addresses_and_the_closed_shell_are_where_the_box_looks():
+    options = BoxOptions(
+        "Captain-7", "Europe/Berlin", None, ConsoleOptions(False), Ethernet("10.0.0.2/24", "10.0.0.1", ("9.9.9.9",))
+    )
+    found = made(options, {"captain.toml", "board.toml", "mqtt/x"})
+    assert found["etc/hostname"].text == "captain-7\n"
+    assert found["etc/localtime"].target == "/usr/share/zoneinfo/Europe/Berlin"
+    assert found["run/systemd/network/20-eth0.network.d/owner.conf"].text == (
+        "[Network]\nDHCP=no\nAddress=10.0.0.2/24\nGateway=10.0.0.1\nDNS=9.9.9.9\n"
+    )
+    assert found["run/captain-image/environment"].text == (
+        "CAPTAIN_CONFIG=/data/owner/current/captain.toml\nCAPTAIN_BOARD=/data/owner/current/board.toml\nCAPTAIN_SHELL=\n"
+    )
+
+
+def test_a_set_that_says_nothing_of_the_box_changes_nothing_of_it():
+    assert made(BoxOptions(), set()) == {"run/captain-image/environment": Made("")}

@@ -1,0 +1,46 @@
+"""Lines of keys in a TOML file."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as some
+
+from firmware.box.toml_lines import line_of
+
+TEXT = """\
+name = "x"  # 1
+a.b = 2
+
+[wifi]  # 4
+country = "DE"
+"a b" = 1
+[[policy]]
+name = "first"
+[policy.match]
+type = ["cam"]
+[[policy]]
+name = "second"
+[interfaces.g5] # 13
+driver = "udp"
+[interfaces."x.y"]
+driver = "udp"
+inline = { deep = 1 }
+"""
+
+
+@pytest.mark.parametrize(
+    ("path", "line"),
+    [
+        ("name", 1), ("a.b", 2), ("wifi", 4), ("wifi.country", 5), ('wifi."a b"', 6), ("policy[0].name", 8),
+        ("policy[0].match.type", 10), ("policy[0].match.type[1]", 10), ("policy[1].name", 12),
+        ("interfaces.g5.driver", 14), ('interfaces."x.y".driver', 16), ('interfaces."x.y".inline.deep', 17),
+        ("wifi.ssid", 4), ("interfaces.g5.queue", 13), ("policy[1].rate", 11), ("none", None), ("", None),
+    ],
+)  # fmt: skip
+def test_a_key_stands_in_its_line_and_one_that_is_missing_in_that_of_its_table(path: str, line: int | None):
+    assert line_of(TEXT, path) == line
+
+
+@given(text=some.text(max_size=80), path=some.text(max_size=20))
+def test_any_text_and_any_path_give_a_line_of_the_text_or_none(text: str, path: str):
+    found = line_of(text, path)
+    assert found is None or 1 <= found <= text.count("\n") + 1
