@@ -1,0 +1,58 @@
+"""What is to be read about captain, and the licences of all that its frozen program carries."""
+
+import platform
+import re
+from collections.abc import Iterable
+from pathlib import Path
+
+from image import archives, joined
+from image.program import run
+
+PROJECT = Path(__file__).resolve().parent.parent
+OWN = {"LICENSE": "copyright", "README.md": "README.md", "CHANGELOG.md": "CHANGELOG.md"}
+LOADER = "pyinstaller"  # what starts the program is of it, whatever is imported
+_NOTICE = re.compile(r"(LICEN[CS]E|COPYING|NOTICE)", re.IGNORECASE)
+
+
+def documents(program: Path, site: Path, notices: Iterable[Path]) -> dict[str, bytes]:
+    """Files by their place below /usr/share/doc/captain.
+
+    program  captain as a directory.
+    site     the packages that it was frozen from.
+    notices  copyright files of Debian's packages, usr/share/doc/NAME/copyright: interpreter and libraries.
+    """
+    found = {target: (PROJECT / name).read_bytes() for name, target in OWN.items()}
+    found |= {f"licences/{path.parent.name}": path.read_bytes() for path in notices}
+    return found | {f"licences/{name}": octets for name, octets in _of_packages(program, site)}
+
+
+def carried(program: Path) -> set[str]:
+    """Names of all that can be imported: rich, zmq, firmware."""
+    modules = archives.read((program / joined.NAME).read_bytes()).entry(archives.MODULES).octets
+    folders = {path.name for path in (program / joined.INSIDE).iterdir() if path.is_dir()}
+    return {name.split(".")[0] for name in archives.module_names(modules)} | folders
+
+
+def of_this_machine(program: Path, python: Path) -> list[Path]:
+    """Copyright files of what a program frozen on this Debian has from it: libraries, and the interpreter."""
+    names = sorted(path.name for path in (program / joined.INSIDE).glob("lib*.so*"))
+    patterns = [f"*/{platform.machine()}-linux-gnu/{name}" for name in names]
+    # It fails where one is of no package, such as those that came in a wheel.
+    owners = run(["sh", "-c", 'dpkg-query --search "$@" 2>/dev/null || :', "sh", *patterns])
+    packages = {line.split(":")[0] for line in owners.splitlines()}
+    notices = [Path(f"/usr/share/doc/{name}/copyright") for name in sorted(packages)]
+    library = Path(run([python, "-c", "import sysconfig; print(sysconfig.get_path('stdlib'))"]).strip())
+    return [path for path in (*notices, library / "LICENSE.txt") if path.exists()]
+
+
+def _of_packages(program: Path, site: Path) -> Iterable[tuple[str, bytes]]:
+    names = carried(program)
+    for about in sorted(site.glob("*.dist-info")):
+        name = about.name.removesuffix(".dist-info")
+        rows = [row.split(",")[0].split("/")[0] for row in (about / "RECORD").read_text().splitlines()]
+        if not name.startswith(f"{LOADER}-") and not names & {row.removesuffix(".py") for row in rows}:
+            continue
+        files = [path for path in sorted(about.rglob("*")) if path.is_file()]
+        notices = [path for path in files if _NOTICE.match(path.name) or path.parent.name == "licenses"]
+        for path in notices or [about / "METADATA"]:  # which names the licence where its text is left out
+            yield f"{name}/{path.name}", path.read_bytes()
