@@ -111,6 +111,7 @@ class Shared(NamedTuple):
     is_mac_configured   whether mac was given by the user: the M bit of the GeoNetworking address (clause 6.3).
     machine             where the kernel's files are: a driver of a USB module finds its ports there.
     types               names of the message types by their row (MessageType.row); empty where one has none.
+    is_clock_set        whether the clock of this machine was ever set: without a battery it begins at any date.
     """
 
     mac: bytes
@@ -123,6 +124,7 @@ class Shared(NamedTuple):
     is_mac_configured: bool = False
     machine: Machine = REAL
     types: tuple[str, ...] = ()
+    is_clock_set: Callable[[], bool] = lambda: True
 
 
 class Driver(Protocol):

@@ -24,6 +24,10 @@ PART_S = 0.4
 # The process says something every second. One that says nothing is frozen, by a debugger or by the kernel.
 SILENCE_S = 5.0
 
+# A broker's certificate is compared with the clock, and what is sent bears its time.
+CLOCK_S = 1.0  # between two looks at one that is not set
+CLOCKLESS = "waits until the clock of this machine is set; `captain time` says how it is"
+
 # Own state is told so often at most, and where it is another. By how little does not count: a vehicle that creeps over
 # the edge of a tile would be late by the time that it takes for the rest.
 EGO_S = 1.0
@@ -94,10 +98,31 @@ class Mqtt:
         self._link: Link | None = None  # by the driver
         self._ego: Ego | None = None  # as the process was told last, but for its time
         self._details: Mapping[str, object] = {}
+        if self._shared.is_clock_set():
+            self._begin()
+        else:
+            self._await_clock()
+
+    def _await_clock(self) -> None:
+        if not self._shared.is_clock_set():
+            self._timer = self._host.loop.after(CLOCK_S, self._await_clock)
+            if self._link is None:
+                self._link = Link(False, CLOCKLESS)
+                self._host.link(*self._link)
+            return
+        try:
+            self._begin()
+        except InterfaceError as error:
+            self._fail(error)
+        else:
+            self._writable()  # requests were refused meanwhile
+
+    def _begin(self) -> None:
+        """Start the process. Raises InterfaceError."""
         self._start_failed = ""
         self._is_starting = True
         self._worker = Worker(
-            host.loop, "mqtt", self._message, self._changed, self._writable, command=self._command,
+            self._host.loop, "mqtt", self._message, self._changed, self._writable, command=self._command,
             silence_s=self.silence_s,
         )  # fmt: skip
         self._worker.start()

@@ -1,6 +1,6 @@
 """The interfaces of a station, made from its configuration: driver, host and supervisor of each."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import TypeAlias
 
 import zmq
@@ -37,6 +37,7 @@ class Interfaces:
         place: Place,
         timekeeper: Timekeeper,
         timeline: Timeline,
+        is_clock_set: Callable[[], bool],
     ) -> None:
         self._loop = loop
         self._router = router
@@ -45,6 +46,7 @@ class Interfaces:
         self._place = place
         self._timekeeper = timekeeper
         self._timeline = timeline
+        self._is_clock_set = is_clock_set
 
     def make(self, config: Config, simulation: Simulation, context: Context) -> dict[str, Supervised]:
         """Those of the configuration and, where it wants interface processes, theirs."""
@@ -87,6 +89,7 @@ class Interfaces:
             bool(station.mac),
             simulation.machine,
             tuple(kind.name for kind in self._topics.kinds),
+            self._is_clock_set,
         )
         for entry in config.interfaces:
             yield entry.name, DRIVERS[entry.queue.driver](simulation.played(entry.options), shared), entry.queue

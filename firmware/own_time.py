@@ -41,12 +41,14 @@ class OwnTime:
                it is; None where there is none.
     leaps      by which Unix time is understood; None: not read yet, what is built in.
     is_system_good  the system's clock is known better than messages can be.
+    is_system_set   whether the system's clock was ever set.
     """
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self.estimated: Callable[[float], int | None] = lambda monotonic: None
         self.leaps: Leaps | None = None
         self.is_system_good = False
+        self.is_system_set: Callable[[], bool] = lambda: True
         self._clock = clock
         self._sure: Told | None = None
         self._unsure: Told | None = None
@@ -78,7 +80,7 @@ class OwnTime:
         if self._sure is not None and is_fresh and not self.is_system_good:
             return self._sure.at(monotonic)
         system_s = time.time() - (now - monotonic)
-        if EPOCH <= system_s < END:
+        if EPOCH <= system_s < END and self.is_system_set():
             return round(self._its_s(system_s) * 1000)
         known = self._sure or self._unsure
         return None if known is None else known.at(monotonic)

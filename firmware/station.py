@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from board.errors import StationError
 from board.loop import Loop
-from board.time import EPOCH, TimeQuality
+from board.time import TimeQuality
 from drivers.contract import Answer, Can, Parting
 from drivers.reason import Reason
 from firmware import bearers
@@ -18,6 +18,7 @@ from firmware.drops import Drops
 from firmware.duplicates import Duplicates
 from firmware.endpoint import Endpoint
 from firmware.interfaces import Interfaces
+from firmware.made_up import ClockSet
 from firmware.notify import ServiceNotice
 from firmware.operator import Operator
 from firmware.place import Place
@@ -63,6 +64,7 @@ class Station:
         self.topics = topics_of(tables)
         self.drops = Drops()
         self.place = Place(loop.clock, tables.station.position, tables.station.is_mobile)
+        self.place.time.is_system_set = self._is_clock_set = ClockSet()
         self.timeline = Timeline(loop.clock)
         self.router = Router(loop, self.topics, self.drops, self.place.ego)
         self._simulation = Simulation(loop, config.board)
@@ -88,7 +90,16 @@ class Station:
             self.timekeeper.status,
             self._commands(),
         )
-        interfaces = Interfaces(loop, self.router, self.topics, self.drops, self.place, self.timekeeper, self.timeline)
+        interfaces = Interfaces(
+            loop,
+            self.router,
+            self.topics,
+            self.drops,
+            self.place,
+            self.timekeeper,
+            self.timeline,
+            self._is_clock_set,
+        )
         self._interfaces |= interfaces.make(config, self._simulation, self.endpoint.context)
         # Where there is one way in, nothing comes by two.
         if self.duplicates.window_s and len(self._with(Can.RECEIVE)) > 1:
@@ -111,8 +122,9 @@ class Station:
         gc.freeze()
         if not self._interfaces:
             log.warning("no interface is configured: nothing is sent or received; see [interfaces.<name>]")
-        if time.time() < EPOCH:
-            log.warning("the clock is not set (it says %.0f s since 1970): own position counts as unknown", time.time())
+        if not self._is_clock_set():
+            now = time.strftime("%Y-%m-%d %H:%M:%S", time.gmtime())
+            log.warning("the clock is not set (it says %s): own position counts as unknown, V2N waits", now)
         self._notice.send(f"READY=1\nSTATUS=routing over {len(self._interfaces)} interfaces")
         self._notice.watch(self.loop)
 
@@ -174,7 +186,7 @@ class Station:
             "station": self.config.tables.station.name,
             "profile": self.config.tables.station.profile,
             **process_status(self._started, self.loop.clock()),
-            "is_clock_set": time.time() >= EPOCH,
+            "is_clock_set": self._is_clock_set(),
             "clock": self.timekeeper.status(),
             "position": self.place.status(),
             "interfaces": {name: entry.status() for name, entry in self._interfaces.items()},

@@ -2,6 +2,7 @@
 
 import logging
 import time
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from board.errors import InterfaceError
@@ -24,10 +25,12 @@ class SystemClock:
     is known to be wrong by is in the bound (chronyc(1): clock_error <= |offset| + root_dispersion + root_delay / 2).
 
     is_asked  whether chronyd is asked. To be looked at once in LATEST_S.
+    is_set    whether it was ever set: of one that was not nothing is known.
     """
 
-    def __init__(self, loop: Loop, is_asked: bool) -> None:
+    def __init__(self, loop: Loop, is_asked: bool, is_set: Callable[[], bool] = lambda: True) -> None:
         self._loop = loop
+        self._is_set = is_set
         self._tracker = self._made() if is_asked else None
         self._said: Tracking | None = None
         self._said_at = 0.0
@@ -53,7 +56,7 @@ class SystemClock:
 
     def quality(self) -> TimeQuality:
         """Of now, where nobody knows better."""
-        if time.time() < EPOCH:
+        if time.time() < EPOCH or not self._is_set():
             return TimeQuality()
         error_ns = self.chronyds_ns()
         if error_ns is None:

@@ -140,7 +140,7 @@ class Timekeeper:
             self._own.estimated = self._pulsed.its_ms
             self._pulsed.start()
         is_asked = options.tracking or (options.tracking is None and bool(options.chrony))
-        self._system = SystemClock(self._loop, is_asked)
+        self._system = SystemClock(self._loop, is_asked, self._own.is_system_set)
         self._system.start()
         self._loop.after(PERIOD_S, self._second)
 
