@@ -4,7 +4,7 @@
 .DEFAULT_GOAL := help
 .PHONY: help setup run codec import-check docs test test-binary check portable fuzz truth \
 	bench bench-station bench-messages bench-v2n bench-time lab chaos outages fleet kernel clock days chronyd binary \
-	image image-test flash lock proof clean
+	image image-test release flash lock proof clean
 
 PYTEST := .venv/bin/python -m pytest
 
@@ -102,8 +102,11 @@ chronyd: setup-test ## a real chronyd, fed and stepped: by the refclock alone, t
 binary: setup-freeze setup ## one file to copy by hand and one directory for the image, in build/binary
 	@.ci/freeze
 
-image: setup-image ## the card of a Raspberry Pi 4, build/captain-VERSION-arm64.img, looked through; ARGS='build --upgrade'
+image: setup-image ## the card of a Raspberry Pi 4, build/captain-VERSION-arm64.img, looked through; ARGS='build --upgrade', ARGS=twice
 	@.ci/image $(ARGS)
+
+release: setup-image setup-freeze ## all that is handed out, in build/release: card, update, binaries, Debian packages, checksums
+	@.ci/image release $(ARGS)
 
 image-test: setup-image ## start the card in QEMU: console, heartbeats, ssh, a power cut
 	@.venv/bin/python -m tests.image $(ARGS)

@@ -1,15 +1,25 @@
-"""make image, make flash: builds the card, looks it through, writes it."""
+"""make image, make release, make flash: builds the card, looks it through, hands it out, writes it."""
 
 import argparse
 import sys
 import time
 from pathlib import Path
 
-from image import build, description, flash, verify
+from image import build, description, flash, keys, release, twice, verify
 from image.errors import ImageError
 
 
 def main() -> int:
+    arguments = _parser().parse_args()
+    verbs = {"build": _build, "verify": _verify, "twice": _twice, "release": _release, "flash": _flash}
+    try:
+        return verbs[arguments.verb](arguments, description.read(arguments.description))
+    except ImageError as error:
+        print(f"image: {error}", file=sys.stderr)
+        return 1
+
+
+def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m image", description=__doc__)
     parser.add_argument(
         "--description", metavar="FILE", type=Path, default=build.HERE / "image.toml", help="default: image/image.toml"
@@ -20,26 +30,50 @@ def main() -> int:
     verbs = parser.add_subparsers(dest="verb", required=True)
     making = verbs.add_parser("build", help="make the card, and look it through")
     making.add_argument("--upgrade", action="store_true", help="with the newest packages")
-    making.add_argument("--compress", action="store_true", help="and .xz beside it, for downloads")
-    verbs.add_parser("verify", help="look a finished card through")
-    writing = verbs.add_parser("flash", help="write it to a card")
-    writing.add_argument("device", help="/dev/sdX or /dev/mmcblkX: all that is on it is lost")
-    arguments = parser.parse_args()
-    try:
-        found = description.read(arguments.description)
-        made = build.Build(found, arguments.to)
-        if arguments.verb == "flash":
-            flash.write(made.card().image, Path(arguments.device))
-            return 0
-        began = time.monotonic()
-        card = made.card(getattr(arguments, "upgrade", False))
-        if getattr(arguments, "compress", False):
-            build.compress(card.image)
-        _tell(card, time.monotonic() - began)
-        return _verified(verify.Card(found, card.image, arguments.to / "tools"))
-    except ImageError as error:
-        print(f"image: {error}", file=sys.stderr)
-        return 1
+    verbs.add_parser("verify", help="look the card that was made through once more")
+    verbs.add_parser("twice", help="make it once more from the same packages, and tell what is not the same")
+    verbs.add_parser("release", help="make all that is handed out, in build/release")
+    writing = verbs.add_parser("flash", help="write the card that was made")
+    writing.add_argument("device", type=Path, help="/dev/sdX or /dev/mmcblkX: all that is on it is lost")
+    return parser
+
+
+def _build(arguments: argparse.Namespace, described: description.Description) -> int:
+    began = time.monotonic()
+    made = build.Build(described, arguments.to)
+    card = made.card(arguments.upgrade)
+    _tell(card, time.monotonic() - began)
+    return _verified(made, card)
+
+
+def _verify(arguments: argparse.Namespace, described: description.Description) -> int:
+    made = build.Build(described, arguments.to)
+    return _verified(made, made.planned())
+
+
+def _twice(arguments: argparse.Namespace, described: description.Description) -> int:
+    card = build.Build(described, arguments.to).card()
+    began = time.monotonic()
+    second, other = twice.again(arguments.to.resolve(), described)
+    _tell(other, time.monotonic() - began)
+    rows = list(twice.compared(arguments.to.resolve(), card, second, other))
+    print(*rows, sep="\n")
+    return 1 if any(row.differing for row in rows) else 0
+
+
+def _release(arguments: argparse.Namespace, described: description.Description) -> int:
+    made = build.Build(described, arguments.to)
+    card = made.card()
+    to = made.steps.folder.parent / "release"
+    rows = list(release.make(made, card, to))
+    print(*rows, sep="\n")
+    print(to / release.SUMS)
+    return 0 if all(row.is_ok for row in rows) else 1
+
+
+def _flash(arguments: argparse.Namespace, described: description.Description) -> int:
+    flash.flash(build.Build(described, arguments.to).planned().image, arguments.device)
+    return 0
 
 
 def _tell(card: build.Card, took_in_all_s: float) -> None:
@@ -48,8 +82,8 @@ def _tell(card: build.Card, took_in_all_s: float) -> None:
     print(f"{took_in_all_s:6.1f} s  in all\n{card.image}")
 
 
-def _verified(card: verify.Card) -> int:
-    rows = list(card.rows())
+def _verified(made: build.Build, card: build.Card) -> int:
+    rows = list(verify.Card(made.description, card.image, made.steps.folder / "tools", keys.secret(made.keys)).rows())
     failed = [row for row in rows if row.trouble]
     for row in failed:
         print(row, file=sys.stderr)

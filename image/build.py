@@ -2,34 +2,29 @@
 
 import hashlib
 import json
-import os
-import re
-import shutil
-import tarfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
-from image import boot, disk, frozen, initrd, kernel, root, state
+from image import boot, bundle, disk, frozen, initrd, kernel, keys, licences, root, state
 from image.description import Description
 from image.errors import ImageError
 from image.packages import Archive, Package, read_list, write_list
 from image.program import run
+from image.project import PROJECT, chrony, epoch, version
 from image.step import Steps, key
 
 HERE = Path(__file__).parent
-PROJECT = HERE.parent
 BUILT = PROJECT / "build/image"
 GROUPS = ("userland", "unpacked", "freezer", "tools")
-
-_CHRONY = "from pps import chrony_configuration as c; print(c.configuration(), c.access('captain'), sep='\\0')"
 
 
 class Card(NamedTuple):
     """What a build leaves: the image and what is told of it."""
 
     image: Path
-    slot: Path  # the file system of a root slot: what an update brings
+    slot: Path  # the file system of a root slot
+    bundle: Path  # the same as an update, signed
     packages: Path
     licences: Path
     checksums: Path
@@ -45,23 +40,27 @@ class Build:
         self._archive = Archive(folder / "archive", description.base)
         self._native = Archive(folder / "native", description.base, _native_architecture())
         self._files = self.steps.folder / "archive/archives"
+        self.keys = keys.chosen(self.steps.folder / "keys", epoch())
 
     def card(self, upgrade: bool = False) -> Card:
         """Everything. upgrade: newest packages, even where there is a kept set. Raises ImageError."""
         chosen = self._packages(upgrade)
         lists = {name: read_list(chosen / f"{name}.json") for name in GROUPS}
         tools = self._tools(lists["tools"])
+        freezer = self._freezer(lists["freezer"])
         # Both are emulated, and each keeps one processor busy: they are made at the same time.
         with ThreadPoolExecutor(2) as pool:
             emulated = [
                 pool.submit(self._userland, lists["userland"]),
-                pool.submit(self._program, lists["freezer"]),
+                pool.submit(self._foreign, freezer),
             ]
             unpacked = self._unpacked(lists["unpacked"])
             early = self._early(unpacked)
-        userland, program = (step.result() for step in emulated)
+            messages = self._messages(freezer)
+        userland, foreign = (step.result() for step in emulated)
+        program = self._program(freezer, foreign, messages)
         parts = self._parts(tools, userland, unpacked, early, program)
-        return self._card(parts, lists, userland, unpacked)
+        return self._card(parts, lists)
 
     def _packages(self, upgrade: bool) -> Path:
         """Which packages of which version: a list of each group, and the files, compared with the lists' hashes."""
@@ -124,16 +123,37 @@ class Build:
             lambda folder: initrd.make(kernel.Kernel(unpacked / "tree"), modules, folder / "initrd"),
         )
 
-    def _program(self, packages: list[Package]) -> Path:
-        unpacked = self.steps.made(
-            "freezer", [str(packages)], lambda folder: frozen.unpack(self._paths(packages), folder / "root")
+    def _freezer(self, packages: list[Package]) -> Path:
+        """The root that captain is frozen in, with an interpreter and wheels."""
+        return self.steps.made(
+            "freezer",
+            [str(packages), PROJECT / frozen.LOCK],
+            lambda folder: frozen.unpack(self._paths(packages), folder / "root", frozen.own_python()),
         )
 
-        def make(folder: Path) -> None:
-            made = frozen.freeze(unpacked / "root", frozen.own_python())
-            shutil.copytree(made, folder / "captain", symlinks=True)
+    def _foreign(self, freezer: Path) -> Path:
+        """What of captain is not ours, frozen: as long as our modules import the same, it stays."""
+        names = frozen.imports(freezer / "root")
+        return self.steps.made(
+            "foreign",
+            [key(freezer), *names, frozen.SPEC],
+            lambda folder: frozen.freeze(freezer / "root", names, folder / "captain"),
+        )
 
-        return self.steps.made("program", [key(unpacked), *frozen.inputs()], make)
+    def _messages(self, freezer: Path) -> Path:
+        return self.steps.made(
+            "messages",
+            [key(freezer), *frozen.messages_inputs()],
+            lambda folder: frozen.compile_messages(freezer / "root", frozen.own_python(), folder),
+        )
+
+    def _program(self, freezer: Path, foreign: Path, messages: Path) -> Path:
+        module = next(messages.glob("*.so"))
+        return self.steps.made(
+            "program",
+            [key(freezer), key(foreign), key(messages), *frozen.inputs()],
+            lambda folder: frozen.join(freezer / "root", foreign / "captain", module, folder / "captain"),
+        )
 
     def _parts(self, tools: Path, userland: Path, unpacked: Path, early: Path, program: Path) -> Path:
         """File systems of the partitions."""
@@ -141,7 +161,10 @@ class Build:
         plan = description.disk
         board = PROJECT / f"board/boards/{description.device_tree.board}.toml"
         now = epoch()
-        written = _written()
+        written = chrony(frozen.own_python()) | {
+            "etc/rauc/keyring.pem": self.keys.keyring.read_text(),
+            "usr/lib/captain-image/signer": f"{self.keys.kind} {keys.subject(self.keys.certificate)}\n",
+        }
 
         def make(folder: Path) -> None:
             its_kernel = kernel.Kernel(unpacked / "tree")
@@ -158,78 +181,61 @@ class Build:
         made_from = [key(step) for step in (tools, userland, unpacked, early, program)]
         return self.steps.made("parts", [str(description), str(now), *written.values(), *made_from, board, *own], make)
 
-    def _card(self, parts: Path, lists: dict[str, list[Package]], userland: Path, unpacked: Path) -> Card:
-        description = self.description
+    def planned(self) -> Card:
+        """Where everything lies once it is built: beside the folder that it is built in."""
+        description, folder = self.description, self.steps.folder
         name = f"{description.name}-{version()}-{description.base.architecture}"
-        files = {
-            "boot": "boot.fat",
-            "root-a": "root.ext4",
-            "root-b": "root.ext4",
-            "state": "state.raw",
-            "data": "data.ext4",
-        }
-        folder = self.steps.folder.parent
-        card = Card(
-            folder / f"{name}.img",
-            parts / "root.ext4",
-            folder / f"{name}.packages.json",
-            folder / f"{name}.licences.tar.xz",
-            folder / f"{name}.sha256",
+        return Card(
+            folder.parent / f"{name}.img",
+            folder / "parts/root.ext4",
+            folder.parent / f"{name}.raucb",
+            folder.parent / f"{name}.packages.json",
+            folder.parent / f"{name}.licences.tar.xz",
+            folder.parent / f"{name}.sha256",
             self.steps.took,
         )
 
-        def make(_: Path) -> None:
-            disk.make(description.disk, {part: parts / file for part, file in files.items()}, card.image)
-            write_list(card.packages, [*lists["userland"], *lists["unpacked"]])
-            _write_licences(parts / "root.tar", card.licences)
-            sums = [f"{_sha256(path)}  {path.name}\n" for path in (card.image, card.packages, card.licences)]
-            card.checksums.write_text("".join(sums))
+    def _card(self, parts: Path, lists: dict[str, list[Package]]) -> Card:
+        card = self.planned()
+        slot = parts / "root.ext4"
+        files = {
+            "boot": parts / "boot.fat",
+            "root-a": slot,
+            "root-b": slot,
+            "state": parts / "state.raw",
+            "data": parts / "data.ext4",
+        }
 
-        is_there = all(path.exists() for path in card[:5] if isinstance(path, Path))
-        self.steps.made("card", [key(parts)], make, forced=not is_there)
+        def make(_: Path) -> None:
+            disk.make(self.description.disk, files, card.image)
+            write_list(card.packages, [*lists["userland"], *lists["unpacked"]])
+            licences.pack(parts / "root.tar", card.licences)
+            kept = (card.image, card.bundle, card.packages, card.licences)
+            card.checksums.write_text("".join(f"{_sha256(path)}  {path.name}\n" for path in kept))
+
+        update = self._bundle(parts, card.bundle)
+        is_there = all(path.exists() for path in card[:6] if isinstance(path, Path))
+        self.steps.made("card", [key(parts), key(update)], make, forced=not is_there)
         return card
 
-
-def compress(image: Path) -> Path:
-    """Beside it, as .xz, which Raspberry Pi Imager reads; in blocks of one size, whatever the number of threads."""
-    run(["xz", "-k", "-f", "-3", "-T2", "--block-size=16MiB", image])
-    return image.with_suffix(".img.xz")
-
-
-def epoch() -> int:
-    """The date of the build: SOURCE_DATE_EPOCH, or that of the last commit. Unix seconds."""
-    given = os.environ.get("SOURCE_DATE_EPOCH", "")
-    if given.isdecimal():
-        return int(given)
-    try:
-        return int(run(["git", "log", "-1", "--format=%ct"], folder=PROJECT))
-    except (ImageError, ValueError) as error:
-        raise ImageError("the date of the build is not known: this is no git tree", "set SOURCE_DATE_EPOCH") from error
-
-
-def version() -> str:
-    found = re.search(r'^VERSION = "([^"]+)"', (PROJECT / "firmware/__init__.py").read_text(), re.MULTILINE)
-    if not found:
-        raise ImageError("firmware/__init__.py: has no VERSION")
-    return found[1]
-
-
-def _written() -> dict[str, str]:
-    """What the station's own code writes for the image: nothing of the project is imported here."""
-    said = run([frozen.own_python(), "-c", _CHRONY], folder=PROJECT)
-    whole, _, access = said.partition("\0")
-    return {
-        "etc/chrony/chrony.conf": whole,
-        "etc/systemd/system/chrony.service.d/captain.conf": access.rstrip("\n") + "\n",
-    }
-
-
-def _write_licences(tree: Path, target: Path) -> None:
-    """The copyright file of every package, without dates."""
-    with tarfile.open(tree) as source, tarfile.open(target, "w:xz") as archive:
-        for member in source:
-            if re.fullmatch("usr/share/doc/[^/]+/copyright", member.name):
-                archive.addfile(member, source.extractfile(member) if member.isreg() else None)
+    def _bundle(self, parts: Path, target: Path) -> Path:
+        """The slot as an update, beside the card."""
+        tools, words, now = self.steps.folder / "tools", self.description.compatible, epoch()
+        made_from: list[str | Path] = [
+            key(parts),
+            HERE / "bundle.py",
+            words,
+            version(),
+            str(now),
+            self.keys.key,
+            self.keys.certificate,
+        ]
+        return self.steps.made(
+            "bundle",
+            made_from,
+            lambda _: bundle.make(parts / "root.ext4", words, version(), now, self.keys, tools, target),
+            forced=not target.exists(),
+        )
 
 
 def _sha256(path: Path) -> str:

@@ -1,6 +1,7 @@
-"""captain for the image: frozen by the image's own Python, in a root of its own that is never started.
+"""captain for the image, by the image's own Python, in a root of its own that is never started.
 
-Wheels and compiled parts are fetched and made by the build machine; emulated is the freezer alone.
+Wheels and compiled parts are fetched and made by the build machine; emulated are the freezer, which is run when what
+is not ours has changed, and the compiler of our own modules.
 """
 
 import os
@@ -9,74 +10,138 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 
+from image import foreign, joined, licences, own
 from image.errors import ImageError
 from image.program import run
+from image.project import PROJECT
 
-PROJECT = Path(__file__).resolve().parent.parent
-# What the spec looks at; paths of them are in the program, so that they are those of the root, not of this machine.
-SOURCES = ("firmware", "board", "drivers", "pps")
-PLACE = "build/captain"
+SPEC = PROJECT / "firmware/captain.spec"
+OPTIONS = ("--noconfirm", "--log-level", "ERROR")
 LOCK = ".ci/locks/freeze.txt"
 TRIPLE = "aarch64-linux-gnu"
+TOOLS = joined.Tools(f"{TRIPLE}-objcopy", f"{TRIPLE}-strip")
 PLATFORMS = ("manylinux_2_28_aarch64", "manylinux_2_17_aarch64", "manylinux2014_aarch64")
 EPOCH = "315532800"  # 1980: PyInstaller's archives begin there
+RADIO = "drivers/sim/radio/libsim_v2xcast.so"
+BUILT_RADIO = "build/sim/libsim_v2xcast.so"  # by .ci/sim
+WORK = "build"  # in the root
 
 # The machine's own /dev and /proc are seen in there, and gone with the process: no mount outlives it.
 _INSIDE = """\
-mount --rbind /dev "$1/dev" && mount -t proc proc "$1/proc" && exec chroot "$1" /usr/bin/env -i \
-PATH=/usr/bin HOME=/tmp LC_ALL=C.UTF-8 PYTHONHASHSEED=0 SOURCE_DATE_EPOCH="$2" \
-PYTHONPATH=/build/site PYINSTALLER_CONFIG_DIR=/build/cache /usr/bin/python3 -m PyInstaller \
---noconfirm --log-level ERROR --workpath /build/work --distpath /build/made /build/captain/firmware/captain.spec
+root=$1; shift; mount --rbind /dev "$root/dev" && mount -t proc proc "$root/proc" && exec chroot "$root" \
+/usr/bin/env -i PATH=/usr/bin HOME=/tmp LC_ALL=C.UTF-8 PYTHONHASHSEED=0 PYTHONPATH=/build/site "$@"
 """
 
 
 def inputs() -> list[Path]:
-    """Files that the program is made from, beside packages."""
-    folders = [PROJECT / name for name in (*SOURCES, "asn1")]
+    """Files that our part of the program is made from, beside the messages."""
+    folders = [PROJECT / name for name in own.FOLDERS]
     found = [path for folder in folders for path in folder.rglob("*") if path.is_file() and path.suffix != ".pyc"]
-    return sorted([*found, PROJECT / LOCK, PROJECT / ".ci/sim", Path(__file__)])
+    build = [Path(__file__).parent / f"{name}.py" for name in ("archives", "frozen", "joined", "own")]
+    return sorted([*found, PROJECT / ".ci/sim", *build])
 
 
-def unpack(packages: Iterable[Path], root: Path) -> None:
-    """The root that it is frozen in: files of packages, none of their scripts. Raises ImageError."""
-    for folder in ("usr/bin", "usr/sbin", "usr/lib", "dev", "proc", "tmp", PLACE):
+def messages_inputs() -> list[str | Path]:
+    """Files that the module of all messages is made from."""
+    found = [path for path in (PROJECT / "asn1").rglob("*") if path.is_file() and path.suffix != ".pyc"]
+    return sorted([*found, Path(__file__)])
+
+
+def unpack(packages: Iterable[Path], root: Path, python: Path) -> None:
+    """The root that it is frozen in: files of packages, none of their scripts, and wheels. Raises ImageError.
+
+    python  of the project's environment, with pip.
+    """
+    for folder in ("usr/bin", "usr/sbin", "usr/lib", "dev", "proc", "tmp", WORK):
         (root / folder).mkdir(parents=True, exist_ok=True)
     for link in ("bin", "sbin", "lib"):
         (root / link).symlink_to(f"usr/{link}")
     for package in packages:
         run(["dpkg-deb", "-x", package, root])
-    python = sorted(path.name for path in (root / "usr/bin").glob("python3.[0-9]*") if path.name[9:].isdecimal())
-    if len(python) != 1:
-        raise ImageError(f"packages.freeze: has {python or 'no Python'}", "name one: python3.13")
+    interpreter = sorted(path.name for path in (root / "usr/bin").glob("python3.[0-9]*") if path.name[9:].isdecimal())
+    if len(interpreter) != 1:
+        raise ImageError(f"packages.freeze: has {interpreter or 'no Python'}", "name one: python3.13")
     (root / "usr/bin/python3").unlink(missing_ok=True)
-    (root / "usr/bin/python3").symlink_to(python[0])
+    (root / "usr/bin/python3").symlink_to(interpreter[0])
+    _fetch_wheels(root / WORK / "site", version(root), python)
 
 
-def freeze(root: Path, python: Path) -> Path:
-    """captain as a directory, made in an unpacked root.
+def version(root: Path) -> str:
+    """3.13, of the root's Python."""
+    return (root / "usr/bin/python3").readlink().name.removeprefix("python")
 
-    python  of the project's environment, with pip and what the messages are generated by.
 
-    Returns the directory. Raises ImageError.
+def imports(root: Path) -> list[str]:
+    """What our modules import and is not ours."""
+    return foreign.imports(PROJECT, [root / f"usr/lib/python{version(root)}", root / WORK / "site"])
+
+
+def freeze(root: Path, names: Iterable[str], target: Path) -> None:
+    """What is not ours, as a directory: minutes of emulation. Raises ImageError."""
+    place = cleared(root / WORK / "foreign")
+    shutil.copy(SPEC, place)
+    (place / "__main__.py").write_text(foreign.script(names))
+    inside = Path("/") / place.relative_to(root)
+    words: list[str | Path] = ["/usr/bin/python3", "-m", "PyInstaller", *OPTIONS, "--workpath", inside / "work"]
+    settings = [f"SOURCE_DATE_EPOCH={EPOCH}", f"PYINSTALLER_CONFIG_DIR={inside}/work"]
+    run_inside(root, [*settings, *words, "--distpath", inside, inside / SPEC.name])
+    run_inside(root, [inside / "captain-dir/captain"])  # imports it all
+    shutil.copytree(place / "captain-dir", target, symlinks=True)
+
+
+def compile_messages(root: Path, python: Path, target: Path) -> Path:
+    """The module of all messages, by the cross compiler with the other Python's headers. Raises ImageError.
+
+    python  of the project's environment, with what the messages are generated by.
     """
-    version = (root / "usr/bin/python3").readlink().name.removeprefix("python")
-    _copy_sources(root / PLACE)
-    _fetch_wheels(root / "build/site", version, python)
-    _compile_messages(root, version, python)
-    run(["sh", ".ci/sim"], folder=root / PLACE, environment={"CC": f"{TRIPLE}-gcc"})
-    run(["unshare", "--mount", "sh", "-c", _INSIDE, "sh", root, EPOCH])
-    made = root / "build/made/captain-dir"
-    if not (made / "captain").exists():
-        raise ImageError(f"{made}: the freezer has made no captain")
-    return made
+    headers = _headers(root)
+    flags = [
+        # Before this Python's own; as a system's, whose warnings are not ours.
+        f"-isystem {headers}/python{version(root)} -isystem {headers}",
+        f"-ffile-prefix-map={target}=codec",
+        "-fno-asynchronous-unwind-tables",  # for exceptions, which C has none of: a tenth of the module
+    ]
+    run(
+        [python, "-m", "asn1", "generate", "--all", "--form", "python", "--to", target],
+        folder=PROJECT,
+        environment={"CC": f"{TRIPLE}-gcc", "CFLAGS": " ".join(flags)},
+    )
+    made = sorted(target.glob(f"{foreign.MESSAGES}*.so"))
+    if not made:
+        raise ImageError(f"{target}: captain-asn1 has made no module")
+    suffix = f".cpython-{version(root).replace('.', '')}-{TRIPLE}.so"
+    return made[0].rename(target / f"{foreign.MESSAGES}{suffix}")
 
 
-def _copy_sources(place: Path) -> None:
-    shutil.rmtree(place, ignore_errors=True)
-    for name in SOURCES:
+def join(root: Path, frozen: Path, messages: Path, target: Path) -> None:
+    """captain as a directory: seconds of emulation. frozen: what freeze() made. Raises ImageError."""
+    place = cleared(root / WORK / "ours")
+    for name in (*own.FOLDERS, ".ci"):
         shutil.copytree(PROJECT / name, place / name, ignore=shutil.ignore_patterns("__pycache__"))
-    (place / ".ci").mkdir()
-    shutil.copy(PROJECT / ".ci/sim", place / ".ci/sim")
+    shutil.copy(own.__file__, place / "own.py")
+    run(["sh", ".ci/sim"], folder=place, environment={"CC": f"{TRIPLE}-gcc"})
+    inside = Path("/") / place.relative_to(root)
+    run_inside(root, ["/usr/bin/python3", inside / "own.py", inside, inside / "compiled"])
+    beside = joined.files(place, {messages.name: messages, RADIO: place / BUILT_RADIO})
+    joined.directory(frozen, own.read(place / "compiled"), beside, TOOLS, target)
+
+
+def documents(root: Path, program: Path) -> dict[str, bytes]:
+    """What is to be read about captain: files by their place below /usr/share/doc/captain."""
+    notices = sorted((root / "usr/share/doc").glob("*/copyright"))
+    return licences.documents(program, root / WORK / "site", notices)
+
+
+def run_inside(root: Path, words: Iterable[str | Path]) -> str:
+    """A program of the root, in the root."""
+    return run(["unshare", "--mount", "sh", "-c", _INSIDE, "sh", root, *words])
+
+
+def cleared(place: Path) -> Path:
+    """An empty folder."""
+    shutil.rmtree(place, ignore_errors=True)
+    place.mkdir(parents=True)
+    return place
 
 
 def _fetch_wheels(site: Path, version: str, python: Path) -> None:
@@ -88,34 +153,11 @@ def _fetch_wheels(site: Path, version: str, python: Path) -> None:
     run([python, "-m", "pip", "install", *words, "--target", site, *target, *platforms, "-r", LOCK], folder=PROJECT)
 
 
-def _compile_messages(root: Path, version: str, python: Path) -> None:
-    """The module of all messages, by the cross compiler with the other Python's headers."""
-    generated = root / "build/codec"
-    headers = _headers(root, version)
-    environment = {
-        "CC": f"{TRIPLE}-gcc",
-        # Before this Python's own; as a system's, whose warnings are not ours.
-        "CFLAGS": f"-isystem {headers}/python{version} -isystem {headers} -ffile-prefix-map={generated}=codec",
-    }
-    run(
-        [python, "-m", "asn1", "generate", "--all", "--form", "python", "--to", generated],
-        folder=PROJECT,
-        environment=environment,
-    )
-    made = sorted(generated.glob("captain_messages*.so"))
-    if not made:
-        raise ImageError(f"{generated}: captain-asn1 has made no module")
-    target = root / PLACE / "build/codec/python"
-    target.mkdir(parents=True)
-    suffix = f".cpython-{version.replace('.', '')}-{TRIPLE}.so"
-    shutil.copy(made[0], target / f"captain_messages{suffix}")
-
-
-def _headers(root: Path, version: str) -> Path:
+def _headers(root: Path) -> Path:
     """Python's alone: the cross compiler has a C library of its own, and the root's is another release's."""
-    headers = root / "build/headers"
+    headers = root / WORK / "headers"
     shutil.rmtree(headers, ignore_errors=True)
-    for name in (f"python{version}", f"{TRIPLE}/python{version}"):
+    for name in (f"python{version(root)}", f"{TRIPLE}/python{version(root)}"):
         shutil.copytree(root / "usr/include" / name, headers / name)
     return headers
 

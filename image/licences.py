@@ -2,15 +2,17 @@
 
 import platform
 import re
+import tarfile
 from collections.abc import Iterable
 from pathlib import Path
 
 from image import archives, joined
 from image.program import run
+from image.project import PROJECT
 
-PROJECT = Path(__file__).resolve().parent.parent
 OWN = {"LICENSE": "copyright", "README.md": "README.md", "CHANGELOG.md": "CHANGELOG.md"}
 LOADER = "pyinstaller"  # what starts the program is of it, whatever is imported
+_IN_A_SLOT = re.compile("usr/share/doc/([^/]+/copyright|captain/licences/.*)")
 _NOTICE = re.compile(r"(LICEN[CS]E|COPYING|NOTICE)", re.IGNORECASE)
 
 
@@ -43,6 +45,14 @@ def of_this_machine(program: Path, python: Path) -> list[Path]:
     notices = [Path(f"/usr/share/doc/{name}/copyright") for name in sorted(packages)]
     library = Path(run([python, "-c", "import sysconfig; print(sysconfig.get_path('stdlib'))"]).strip())
     return [path for path in (*notices, library / "LICENSE.txt") if path.exists()]
+
+
+def pack(tree: Path, target: Path) -> None:
+    """An archive of the licences of everything in a slot, without dates. tree: its files as a tar."""
+    with tarfile.open(tree) as source, tarfile.open(target, "w:xz") as archive:
+        for member in source:
+            if _IN_A_SLOT.fullmatch(member.name):
+                archive.addfile(member, source.extractfile(member) if member.isreg() else None)
 
 
 def _of_packages(program: Path, site: Path) -> Iterable[tuple[str, bytes]]:

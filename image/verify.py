@@ -2,14 +2,16 @@
 
 import re
 import stat
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from image import disk, frozen, state
+from image import disk, slot_names, state, verify_tree
 from image.description import Description, Partition
 from image.ext4 import FileSystem
 from image.program import run
+from image.project import PROJECT
 
 MIB = disk.MIB
 CHUNK = 16 * MIB
@@ -17,7 +19,7 @@ WANTED = (
     "boot/Image", "boot/initrd", "usr/lib/captain/captain", "usr/lib/systemd/systemd", "usr/sbin/chronyd",
     "usr/sbin/nft", "usr/sbin/sshd", "usr/bin/rauc", "usr/sbin/e2fsck", "usr/lib/clock-epoch",
     "etc/nftables.conf", "etc/fstab", "etc/chrony/chrony.conf", "usr/lib/systemd/system/captain.service",
-    "etc/rauc/keyring.pem",
+    "etc/rauc/keyring.pem", slot_names.PATH,
 )  # fmt: skip
 UNWANTED = ("etc/apt", "var/lib/apt", "var/lib/dpkg", "etc/ssh/ssh_host_*", "root/.ssh", "home/operator/.ssh")
 # A word that stands for a value, and was not replaced.
@@ -55,6 +57,8 @@ class Card:
             return
         yield self._counters()
         yield from self._boot_partition()
+        if self._description.device_tree.way == "dtc":  # else it is put together by the firmware
+            yield from self._device_trees()
         for name in ("root-a", "root-b", "data"):
             yield self._file_system(name)
         with FileSystem(self._image, self._places["root-a"].offset, self._tools) as slot:
@@ -108,6 +112,15 @@ class Card:
             "the FAT's serial number", "" if serial == place.partition.id else f"{serial}, not {place.partition.id}"
         )
 
+    def _device_trees(self) -> Iterator[Row]:
+        place = self._places["boot"]
+        for name in self._description.device_tree.files:
+            with tempfile.NamedTemporaryFile() as tree:
+                words = ["mcopy", "-n", "-o", "-i", f"{self._image}@@{place.offset}", f"::{name}", tree.name]
+                run(words, environment={"MTOOLS_SKIP_CHECK": "1"})
+                found = [*verify_tree.troubles(self._description, verify_tree.reader(Path(tree.name)))]
+            yield Row(f"the device tree {name}", "; ".join(found))
+
     def _file_system(self, name: str) -> Row:
         place = self._places[name]
         octets = _read(self._image, place.offset + 1024, 1024)
@@ -154,7 +167,7 @@ class Card:
 
     def _unwanted_words(self) -> Iterator[Row]:
         """Where it was built, anywhere on the card, file or not: one pass over the octets."""
-        words = {"the build's path": str(frozen.PROJECT).encode()}
+        words = {"the build's path": str(PROJECT).encode()}
         words |= {f"a mirror's name, {name}": name.encode() for name in mirrors()}
         words |= {"the key of updates": self._secret} if self._secret else {}
         found: dict[str, int] = {}

@@ -1,4 +1,4 @@
-"""Steps that are kept, packages that are listed, modules that are unpacked, a card that is flashed."""
+"""Steps that are kept, packages that are listed, modules that are unpacked."""
 
 import lzma
 from contextlib import closing
@@ -6,9 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from image import build, initrd, packages
+from image import initrd, packages, project
 from image.errors import ImageError
-from image.flash import Device
 from image.packages import Package
 from image.program import run
 from image.step import Steps
@@ -66,38 +65,4 @@ def test_a_program_that_fails_is_quoted_and_one_that_is_missing_is_named():
 
 def test_the_date_of_a_build_is_what_is_asked_for(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "1750000000")
-    assert build.epoch() == 1_750_000_000
-
-
-def device(tmp_path: Path, name: str = "sdx", **words: str) -> Device:
-    folder = tmp_path / name
-    for key, value in {"size": "8388608", "removable": "1", **words}.items():
-        path = folder / key.replace("__", "/")
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(value + "\n")
-    return Device(Path("/dev") / name, tmp_path)
-
-
-def test_a_card_in_a_reader_is_taken(tmp_path: Path):
-    device(tmp_path).refuse(2 << 30, "/dev/sda1 / ext4 rw 0 0\n")
-    device(tmp_path, "mmcblk0", removable="0").refuse(2 << 30, "")
-
-
-@pytest.mark.parametrize(
-    ("words", "mounts", "said"),
-    [
-        ({"partition": "1"}, "", "is a partition"),
-        ({"size": "2048"}, "", "has 1 MiB, and the image 2048"),
-        ({"removable": "0", "device__model": "Fast SSD"}, "", "Fast SSD is not removable"),
-        ({"size": str(1 << 31)}, "", "has 1024 GiB, which no card of a box has"),
-        ({}, "/dev/sdx2 /home ext4 rw 0 0\n", "is in use: mounted at /home"),
-    ],
-)
-def test_what_may_be_a_computers_own_disk_is_refused(tmp_path: Path, words: dict[str, str], mounts: str, said: str):
-    with pytest.raises(ImageError, match=said):
-        device(tmp_path, **words).refuse(2 << 30, mounts)
-
-
-def test_what_is_no_device_is_refused(tmp_path: Path):
-    with pytest.raises(ImageError, match="is no block device"):
-        Device(Path("/dev/none"), tmp_path).refuse(1, "")
+    assert project.epoch() == 1_750_000_000

@@ -1,0 +1,83 @@
+"""The card once more from the same packages, in another folder, and what of it is not the same."""
+
+import hashlib
+import shutil
+import tarfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from image.build import Build, Card
+from image.description import Description
+
+# What a build begins with, and what is the owner's: everything else is made again.
+KEPT = ("archive", "native", "packages", "keys")
+SHOWN = 20  # of what differs; a card that differs at all differs in few files
+
+
+class Compared(NamedTuple):
+    """A step's results, compared. files: how many there are; differing: paths."""
+
+    what: str
+    files: int
+    differing: list[str]
+
+    def __str__(self) -> str:
+        if not self.differing:
+            return f"same    {self.what}: {self.files} files"
+        shown = "".join(f"\n          {path}" for path in self.differing[:SHOWN])
+        more = "" if len(self.differing) <= SHOWN else f"\n          and {len(self.differing) - SHOWN} more"
+        return f"DIFFER  {self.what}: {len(self.differing)} of {self.files} files{shown}{more}"
+
+
+def again(first: Path, description: Description) -> tuple[Path, Card]:
+    """A second build beside the first one's folder; returns where. Raises ImageError."""
+    folder = first.with_name(f"{first.name}-twice") / first.name
+    shutil.rmtree(folder.parent, ignore_errors=True)
+    folder.mkdir(parents=True)
+    for name in KEPT:
+        if (first / name).exists():
+            (folder / name).symlink_to((first / name).resolve())
+    return folder, Build(description, folder).card()
+
+
+def compared(first: Path, one: Card, second: Path, other: Card) -> Iterator[Compared]:
+    """Step by step, in the order that they are made in; the card itself last."""
+    for name, files in (
+        ("foreign", "captain/**/*"),
+        ("messages", "*.so"),
+        ("program", "captain/**/*"),
+        ("early", "*"),
+        ("parts", "boot/**/*"),
+    ):
+        yield _compared(f"{name}/{files}", _digests(first / name, files), _digests(second / name, files))
+    for tar in ("userland/root.tar", "parts/root.tar"):
+        yield _compared(f"{tar}, its files", _members(first / tar), _members(second / tar))
+    for path, twin in ((one.image, other.image), (one.packages, other.packages), (one.licences, other.licences)):
+        yield _compared(path.name, {path.name: _digest(path)}, {path.name: _digest(twin)})
+
+
+def _compared(what: str, one: Mapping[str, str], other: Mapping[str, str]) -> Compared:
+    names = sorted({*one, *other})
+    return Compared(what, len(names), [name for name in names if one.get(name) != other.get(name)])
+
+
+def _digests(folder: Path, pattern: str) -> dict[str, str]:
+    paths = [path for path in folder.glob(pattern) if path.is_file() and not path.name.startswith(".")]
+    return {path.relative_to(folder).as_posix(): _digest(path) for path in paths}
+
+
+def _members(tar: Path) -> dict[str, str]:
+    """With owner and mode, without dates: those of the card are all one."""
+    found = {}
+    with tarfile.open(tar) as archive:
+        for member in archive:
+            file = archive.extractfile(member) if member.isreg() else None
+            digest = hashlib.file_digest(file, "sha256").hexdigest() if file else member.linkname  # type: ignore[arg-type]
+            found[member.name] = f"{member.type!r} {member.mode:o} {member.uid} {member.gid} {digest}"
+    return found
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -1,0 +1,146 @@
+"""A card is written to what is one, after a question, and read back; a file stands for it."""
+
+import os
+from pathlib import Path
+from typing import BinaryIO
+
+import pytest
+
+from image import flash
+from image.errors import ImageError
+from image.flash import Device, Users
+
+MIB = 1 << 20
+NOBODY = Users(
+    "24 1 8:1 / / rw - ext4 /dev/sda1 rw\n", "Filename Type Size Used Priority\n/dev/sda2 partition 1 0 -2\n"
+)
+
+
+def device(tmp_path: Path, name: str = "sdx", /, **words: str) -> Device:
+    """sdx1__dev="8:17" is the file sdx1/dev; the device itself is a file beside."""
+    folder = tmp_path / "sys" / name
+    for key, value in {"size": "8388608", "removable": "1", "dev": "8:16", **words}.items():
+        path = folder / key.replace("__", "/")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(value + "\n")
+    return Device(tmp_path / name, tmp_path / "sys")
+
+
+@pytest.fixture
+def image(tmp_path: Path) -> Path:
+    path = tmp_path / "image"
+    path.write_bytes(os.urandom(5 * MIB) + bytes(3 * MIB) + b"end")
+    return path
+
+
+def written(image: Path, card: Device, answer: str) -> list[str]:
+    """What was asked."""
+    asked: list[str] = []
+
+    def ask(question: str) -> str:
+        asked.append(question)
+        return answer
+
+    flash.write(image, card, NOBODY, ask)
+    return asked
+
+
+def test_a_card_in_a_reader_is_taken(tmp_path: Path):
+    device(tmp_path).refuse(2 << 30, NOBODY)
+    device(tmp_path, "mmcblk0", removable="0").refuse(2 << 30, NOBODY)
+
+
+@pytest.mark.parametrize(
+    ("words", "users", "said"),
+    [
+        ({"partition": "1"}, NOBODY, "is a partition"),
+        ({"size": "2048"}, NOBODY, "has 1 MiB, and the image 2048"),
+        ({"ro": "1"}, NOBODY, "may only be read"),
+        ({"removable": "0", "device__model": "Fast SSD"}, NOBODY, "Fast SSD is not removable"),
+        ({"size": str(1 << 31)}, NOBODY, "has 1024 GiB, which no card of a box has"),
+        ({}, Users("24 1 8:16 / /media/card rw - vfat /dev/sdx rw"), "is in use: mounted at /media/card"),
+        # The kernel's name for what it has booted from.
+        ({"sdx1__partition": "1", "sdx1__dev": "8:17"}, Users("24 1 8:17 / / rw - ext4 /dev/root rw"), "mounted at /"),
+        ({"sdx2__partition": "2"}, Users("24 1 0:30 / /home rw - btrfs /dev/sdx2 rw"), "mounted at /home"),
+        ({"sdx3__partition": "3"}, Users("", "/dev/sdx3 partition 1 0 -2"), "/dev/sdx3 is swap"),
+        ({"sdx1__partition": "1", "sdx1__holders__dm-0": ""}, NOBODY, "is in use: part of dm-0"),
+    ],
+)
+def test_what_may_be_a_computers_own_disk_is_refused(tmp_path: Path, words: dict[str, str], users: Users, said: str):
+    with pytest.raises(ImageError, match=said):
+        device(tmp_path, **words).refuse(2 << 30, users)
+
+
+def test_what_is_no_device_is_refused(tmp_path: Path):
+    with pytest.raises(ImageError, match="is no block device"):
+        Device(Path("/dev/none"), tmp_path).refuse(1, NOBODY)
+
+
+def test_a_card_is_written_whole_and_told_before(tmp_path: Path, image: Path, capsys: pytest.CaptureFixture[str]):
+    card = device(tmp_path, device__vendor="Generic", device__model="Reader")
+    card.path.write_bytes(b"old" * 4 * MIB)
+    assert written(image, card, "sdx") == ["Type sdx to go on: "]
+    octets = card.path.read_bytes()
+    assert octets[: image.stat().st_size] == image.read_bytes()
+    assert octets[image.stat().st_size :] == (b"old" * 4 * MIB)[image.stat().st_size :]
+    said = capsys.readouterr().out
+    assert said.startswith(f"All that is on {card.path} (Generic Reader, 4.3 GB) will be lost.\n")
+    assert "100 %" in said
+    assert "written, and read back" in said
+
+
+@pytest.mark.parametrize("answer", ["", "y", "yes", "sdy", "/dev/sdx"])
+def test_another_answer_than_its_name_writes_nothing(tmp_path: Path, image: Path, answer: str):
+    card = device(tmp_path)
+    card.path.write_bytes(b"old")
+    with pytest.raises(ImageError, match="nothing was written"):
+        written(image, card, answer)
+    assert card.path.read_bytes() == b"old"
+
+
+class Worn(Device):
+    """Loses an octet between writing and reading."""
+
+    def opened(self, flags: int) -> BinaryIO:
+        if not flags & os.O_RDWR:
+            with self.path.open("r+b") as file:
+                file.seek(6 * MIB)
+                file.write(b"x")
+        return super().opened(flags)
+
+
+def test_a_card_that_reads_back_something_else_is_told(tmp_path: Path, image: Path):
+    card = Worn(device(tmp_path).path, tmp_path / "sys")
+    card.path.write_bytes(b"")
+    with pytest.raises(ImageError, match=f"reads back something else before octet {8 * MIB}\n.*worn out"):
+        written(image, card, "sdx")
+
+
+def test_a_card_that_holds_less_than_it_says_is_told(tmp_path: Path, image: Path):
+    class Short(Device):
+        def opened(self, flags: int) -> BinaryIO:
+            if not flags & os.O_RDWR:
+                os.truncate(self.path, MIB)
+            return super().opened(flags)
+
+    card = Short(device(tmp_path).path, tmp_path / "sys")
+    card.path.write_bytes(b"")
+    with pytest.raises(ImageError, match="reads back something else"):
+        written(image, card, "sdx")
+
+
+def test_a_device_that_cannot_be_opened_is_told(tmp_path: Path, image: Path):
+    with pytest.raises(ImageError, match="sdx: cannot be opened: No such file or directory"):
+        written(image, device(tmp_path), "sdx")
+
+
+def test_a_file_is_no_card_and_nobody_is_asked_without_a_terminal(
+    tmp_path: Path, image: Path, monkeypatch: pytest.MonkeyPatch
+):
+    with pytest.raises(ImageError, match="nobody can be asked here"):
+        flash.flash(image, tmp_path / "sdx")
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True)
+    with pytest.raises(ImageError, match="is no block device"):
+        flash.flash(image, image)
+    with pytest.raises(ImageError, match=r"none: is not there\n.*make image"):
+        flash.flash(tmp_path / "none", tmp_path / "sdx")
