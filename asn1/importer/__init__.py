@@ -2,6 +2,7 @@
 
 import dataclasses
 import difflib
+import fnmatch
 import hashlib
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
@@ -86,6 +87,7 @@ def _import(
         raise ImportFault(problems or [none])
     place = Place(table.name, 1)
     roots = [(one.pdu.module, one.pdu.name, place) for one in messages.values()]
+    roots += [(key, name, place) for key, one in found.items() for name in _kept(one)]
     is_whole = len(sources) == len(editions.modules)
     earlier = {} if is_whole else _earlier(folder, sources)
     roots += [
@@ -130,6 +132,12 @@ class _Found:
     source: Source
     file: str
     sha256: str
+
+
+def _kept(found: _Found) -> list[str]:
+    """Definitions that are wanted whether a message reaches them or not."""
+    names = found.source.module.assignments
+    return [name for name in names for wanted in found.edition.keep if fnmatch.fnmatchcase(name, wanted)]
 
 
 def _present(

@@ -17,6 +17,7 @@ class Edition:
     files       where its text may be: paths in the directory that is imported; those that are there have to agree
     imports     keys of the modules that it imports from
     units_from  keys of modules whose units hold for definitions of the same name and range
+    keep        names of definitions, `*` for any letters, that are kept though no message reaches them
     is_ours     the file lies in asn1/modules
     """
 
@@ -26,6 +27,7 @@ class Edition:
     files: tuple[str, ...]
     imports: tuple[str, ...] = ()
     units_from: tuple[str, ...] = ()
+    keep: tuple[str, ...] = ()
     is_ours: bool = False
 
     def paths(self, directory: Path) -> list[Path]:
@@ -61,5 +63,6 @@ def _edition(table: dict[str, Any]) -> Edition:
         files=tuple(table["files"]),
         imports=tuple(table.get("imports", [])),
         units_from=tuple(table.get("units_from", [])),
+        keep=tuple(table.get("keep", [])),
         is_ours=table.get("ours", False),
     )

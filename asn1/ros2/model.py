@@ -14,11 +14,13 @@ and alternatives, as they are called in ASN.1, from the value of the message dow
 
 A path goes through a SEQUENCE by the name of a component, through a CHOICE by that of an alternative, and through an
 open type by the number of its row. It goes into a list only by way of a message: a field that is an array of messages
-leads to the list, and the sources of those messages begin at its elements. Where a message stands for another name of
+leads to the list, and the source of theirs begins at its elements. Where a message stands for another name of
 the same type (`A ::= B`), its one field has the path (): the same value, seen as B.
 
 In a message from the standard, what is absent (a component, an alternative that is not chosen) is zero, false, or
-empty in all its fields; in a message from a node, such fields are not looked at.
+empty in all its fields; in a message from a node, such fields are not looked at. Where a component may be absent and
+no field says so (`RosMessage.unflagged`), it is there if any of its fields is neither zero, false nor empty. One that
+has a DEFAULT is there unless it has that value. A message without any field is one octet of zero on the wire.
 """
 
 from collections.abc import Iterator, Mapping
@@ -56,27 +58,22 @@ class RosField:
 
     type        bool, uint8 ... int64, string, or a message: of the same package, or "std_msgs/Header"
     is_array    without a bound: elements of a SEQUENCE OF, octets of an OCTET STRING or BIT STRING (first bit highest)
-    sources     paths: several where alternatives of a CHOICE share the field, of which at most one is there at a time
-    options     CHOICE: number and alternative; a number of the open type's row needs no field of its own
+    options     CHOICE: number and alternative
     nothing     CHOICE: the number that says that no alternative is chosen; None where there is none
-    schema_type of what lies at the (first) source, for comments and units
+    schema_type of what lies at the source, for comments and units
     component   that leads there, for its unit and default; None where there is none
     """
 
     type: str
     name: str
     role: Role = Role.VALUE
-    sources: tuple[Path, ...] = ((),)
+    source: Path = ()
     is_array: bool = False
     options: tuple[tuple[int, str], ...] = ()
     nothing: int | None = None
     constants: tuple[RosConstant, ...] = ()
     schema_type: Type | None = None
     component: Component | None = None
-
-    @property
-    def source(self) -> Path:
-        return self.sources[0]
 
     @property
     def text(self) -> str:
@@ -90,6 +87,7 @@ class RosMessage:
 
     module, definition   the type of the schema that it stands for; of a list of messages (v2x_msgs) the PDU
     left_out             sources of what the standard has and the message has no field for (regional extensions)
+    unflagged            sources of what may be absent, and no field says whether it is
     """
 
     name: str
@@ -97,6 +95,7 @@ class RosMessage:
     definition: Definition
     fields: tuple[RosField, ...]
     left_out: tuple[Path, ...] = ()
+    unflagged: tuple[Path, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

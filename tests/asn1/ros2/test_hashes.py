@@ -16,7 +16,7 @@ UPSTREAM = json.loads(Path(__file__).with_name("etsi_its_messages.json").read_te
 SCHEMA = load_schema()
 
 
-@pytest.mark.parametrize("edition", ["cam-1.4.1", "cam-2.1.1", "denm-2.2.1"])
+@pytest.mark.parametrize("edition", profile_etsi_its.PACKAGES)
 def test_every_type_is_that_of_etsi_its_messages(edition):
     package = profile_etsi_its.package(SCHEMA, SCHEMA.messages[edition])
     ours = {name: hash_of(package, name).removeprefix("RIHS01_") for name in package.messages}
