@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
-from image import boot, bundle, disk, frozen, initrd, kernel, keys, licences, root, state
+from image import boot, bundle, device_tree, disk, frozen, initrd, kernel, keys, licences, root, slot_names, state
 from image.description import Description
 from image.errors import ImageError
 from image.packages import Archive, Package, read_list, write_list
@@ -162,6 +162,7 @@ class Build:
         board = PROJECT / f"board/boards/{description.device_tree.board}.toml"
         now = epoch()
         written = chrony(frozen.own_python()) | {
+            slot_names.PATH: slot_names.rules(device_tree.read_board(board)),
             "etc/rauc/keyring.pem": self.keys.keyring.read_text(),
             "usr/lib/captain-image/signer": f"{self.keys.kind} {keys.subject(self.keys.certificate)}\n",
         }
