@@ -45,8 +45,8 @@ MASKED = (
 )  # fmt: skip
 WANTED = {
     "multi-user.target": (
-        "captain.service", "captain-host-key.service", "captain-good.service", "chrony.service", "ssh.service",
-        "systemd-networkd.service", "systemd-resolved.service",
+        "captain.service", "captain-owner.service", "captain-grow.service", "captain-host-key.service",
+        "captain-good.service", "chrony.service", "ssh.service", "systemd-networkd.service", "systemd-resolved.service",
     ),
     "sysinit.target": ("nftables.service",),
     "timers.target": ("captain-keep-clock.timer", "captain-unproven.timer"),
