@@ -1,0 +1,320 @@
+"""The whole way of an update, and what is said on it, with a service that does as it is told."""
+
+import json
+import os
+import stat
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from board.errors import StationError
+from firmware import VERSION
+from firmware.box import update, update_bundle, update_counters, update_rauc, update_slots
+from firmware.box.update_bundle import Box, Bundle
+from firmware.box.update_counters import Counters
+from firmware.box.update_folder import Folder
+from firmware.box.update_verity import Tree
+from firmware.cli import main
+
+# As RAUC 1.13 says it, of a box whose slot B was updated once.
+STATUS = {
+    "compatible": "captain trixie quad",
+    "variant": "",
+    "booted": "A",
+    "boot_primary": "rootfs.1",
+    "slots": [
+        {
+            "rootfs.1": {
+                "class": "rootfs",
+                "device": "/dev/disk/by-partuuid/43505401-03",
+                "type": "ext4",
+                "bootname": "B",
+                "state": "inactive",
+                "parent": None,
+                "mountpoint": None,
+                "boot_status": "good",
+                "slot_status": {
+                    "bundle": {"compatible": "captain trixie quad", "version": "1.2.3", "build": "x"},
+                    "checksum": {"sha256": "00", "size": 4796416},
+                    "installed": {"transaction": "t", "timestamp": "2026-11-22T20:01:02Z", "count": 1},
+                    "activated": {"timestamp": "2026-11-22T20:01:03Z", "count": 1},
+                    "status": "ok",
+                },
+            }
+        },
+        {
+            "rootfs.0": {
+                "class": "rootfs",
+                "device": "/dev/disk/by-partuuid/43505401-02",
+                "type": "ext4",
+                "bootname": "A",
+                "state": "booted",
+                "parent": None,
+                "mountpoint": "/",
+                "boot_status": "good",
+            }
+        },
+    ],
+}
+TAKEN = """installing
+  0% Installing
+  0% Determining slot states
+ 10% Determining slot states done.
+ 10% Checking bundle
+ 20% Checking bundle done.
+ 30% Updating slots
+ 64% Copying image to rootfs.1
+ 99% Updating slots done.
+100% Installing done.
+idle
+Installing `/data/update/bundle.raucb` succeeded
+"""
+BROKEN = """installing
+  0% Installing
+ 40% Updating slots
+ 99% Updating slots failed.
+100% Installing failed.
+LastError: Installation error: Failed updating slot rootfs.1: failed to write image: Input/output error
+Installing `/data/update/bundle.raucb` failed
+"""
+DENIED = "D-Bus error while installing `x`: GDBus.Error:org.freedesktop.DBus.Error.AccessDenied: Rejected send message"
+BUSY = (
+    "D-Bus error while installing `x`: GDBus.Error:org.gtk.GDBus.UnmappedGError: Already processing a different method"
+)
+BUNDLE = Bundle(Path("x"), 5000, "1.2.4", "captain trixie quad", "b", "O=captain", Tree(1, "", ""), 4_000_000)
+
+
+class Service:
+    """rauc as a script: says what is set, and keeps what it was asked."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        path = folder / "rauc"
+        path.write_text(
+            f'#!/bin/sh\necho "$@" >>{folder}/asked\n'
+            f"case $1 in status) cat {folder}/status; cat {folder}/status.err >&2; exit $(cat {folder}/status.code) ;;\n"
+            f"*) cat {folder}/install; exit $(cat {folder}/install.code) ;; esac\n"
+        )
+        path.chmod(0o755)
+        self.says(json.dumps(STATUS))
+        self.installs(TAKEN)
+
+    def says(self, status: str, error: str = "", code: int = 0) -> None:
+        for name, text in (("status", status), ("status.err", error), ("status.code", str(code))):
+            (self.folder / name).write_text(text)
+
+    def installs(self, said: str, code: int = 0) -> None:
+        (self.folder / "install").write_text(said)
+        (self.folder / "install.code").write_text(str(code))
+
+    @property
+    def asked(self) -> list[str]:
+        path = self.folder / "asked"
+        return path.read_text().splitlines() if path.exists() else []
+
+
+@pytest.fixture
+def service(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Service:
+    """In a box whose bundles are all well signed."""
+    (tmp_path / "bin").mkdir()
+    made = Service(tmp_path / "bin")
+    monkeypatch.setenv("PATH", f"{tmp_path / 'bin'}:{os.environ['PATH']}")
+    counters = Counters(("B", "A"), {"A": 2, "B": 3}, "B")
+    monkeypatch.setattr(update_counters, "read", lambda: counters)
+    monkeypatch.setattr(update_bundle, "box", lambda: Box("captain trixie quad", "a release image"))
+    monkeypatch.setattr(update_bundle, "read", lambda path: BUNDLE._replace(path=path))
+    monkeypatch.setattr("firmware.box.update_verity.check", lambda path, tree, seen: seen(1.0))
+    (tmp_path / "update").mkdir()
+    monkeypatch.setattr(update, "Folder", lambda: Folder(tmp_path / "update"))
+    monkeypatch.setattr("firmware.commands.update.Folder", lambda: Folder(tmp_path / "update"))
+    return made
+
+
+@pytest.fixture
+def bundle(tmp_path: Path) -> str:
+    path = tmp_path / "update.raucb"
+    path.write_bytes(b"x" * 5000)
+    return str(path)
+
+
+Said = Callable[[], tuple[str, str]]
+
+
+@pytest.fixture
+def said(capsys: pytest.CaptureFixture[str]) -> Said:
+    def said() -> tuple[str, str]:
+        found = capsys.readouterr()
+        return found.out, found.err
+
+    return said
+
+
+def test_an_update_shows_what_is_in_it_and_goes_on_line_by_line(service: Service, bundle: str, said: Said):
+    assert main(["update", bundle]) == 0
+    out, _ = said()
+    assert f"version     1.2.4, built b; slot A runs {VERSION}\n" in out
+    assert "signed by   O=captain\ngoes into   slot B, in place of version 1.2.3\n" in out
+    assert " 64 %  Copying image to rootfs.1\n" in out
+    assert out.endswith(
+        "version 1.2.4 is installed; the next start takes it: captain update --restart restarts the box\n"
+    )
+    assert "\r" not in out
+    assert "\x1b" not in out
+    assert service.asked == ["status --detailed --output-format=json", f"install {bundle}"]
+
+
+def test_looking_writes_nothing(service: Service, bundle: str, said: Said):
+    assert main(["update", "--look", bundle]) == 0
+    assert not any(words.startswith("install") for words in service.asked)
+    assert "nothing was written" in said()[0]
+
+
+def test_what_breaks_off_while_it_is_written_has_an_exit_code_of_its_own(service: Service, bundle: str, said: Said):
+    service.installs(BROKEN, 1)
+    assert main(["update", bundle]) == 3
+    err = said()[1]
+    assert "Failed updating slot rootfs.1: failed to write image: Input/output error" in err
+    assert "this one stays in use" in err
+    assert main(["update", "--status"]) == 0
+    assert "Input/output error" in " ".join(said()[0].split())
+
+
+@pytest.mark.parametrize(
+    ("words", "meant"),
+    [(DENIED, "this user may not update the box"), (BUSY, "another update is being installed"), ("", "no reason")],
+)
+def test_a_service_that_refuses_is_told(service: Service, bundle: str, said: Said, words: str, meant: str):
+    service.installs(words, 1)
+    assert main(["update", bundle]) == 1
+    assert meant in said()[1]
+
+
+def test_a_bundle_of_another_box_reaches_no_service(
+    service: Service, bundle: str, said: Said, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(update_bundle, "read", lambda path: BUNDLE._replace(compatible="captain trixie pi"))
+    assert main(["update", bundle]) == 1
+    assert "'captain trixie pi', and this box is 'captain trixie quad'" in said()[1]
+    assert service.asked == []
+
+
+def test_what_was_fetched_and_refused_is_removed_and_a_file_of_a_user_stays(
+    service: Service, bundle: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    def refuse(path: Path) -> Bundle:
+        raise StationError(f"{path}: its signature does not fit")
+
+    monkeypatch.setattr(update_bundle, "read", refuse)
+    with open(bundle) as file:
+        monkeypatch.setattr("sys.stdin", file)
+        assert main(["update", "-"]) == 1
+    assert [path.name for path in sorted((tmp_path / "update").iterdir())] == ["last.json", "lock"]
+    assert main(["update", bundle]) == 1
+    assert Path(bundle).exists()
+
+
+def test_both_slots_with_what_is_in_them(service: Service, said: Said):
+    assert main(["update", "--status"]) == 0
+    lines = said()[0].splitlines()
+    assert lines[0] == "slots"
+    assert lines[2].split() == ["A", "runs", VERSION, "-", "2", "well"]
+    assert lines[3].startswith("B           next  1.2.3    2026-11-22 20:01")
+    assert lines[3].endswith("3  was updated, and has to show that it is well")
+    assert lines[4].strip() == "this is a release image"
+    assert lines[5].strip() == "no update was tried yet, as far as is kept"
+
+
+def test_the_status_is_one_object_for_programs(service: Service, said: Said):
+    assert main(["update", "--status", "--json"]) == 0
+    told = json.loads(said()[0])
+    assert [(slot["name"], slot["is_booted"], slot["left"], slot["is_new"]) for slot in told["slots"]] == [
+        ("A", True, 2, False),
+        ("B", False, 3, True),
+    ]
+
+
+def test_who_may_not_read_the_counters_sees_the_rest(service: Service, said: Said, monkeypatch: pytest.MonkeyPatch):
+    def refuse() -> Counters:
+        raise StationError("no")
+
+    monkeypatch.setattr(update_counters, "read", refuse)
+    assert main(["update", "--status"]) == 0
+    assert said()[0].splitlines()[2].split() == ["A", "runs", VERSION, "-", "?", "well"]
+
+
+def test_back_has_the_other_slot_be_the_next_one(service: Service, said: Said):
+    assert main(["update", "--back"]) == 0
+    assert service.asked[-1] == "status mark-active rootfs.1"
+    assert said()[0].startswith("the next start takes slot B, version 1.2.3: ")
+
+
+@pytest.mark.parametrize("state", ["failed", "pending"])
+def test_back_to_a_slot_that_was_not_written_whole_is_refused(service: Service, said: Said, state: str):
+    service.says(json.dumps(STATUS).replace('"status": "ok"', f'"status": "{state}"'))
+    assert main(["update", "--back"]) == 1
+    assert "slot B was not written whole" in said()[1]
+
+
+def test_back_to_a_slot_that_did_not_get_well_is_refused(service: Service, said: Said, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(update_counters, "read", lambda: Counters(("B", "A"), {"A": 3, "B": 0}, "B"))
+    assert main(["update", "--back"]) == 1
+    assert "slot B was updated and did not get well" in said()[1]
+
+
+@pytest.mark.parametrize(
+    ("status", "meant"),
+    [
+        ("", "is not understood"),
+        ("{}", "has not the form of RAUC 1.13"),
+        ('{"slots": []}', "knows 0 slots, and not two"),
+        ('{"slots": [{"a": 1}]}', "has not the form"),
+    ],
+)
+def test_a_service_of_another_form_is_told(service: Service, said: Said, status: str, meant: str):
+    service.says(status)
+    assert main(["update", "--status"]) == 1
+    assert meant in said()[1]
+
+
+def test_a_restart_is_asked_for_by_a_connection_and_by_nothing_else(
+    service: Service, tmp_path: Path, said: Said, monkeypatch: pytest.MonkeyPatch
+):
+    import socket
+
+    place = tmp_path / "restart"
+    monkeypatch.setattr(update.restart, "__defaults__", (place,))
+    assert main(["update", "--restart"]) == 1
+    assert "cannot be asked to restart: No such file" in said()[1]
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.bind(str(place))
+        listener.listen()
+        assert stat.S_ISSOCK(place.stat().st_mode)
+        assert main(["update", "--restart"]) == 0
+        taken, _ = listener.accept()
+        with taken:
+            assert taken.recv(1) == b""
+
+
+@pytest.mark.parametrize(
+    "words",
+    [[], ["--status", "x"], ["--back", "x"], ["--look"], ["--status", "--restart"], ["x", "--look", "--restart"]],
+)
+def test_what_does_not_go_together_is_wrong_usage(words: list[str], said: Said):
+    assert main(["update", *words]) == 2
+    assert "captain update --" in said()[1]
+
+
+def test_a_system_that_was_started_otherwise_has_no_other_slot():
+    slots = update_slots.slots(json.loads(json.dumps(STATUS).replace("booted", "active")), None)
+    with pytest.raises(StationError, match="which slot this system runs from is not known"):
+        update_slots.other(slots)
+
+
+def test_an_installation_that_was_not_begun_is_no_half_written_slot(tmp_path: Path):
+    program = tmp_path / "rauc"
+    program.write_text("#!/bin/sh\necho '  0% Installing'\necho 'LastError: Compatible mismatch'\nexit 1\n")
+    program.chmod(0o755)
+    with pytest.raises(StationError, match="was not installed: Compatible mismatch") as told:
+        update_rauc.install(Path("x"), lambda percent, what: None, str(program))
+    assert not isinstance(told.value, update_rauc.InstallError)

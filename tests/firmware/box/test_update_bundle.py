@@ -1,0 +1,149 @@
+"""What is said of a bundle; the words of RAUC 1.13 were taken from it, for bundles made and spoiled by hand."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from board.errors import StationError
+from firmware.box import update_bundle
+from firmware.box.update_bundle import Box, Bundle
+from firmware.box.update_verity import Tree
+
+SAID = """{
+  "update" : {
+    "version" : "1.2.3",
+    "compatible" : "captain trixie quad",
+    "build" : "2023-11-14T22:13:20Z"
+  },
+  "images" : [
+    {
+      "slot-class" : "rootfs",
+      "filename" : "root.ext4",
+      "checksum" : "046afc94659039f3394953438e122a1a1749390e361d55b9f79d62106f98f233",
+      "size" : 4796416,
+      "hooks" : []
+    }
+  ],
+  "manifest-hash" : "4e4339bd9fe96e6a1c3da5ef379e374b2d9aae1e436d33ef9e343ee953dad7a7",
+  "bundle" : {
+    "format" : "verity",
+    "verity-size" : 4096,
+    "verity-salt" : "7f31dae5758cad7d8c9c4dddbf48e41ec71dbf53e088df4149311e5c9ce8f60b",
+    "verity-hash" : "40de6a88d83a1dd46307bb64d106118f017fb2c90073cb7ceb1203fc0786d5df"
+  },
+  "meta" : {  }
+}"""
+LOG = """rauc-Message: 21:20:01.727: Using central status file /var/lib/rauc/status
+rauc-Message: 21:20:01.737: Using system config file /etc/rauc/system.conf
+rauc-Message: 21:20:01.737: Reading bundle: /root/a.raucb
+rauc-Message: 21:20:01.866: Verifying bundle signature...\u0020
+"""
+GOOD = (
+    LOG + "rauc-Message: 21:20:01.904: Verified inline signature by 'CN = captain development e99fc63e, O = captain'\n"
+)
+SPOILED = {
+    "foreign": "signature verification failed: Verify error: self-signed certificate",
+    "authority": "signature verification failed: Verify error: unable to get local issuer certificate",
+    "changed": "signature verification failed: ECDSA digest_verify_final:\n"
+    "807FC30455000000:error:1700009E:CMS routines:CMS_SignerInfo_verify:verification failure:../crypto/cms/cms_sd.c:1004:",
+    "truncated": "Invalid bundle format: Signature size (7331548732159390065) exceeds bundle size",
+    "short": "Invalid bundle format: Failed to seek to end of bundle: Error seeking in file: Invalid argument",
+    "date": "signature verification failed: Verify error: certificate is not yet valid",
+    "plain": "Bundle format 'plain' not allowed",
+    "other": "something that nobody has seen before",
+}
+MEANT = {
+    "foreign": "signed by somebody whom this box does not know",
+    "authority": "signed by somebody whom this box does not know",
+    "changed": "signature does not fit: it was changed or damaged",
+    "truncated": "is no bundle, or not all of one",
+    "short": "is no bundle, or not all of one",
+    "date": "certificate was not valid when it signed",
+    "plain": "of another form than verity",
+    "other": "is not taken: something that nobody has seen before",
+}
+
+
+def rauc(folder: Path, out: str = "", log: str = "", status: int = 0) -> str:
+    """A program that says what it is told to say."""
+    (folder / "out").write_text(out)
+    (folder / "log").write_text(log)
+    path = folder / "rauc"
+    path.write_text(f"#!/bin/sh\ncat {folder}/out; cat {folder}/log >&2; exit {status}\n")
+    path.chmod(0o755)
+    return str(path)
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    found = tmp_path / "update.raucb"
+    found.write_bytes(b"x" * 5000)
+    return found
+
+
+def test_what_is_in_a_bundle_and_who_has_signed_it(tmp_path: Path, path: Path):
+    found = update_bundle.read(path, rauc(tmp_path, SAID, GOOD))
+    root, salt = (json.loads(SAID)["bundle"][key] for key in ("verity-hash", "verity-salt"))
+    assert found == Bundle(
+        path,
+        5000,
+        "1.2.3",
+        "captain trixie quad",
+        "2023-11-14T22:13:20Z",
+        "CN = captain development e99fc63e, O = captain",
+        Tree(4096, root, salt),
+        4_796_416,
+    )
+
+
+@pytest.mark.parametrize("kind", SPOILED)
+def test_each_way_to_be_spoiled_has_its_own_words(tmp_path: Path, path: Path, kind: str):
+    with pytest.raises(StationError) as told:
+        update_bundle.read(path, rauc(tmp_path, "", LOG + SPOILED[kind] + "\n", 1))
+    assert MEANT[kind] in told.value.message
+    assert str(path) in told.value.message
+
+
+def test_an_answer_of_another_form_is_no_traceback(tmp_path: Path, path: Path):
+    for said in ("", "{", "{}", "[]", '{"update":{},"bundle":{}}', SAID.replace("4096", '"x"')):
+        with pytest.raises(StationError, match="not understood"):
+            update_bundle.read(path, rauc(tmp_path, said, GOOD))
+
+
+def test_what_is_no_file_or_empty_is_told_before_anybody_is_asked(tmp_path: Path):
+    (tmp_path / "empty").touch()
+    for name, said in (("none", "No such file"), ("empty", "is empty"), (".", "Is a directory")):
+        with pytest.raises(StationError, match=said):
+            update_bundle.read(tmp_path / name, "/none/rauc")
+
+
+def test_a_machine_without_rauc_is_told(path: Path):
+    with pytest.raises(StationError, match="rauc is not installed"):
+        update_bundle.read(path, "/none/rauc")
+
+
+def test_a_bundle_of_another_device_tree_is_refused_with_both_words(tmp_path: Path, path: Path):
+    found = update_bundle.read(path, rauc(tmp_path, SAID, GOOD))
+    update_bundle.fits(found, Box("captain trixie quad", ""))
+    with pytest.raises(StationError, match="is for 'captain trixie quad', and this box is 'captain trixie pi'"):
+        update_bundle.fits(found, Box("captain trixie pi", ""))
+
+
+def test_a_box_says_what_it_is_and_whose_updates_it_takes(tmp_path: Path):
+    system, signer = tmp_path / "system.conf", tmp_path / "signer"
+    system.write_text("[system]\ncompatible=captain trixie quad\n[handlers]\nx=%y\n")
+    assert update_bundle.box(system, signer) == Box("captain trixie quad", "")
+    signer.write_text("release O=Somebody,CN=updates\n")
+    assert update_bundle.box(system, signer).takes == (
+        "a release image, which takes updates that are signed by O=Somebody,CN=updates"
+    )
+
+
+@pytest.mark.parametrize("text", [None, "", "[system]\n", "compatible=x", "[system\n"])
+def test_a_machine_that_is_no_box_is_told(tmp_path: Path, text: str | None):
+    system = tmp_path / "system.conf"
+    if text is not None:
+        system.write_text(text)
+    with pytest.raises(StationError, match="no two slots"):
+        update_bundle.box(system, tmp_path / "signer")

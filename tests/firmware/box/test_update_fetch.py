@@ -1,0 +1,289 @@
+"""Bundles from web servers of every kind, broken off and gone on with."""
+
+import http.server
+import io
+import json
+import random
+import re
+import ssl
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from board.errors import StationError
+from firmware.box import update_fetch
+from firmware.box.update_folder import Folder
+from tests.broker.certificates import Authority
+
+FILE = random.Random(7).randbytes(300_000)
+
+
+class Server(http.server.BaseHTTPRequestHandler):
+    """A file at /update, with faults.
+
+    cuts      octets after which the connection is closed, a number for each request; then none.
+    """
+
+    cuts: list[int]
+    tag: str
+    has_ranges: bool
+    has_length: bool
+    asked: list[tuple[str, str | None]]
+    status: int
+
+    def do_GET(self) -> None:
+        wanted = self.headers.get("Range")
+        self.asked.append((self.path, wanted))
+        if self.path.startswith("/to/"):
+            self.send_response(302)
+            self.send_header("Location", self.path.removeprefix("/to/"))
+            self.end_headers()
+            return
+        if self.status != 200:
+            self.send_error(self.status)
+            return
+        begin = 0
+        if wanted and self.has_ranges and self.headers.get("If-Range") == self.tag:
+            begin = int(re.findall(r"\d+", wanted)[0])
+            if begin >= len(FILE):
+                self.send_error(416)
+                return
+            self.send_response(206)
+            self.send_header("Content-Range", f"bytes {begin}-{len(FILE) - 1}/{len(FILE)}")
+        else:
+            self.send_response(200)
+        if self.has_length:
+            self.send_header("Content-Length", str(len(FILE) - begin))
+        self.send_header("ETag", self.tag)
+        self.end_headers()
+        octets = FILE[begin:]
+        self.wfile.write(octets[: self.cuts.pop(0)] if self.cuts else octets)
+
+    def log_message(self, format: str, *arguments: object) -> None:  # noqa: A002
+        """Of no use here."""
+
+
+class Site:
+    """One that runs. url: of the file."""
+
+    def __init__(self, context: ssl.SSLContext | None = None) -> None:
+        class Own(Server):
+            cuts: list[int] = []  # noqa: RUF012 - a class for each site
+            tag, has_ranges, has_length, status = '"1"', True, True, 200
+            asked: list[tuple[str, str | None]] = []  # noqa: RUF012
+
+        self.does = Own
+        self._server = http.server.HTTPServer(("127.0.0.1", 0), Own)
+        if context:
+            self._server.socket = context.wrap_socket(self._server.socket, server_side=True)
+        self.base = f"http{'s' if context else ''}://localhost:{self._server.server_address[1]}"
+        self.url = f"{self.base}/update"
+        self._thread = threading.Thread(target=self._server.serve_forever, args=(0.01,))
+
+    @contextmanager
+    def open(self) -> Iterator["Site"]:
+        self._thread.start()
+        try:
+            yield self
+        finally:
+            self._server.shutdown()
+            self._thread.join()
+            self._server.server_close()
+
+
+@pytest.fixture
+def site() -> Iterator[Site]:
+    with Site().open() as found:
+        yield found
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Folder:
+    return Folder(tmp_path, reserve=0)
+
+
+def fetch(url: str, folder: Folder, seen: Callable[[int, int], None] = lambda have, size: None) -> bytes:
+    return update_fetch.from_url(url, folder, seen, sleep=lambda seconds: None).read_bytes()
+
+
+def test_a_file_is_fetched_whole_and_how_far_it_is_is_told(site: Site, folder: Folder):
+    seen: list[tuple[int, int]] = []
+    assert fetch(site.url, folder, lambda have, size: seen.append((have, size))) == FILE
+    assert seen[-1] == (len(FILE), len(FILE))
+    assert not folder.part.exists()
+
+
+def test_a_connection_that_breaks_off_again_and_again_is_gone_on_with_where_it_was(site: Site, folder: Folder):
+    site.does.cuts += [100_000, 50_000, 1, 20_000]
+    assert fetch(site.url, folder) == FILE
+    assert [wanted for _, wanted in site.does.asked] == [
+        None,
+        "bytes=100000-",
+        "bytes=150000-",
+        "bytes=150001-",
+        "bytes=170001-",
+    ]
+
+
+def test_a_server_without_ranges_is_begun_with_again(site: Site, folder: Folder):
+    site.does.has_ranges = False
+    site.does.cuts += [100_000]
+    assert fetch(site.url, folder) == FILE
+
+
+def test_a_file_that_has_changed_meanwhile_is_begun_with_again(site: Site, folder: Folder):
+    folder.part.write_bytes(b"old" * 1000)
+    folder.note({"url": site.url, "tag": '"0"', "size": 400_000})
+    assert fetch(site.url, folder) == FILE
+
+
+def test_another_address_is_begun_with_again(site: Site, folder: Folder):
+    folder.part.write_bytes(b"old" * 1000)
+    folder.note({"url": "http://elsewhere/update", "tag": '"1"', "size": 400_000})
+    assert fetch(site.url, folder) == FILE
+    assert site.does.asked == [("/update", None)]
+
+
+def test_the_next_run_goes_on_where_this_one_was_broken_off(site: Site, folder: Folder):
+    site.does.cuts += [123_456, *[0] * 20]
+    with pytest.raises(StationError, match=r"after 123456 of 300000 octets; 0\.1 MB of it are there"):
+        fetch(site.url, folder)
+    site.does.cuts.clear()
+    site.does.asked.clear()
+    assert fetch(site.url, folder) == FILE
+    assert site.does.asked == [("/update", "bytes=123456-")]
+
+
+def test_a_run_that_ended_behind_the_last_octet_asks_for_nothing_more(site: Site, folder: Folder):
+    folder.part.write_bytes(FILE)
+    folder.note({"url": site.url, "tag": '"1"', "size": len(FILE)})
+    assert fetch(site.url, folder) == FILE
+    assert site.does.asked == []
+
+
+def test_a_part_that_is_longer_than_the_file_is_begun_with_again(site: Site, folder: Folder):
+    folder.part.write_bytes(FILE + b"more")
+    folder.note({"url": site.url, "tag": '"1"', "size": 1_000_000})
+    assert fetch(site.url, folder) == FILE
+
+
+def test_a_server_that_does_not_say_how_long_it_is_is_read_to_its_end(site: Site, folder: Folder):
+    site.does.has_length = False
+    assert fetch(site.url, folder) == FILE
+
+
+def test_it_goes_where_it_is_led_but_not_in_circles(site: Site, folder: Folder):
+    assert fetch(f"{site.base}/to//update", folder) == FILE
+    with pytest.raises(StationError, match="leads from address to address"):
+        fetch(f"{site.base}/to//to//to//to//to//to//update", folder)
+
+
+@pytest.mark.parametrize(
+    ("status", "said"),
+    [
+        (404, "the server has no such file"),
+        (403, "the server forbids it"),
+        (401, "wants a name and a password"),
+        (418, "answers 418"),
+        (503, "the server answers 503 Service Unavailable"),
+    ],
+)
+def test_what_the_server_refuses_is_told(site: Site, folder: Folder, status: int, said: str):
+    site.does.status = status
+    with pytest.raises(StationError, match=said):
+        fetch(site.url, folder)
+
+
+def test_a_file_that_has_no_room_is_refused_before_any_of_it_is_written(site: Site, tmp_path: Path):
+    folder = Folder(tmp_path, reserve=1 << 60)
+    with pytest.raises(StationError, match="has room for 0 MB, and 0 MB are to come"):
+        fetch(site.url, folder)
+    assert not folder.part.exists()
+
+
+def test_a_stream_without_an_end_stops_where_the_room_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    folder = Folder(tmp_path, reserve=0)
+    left = iter([200_000, 100_000, 50_000, 0, 0])
+    monkeypatch.setattr(folder, "room", lambda: next(left))
+    with pytest.raises(StationError, match="has room for 0 MB"):
+        update_fetch.from_stream(io.BytesIO(bytes(10_000_000)), folder, lambda have, size: None)
+
+
+def test_what_comes_by_a_pipe_is_taken_to_its_end(folder: Folder):
+    folder.part.write_bytes(b"of another one")
+    assert update_fetch.from_stream(io.BytesIO(FILE), folder, lambda have, size: None).read_bytes() == FILE
+
+
+@pytest.mark.parametrize(
+    ("url", "said"),
+    [
+        ("http://127.0.0.1:9/update", "nobody listens there"),
+        ("http://no.such.host.invalid/update", "no host of this name|no name server answers"),
+        ("http:///update", "is no address of a file"),
+        ("http://localhost:99999/update", "ort"),
+    ],
+)
+def test_a_server_that_is_not_there_is_told_at_once(folder: Folder, url: str, said: str):
+    with pytest.raises(StationError, match=said):
+        fetch(url, folder)
+
+
+@pytest.fixture(scope="module")
+def authority(tmp_path_factory: pytest.TempPathFactory) -> Authority:
+    return Authority(tmp_path_factory.mktemp("authority"))
+
+
+@contextmanager
+def secure(authority: Authority) -> Iterator[Site]:
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    pair = authority.server()
+    context.load_cert_chain(pair.certificate, pair.key)
+    with Site(context).open() as found:
+        yield found
+
+
+def test_a_secure_server_is_one_of_a_known_authority(
+    authority: Authority, folder: Folder, monkeypatch: pytest.MonkeyPatch
+):
+    with secure(authority) as site:
+        with pytest.raises(StationError, match="authority that is not known here"):
+            fetch(site.url, folder)
+        monkeypatch.setenv("SSL_CERT_FILE", str(authority.certificate))
+        assert fetch(site.url, folder) == FILE
+
+
+def test_a_clock_that_was_never_set_is_named_where_a_certificate_is_not_valid_yet(monkeypatch: pytest.MonkeyPatch):
+    error = ssl.SSLCertVerificationError(1, "x")
+    error.verify_code, error.verify_message = 9, "certificate is not yet valid"
+    monkeypatch.setattr(update_fetch, "is_clock_set", lambda: False)
+    assert "the clock of this box was not set" in update_fetch._distrusted("https://x/y", error).message
+    monkeypatch.setattr(update_fetch, "is_clock_set", lambda: True)
+    assert "look at the clock" in update_fetch._distrusted("https://x/y", error).message
+
+
+def test_two_updates_at_once_are_told(folder: Folder, tmp_path: Path):
+    with (
+        folder.locked(),
+        pytest.raises(StationError, match="another update is running"),
+        Folder(tmp_path).locked(),
+    ):
+        raise AssertionError("the second one has it too")
+    with Folder(tmp_path).locked():
+        assert json.loads('"both in turn"')
+
+
+def test_a_folder_that_is_not_there_is_told(tmp_path: Path):
+    with pytest.raises(StationError, match="no update can be prepared"), Folder(tmp_path / "none").locked():
+        raise AssertionError("there is none")
+
+
+def test_how_an_update_ended_is_kept_and_rubbish_in_its_place_is_none(folder: Folder):
+    assert folder.last() == {}
+    folder.tell("http://x/y", "1.2.3", "installed")
+    assert folder.last()["result"] == "installed"
+    for octets in (b"", b"[]", b"\xff", b"{" * 100_000):
+        (folder.place / "last.json").write_bytes(octets)
+        assert folder.last() == {}
