@@ -5,6 +5,7 @@ import re
 import signal
 import socket
 import subprocess
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -84,18 +85,31 @@ class Guest:
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=(folder / "qemu.log").open("wb"),
-            preexec_fn=die_with_parent(signal.SIGKILL),  # noqa: PLW1509 - there is one thread
+            preexec_fn=die_with_parent(signal.SIGKILL),  # noqa: PLW1509 - it is made by the one thread that forks
         )
         self._console = _connected(console, self._process)
+        self._said = threading.Condition()
+        self._is_over = False
+        # Read whether anybody waits or not: a guest whose console is full stands still.
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
 
     def wait(self, pattern: str, limit_s: float = LIMIT_S) -> re.Match[str]:
         """The next time that the console says it. Raises NotSeenError."""
         ends = time.monotonic() + limit_s
+        at = self._from
         while not (found := re.search(pattern, self.text[self._from :])):
-            if not self.read(ends - time.monotonic()):
+            at += len(self.more(at, ends - time.monotonic()))
+            if time.monotonic() >= ends or (self._is_over and at == len(self.text)):
                 raise NotSeenError(f"{pattern!r} was not seen; the console's last words:\n{self.text[-1500:]}")
         self._from += found.end()
         return found
+
+    def more(self, at: int, limit_s: float) -> str:
+        """What the console has said behind that place of its text; empty when it says nothing for so long."""
+        with self._said:
+            self._said.wait_for(lambda: len(self.text) > at or self._is_over, max(0.0, limit_s))
+            return self.text[at:]
 
     def stop_loader(self, extra: str) -> None:
         """At U-Boot's prompt, as who holds the cable may: words for the kernel's command line, then go on."""
@@ -106,19 +120,6 @@ class Guest:
         self.wait("=> ")
         self.type("boot\n")
 
-    def read(self, limit_s: float) -> str:
-        """What the console says next; empty when it says nothing for so long, or has ended."""
-        self._console.settimeout(max(0.1, limit_s))
-        try:
-            octets = self._console.recv(65_536)
-        except TimeoutError:
-            return ""
-        self._log.write(octets)
-        self._log.flush()
-        text = octets.decode("utf-8", "replace")
-        self.text += text
-        return text
-
     def type(self, text: str) -> None:
         self._console.sendall(text.encode())
 
@@ -126,8 +127,24 @@ class Guest:
         """Take away its power; idempotent."""
         self._process.kill()
         self._process.wait()
+        self._reader.join()
         self._console.close()
         self._log.close()
+
+    def _read(self) -> None:
+        while True:
+            try:
+                octets = self._console.recv(65_536)
+            except OSError:
+                octets = b""
+            with self._said:
+                self._is_over = not octets
+                self.text += octets.decode("utf-8", "replace")
+                self._said.notify_all()
+            if not octets:
+                return
+            self._log.write(octets)
+            self._log.flush()
 
 
 @contextmanager

@@ -23,6 +23,7 @@ class Screen:
     def __init__(self, guest: Guest) -> None:
         self.sent = ""
         self._guest = guest
+        self._at = len(guest.text)
         self._shown = pyte.Screen(COLUMNS, LINES)
         self._stream = pyte.Stream(self._shown)
 
@@ -34,9 +35,10 @@ class Screen:
         """Until it shows this. Raises NotSeenError."""
         ends = time.monotonic() + limit_s
         while not (found := re.search(pattern, self.text)):
-            said = self._guest.read(ends - time.monotonic())
+            said = self._guest.more(self._at, ends - time.monotonic())
             if not said:
                 raise NotSeenError(f"the screen does not show {pattern!r}:\n{self.text}")
+            self._at += len(said)
             self.sent += said
             self._stream.feed(said)
         return found

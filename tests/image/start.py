@@ -99,19 +99,15 @@ def _console(guest: Guest) -> Iterator[Row]:
 def _jobs(screen: Screen) -> Row:
     """A shell whose terminal it does not control would say so, and stop nothing."""
     screen.forget()
-    screen.type("sleep 1000\r")
-    screen.wait(r"sleep 1000")
+    screen.type("sh -c 'echo be''gun; exec sleep 1000'\r")
+    screen.wait("(?m)^begun")  # it is in front
     screen.type("\x1a")
-    screen.wait(r"Stopped +sleep 1000")
-    screen.run("bg", r"sleep 1000 &")
-    screen.run("jobs", r"Running +sleep 1000")
-    screen.forget()
-    screen.type("fg\r")
-    screen.wait("(?m)^sleep 1000")
-    screen.type("\x03")
-    screen.wait(PROMPT)
+    screen.wait(r"Stopped +sh")
+    screen.run("bg", r"exec sleep 1000' &")
+    screen.run("jobs", r"Running +sh")
+    screen.run("kill %1; wait; echo ov''er", "(?m)^over")
     screen.run("jobs; echo none", "(?m)^none")
-    is_ended = "sleep" not in screen.text.replace("jobs; echo", "")
+    is_ended = "sleep" not in screen.text
     return Row("job control", "stopped, resumed, ended" if is_ended else "left", "stopped, resumed, ended", is_ended)
 
 
