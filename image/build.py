@@ -171,7 +171,10 @@ class Build:
             its_kernel = kernel.Kernel(unpacked / "tree")
             boot.make(description, its_kernel, board, folder / "boot")
             tar = folder / "root.tar"
-            parts = root.Parts(userland / "root.tar", its_kernel, early / "initrd", program / "captain", written)
+            documents = frozen.documents(self.steps.folder / "freezer/root", program / "captain")
+            parts = root.Parts(
+                userland / "root.tar", its_kernel, early / "initrd", program / "captain", documents, written
+            )
             root.compose(description, parts, now, tar)
             disk.make_fat(plan.partition("boot"), folder / "boot", folder / "boot.fat", now)
             disk.make_ext4(plan.partition("root-a"), tar, folder / "root.ext4", now, tools, journal=False)
@@ -179,6 +182,7 @@ class Build:
             (folder / "state.raw").write_bytes(state.blank())
 
         own = [path for path in sorted(HERE.rglob("*")) if path.is_file() and path.suffix != ".pyc"]
+        own += [PROJECT / name for name in licences.OWN]
         made_from = [key(step) for step in (tools, userland, unpacked, early, program)]
         return self.steps.made("parts", [str(description), str(now), *written.values(), *made_from, board, *own], make)
 

@@ -35,6 +35,16 @@ class FileSystem:
     def mode(self, path: str) -> int:
         return self._modes[path]
 
+    def size(self, path: str) -> int:
+        """Of a file, octets; 0 of what is none."""
+        return self._sizes[path] if self._modes[path] & 0o170000 == 0o100000 else 0
+
+    def target(self, path: str) -> str:
+        """Where a link leads."""
+        said = self._debugfs(f'stat "/{path}"')
+        found = re.search('^Fast link dest: "(.*)"$', said, re.MULTILINE)
+        return found[1] if found else self.read(path).decode()
+
     def is_small(self, path: str) -> bool:
         """Whether it is a file that may be read whole."""
         return self._modes[path] & 0o170000 == 0o100000 and self._sizes[path] <= SMALL

@@ -25,6 +25,7 @@ EPOCH = "315532800"  # 1980: PyInstaller's archives begin there
 RADIO = "drivers/sim/radio/libsim_v2xcast.so"
 BUILT_RADIO = "build/sim/libsim_v2xcast.so"  # by .ci/sim
 WORK = "build"  # in the root
+OWNERS = "build/owners"  # which package a file is of
 
 # The machine's own /dev and /proc are seen in there, and gone with the process: no mount outlives it.
 _INSIDE = """\
@@ -56,8 +57,12 @@ def unpack(packages: Iterable[Path], root: Path, python: Path) -> None:
         (root / folder).mkdir(parents=True, exist_ok=True)
     for link in ("bin", "sbin", "lib"):
         (root / link).symlink_to(f"usr/{link}")
+    owners = []
     for package in packages:
         run(["dpkg-deb", "-x", package, root])
+        name = package.name.split("_")[0]
+        owners += [f"{name}: {path.split()[5]}\n" for path in run(["dpkg-deb", "-c", package]).splitlines()]
+    (root / OWNERS).write_text("".join(owners))
     interpreter = sorted(path.name for path in (root / "usr/bin").glob("python3.[0-9]*") if path.name[9:].isdecimal())
     if len(interpreter) != 1:
         raise ImageError(f"packages.freeze: has {interpreter or 'no Python'}", "name one: python3.13")
@@ -128,8 +133,9 @@ def join(root: Path, frozen: Path, messages: Path, target: Path) -> None:
 
 def documents(root: Path, program: Path) -> dict[str, bytes]:
     """What is to be read about captain: files by their place below /usr/share/doc/captain."""
-    notices = sorted((root / "usr/share/doc").glob("*/copyright"))
-    return licences.documents(program, root / WORK / "site", notices)
+    packages = licences.of_libraries(program, (root / OWNERS).read_text())
+    notices = [root / f"usr/share/doc/{name}/copyright" for name in packages]
+    return licences.documents(program, root / WORK / "site", [path for path in notices if path.exists()])
 
 
 def run_inside(root: Path, words: Iterable[str | Path]) -> str:

@@ -35,14 +35,20 @@ def carried(program: Path) -> set[str]:
     return {name.split(".")[0] for name in archives.module_names(modules)} | folders
 
 
+def of_libraries(program: Path, owners: str) -> list[str]:
+    """Debian's packages that its libraries and interpreter are from. owners: lines "PACKAGE: PATH"."""
+    names = {path.name for path in (program / joined.INSIDE).glob("lib*.so*")}
+    rows = [line.partition(": ") for line in owners.splitlines()]
+    return sorted({package.split(":")[0] for package, _, path in rows if path.rsplit("/", 1)[-1] in names})
+
+
 def of_this_machine(program: Path, python: Path) -> list[Path]:
     """Copyright files of what a program frozen on this Debian has from it: libraries, and the interpreter."""
     names = sorted(path.name for path in (program / joined.INSIDE).glob("lib*.so*"))
     patterns = [f"*/{platform.machine()}-linux-gnu/{name}" for name in names]
     # It fails where one is of no package, such as those that came in a wheel.
     owners = run(["sh", "-c", 'dpkg-query --search "$@" 2>/dev/null || :', "sh", *patterns])
-    packages = {line.split(":")[0] for line in owners.splitlines()}
-    notices = [Path(f"/usr/share/doc/{name}/copyright") for name in sorted(packages)]
+    notices = [Path(f"/usr/share/doc/{name}/copyright") for name in of_libraries(program, owners)]
     library = Path(run([python, "-c", "import sysconfig; print(sysconfig.get_path('stdlib'))"]).strip())
     return [path for path in (*notices, library / "LICENSE.txt") if path.exists()]
 

@@ -38,14 +38,18 @@ def sources(root: Path) -> Iterator[Path]:
         yield from sorted((root / folder).rglob("*.py"))
 
 
+def name(place: Path) -> str:
+    """As it is imported: firmware/cli.py -> firmware.cli. place: below the project's folder."""
+    parts = place.with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
 def compiled(root: Path) -> Compiled:
     """Named as if they were in the working directory: no path of a build gets in. Raises SyntaxError."""
     found = []
     for path in sources(root):
         place = path.relative_to(root)
-        parts = place.with_suffix("").parts
-        is_package = parts[-1] == "__init__"
-        found.append(Module(".".join(parts[: -1 if is_package else None]), is_package, _code(path, str(place))))
+        found.append(Module(name(place), place.stem == "__init__", _code(path, str(place))))
     return Compiled(found, _code(root / SCRIPT, "__main__.py"))
 
 

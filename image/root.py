@@ -14,6 +14,7 @@ from image.tree import Tree
 
 OVERLAY = Path(__file__).parent / "overlay"
 PLACE = "usr/lib/captain"  # of the program
+DOCUMENTS = "usr/share/doc/captain"
 
 # Times that scripts write into files, such as the day of an account: of no day.
 EPOCH = "1735689600"  # 2025-01-01
@@ -70,14 +71,16 @@ def install(packages: Sequence[Package], archives: Path, names: Sequence[str], t
 class Parts(NamedTuple):
     """What a slot is put together from.
 
-    userland  as install() made it; program: captain as a directory.
-    written   further files: path = text.
+    userland   as install() made it; program: captain as a directory.
+    documents  what is to be read about captain, by its place below its folder of documents.
+    written    further files: path = text.
     """
 
     userland: Path
     kernel: Kernel
     initrd: Path
     program: Path
+    documents: Mapping[str, bytes]
     written: Mapping[str, str]
 
 
@@ -93,6 +96,8 @@ def compose(description: Description, parts: Parts, epoch: int, target: Path) ->
         _add_unpacked(tree, parts.kernel, parts.initrd)
         tree.add_folder(parts.program, PLACE)
         tree.link("usr/bin/captain", "../lib/captain/captain")
+        for path, octets in parts.documents.items():
+            tree.write(f"{DOCUMENTS}/{path}", octets)
         tree.add_folder(OVERLAY)
         for path, text in parts.written.items():
             tree.write(path, text)

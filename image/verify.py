@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from image import disk, slot_names, state, verify_tree
+from image import disk, slot_names, state, verify_slot, verify_tree
 from image.description import Description, Partition
 from image.ext4 import FileSystem
 from image.program import run
@@ -139,6 +139,7 @@ class Card:
         identity = slot.read("etc/machine-id").strip()
         yield Row("no machine-id", f"it is {identity.decode()}" if identity else "")
         yield from self._packages(there)
+        yield from (Row(*check) for check in verify_slot.checks(slot))
         words = [line.split(":") for line in slot.read("etc/shadow").decode().splitlines()]
         able = [row[0] for row in words if row[1] not in ("*", "!", "!*")]
         yield Row("nobody has a password", f"{able} have" if able else "")
