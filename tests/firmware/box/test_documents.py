@@ -1,0 +1,39 @@
+"""What README and the card's README.txt tell an owner to write is taken."""
+
+import re
+from pathlib import Path
+
+from tests.firmware.box.conftest import KEY, Look
+
+PROJECT = Path(__file__).resolve().parents[3]
+README = (PROJECT / "README.md").read_text()
+ON_CARD = (PROJECT / "image/first/README.txt").read_text()
+
+
+def test_box_toml_of_the_readme_is_taken(look: Look):
+    (text,) = re.findall(r"^```toml box\n(.*?)^```", README, re.MULTILINE | re.DOTALL)
+    found = look({"box.toml": text, "authorized_keys": KEY})
+    assert [note.text for note in found.notes] == []
+    assert (found.options.host_name, found.options.console.shell) == ("captain-7", True)
+
+
+def test_box_toml_of_the_cards_own_text_is_taken(look: Look):
+    text = ON_CARD[ON_CARD.index("host_name") : ON_CARD.index("  captain.toml ")]
+    found = look({"box.toml": text, "authorized_keys": KEY})
+    assert [note.text for note in found.notes] == []
+    assert found.options.eth0 is not None
+    assert found.options.console.shell is False
+
+
+def test_both_tell_every_number_that_the_led_blinks():
+    script = (PROJECT / "image/overlay/usr/lib/captain-image/blink").read_text()
+    numbers = re.findall(r"^#   (\d)  ", script, re.MULTILINE)
+    assert numbers == ["2", "3", "4"]
+    assert all(f"| {number} | " in README for number in numbers)
+    assert re.findall(r"^  (\d)   ", ON_CARD, re.MULTILINE) == numbers
+
+
+def test_both_say_who_may_use_the_box_without_being_asked():
+    for text in (README, ON_CARD):
+        assert re.search(r"reaches\s+ports 5555 to 5558", text)
+        assert re.search(r"(?i)nobody\s+is\s+asked\s+who\s+he\s+is", text)
