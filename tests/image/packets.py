@@ -120,6 +120,12 @@ def advertisement(source_mac: bytes, target: Address) -> bytes:
     return struct.pack("!BBHI", 136, 0, 0, 0x60000000) + target.packed + b"\2\1" + source_mac
 
 
+def router_advertisement(prefix: ipaddress.IPv6Network) -> bytes:
+    """Of a router that offers addresses and a way out, RFC 4861, 4.2 and 4.6.2."""
+    option = struct.pack("!BBBBIII", 3, 4, prefix.prefixlen, 0xC0, 3600, 3600, 0) + prefix.network_address.packed
+    return struct.pack("!BBHBBHII", 134, 0, 0, 64, 0, 1800, 0, 0) + option
+
+
 def link_local(mac: bytes) -> ipaddress.IPv6Address:
     """RFC 4291, appendix A."""
     number = bytes((mac[0] ^ 2,)) + mac[1:3] + b"\xff\xfe" + mac[3:]

@@ -19,6 +19,9 @@ FEW = (22, 53, 67, 68, 80, 123, 323, 546, 5353, 5355, 5555, 5556, 5557, 5558, 89
 LISTED = {22, 5555, 5556, 5557, 5558}
 
 
+MODEM = "wwan0"
+
+
 class Network(NamedTuple):
     """A network device of the box. is_near: who is there is a user; else only replies come in."""
 
@@ -32,7 +35,7 @@ NETWORKS = (
     Network("eth0", "virtio-net-pci", "192.0.2.0/24", True),
     Network("wlan0", "virtio-net-pci", "198.51.100.0/24", True),
     Network("usb0", "usb-net", "192.168.1.0/24", False),  # the SOM301-E's
-    Network("wwan0", "virtio-net-pci", "203.0.113.0/24", False),
+    Network(MODEM, "virtio-net-pci", "203.0.113.0/24", False),
 )
 
 
@@ -76,6 +79,7 @@ def rows(card: Path, folder: Path, options: Options) -> Iterator[Row]:
         for one in NETWORKS:
             yield from _scanned(one, neighbours[one.name], ports)
             yield from _spoken(one, neighbours[one.name], shell)
+        yield _misled(shell, neighbours["usb0"])
         yield from _crossed(neighbours)
         yield _heard(neighbours)
         yield _listening(shell)
@@ -100,10 +104,16 @@ def _name(shell: RootShell, wires: Sequence[Wire]) -> None:
 
 def _lease(shell: RootShell, network: Network, neighbour: Neighbour) -> Row:
     name, address = network.name, neighbour.guest
+    if name == MODEM:  # the station sets it up, as the network has told the modem
+        shell.run(
+            f"ip link set {name} up; ip addr add {address}/24 dev {name};"
+            f" ip -6 addr add {neighbour.guest6}/64 dev {name} nodad; networkctl reload"
+        )
     said = shell.run(
         f"for i in $(seq 120); do ip -4 -o addr show dev {name} | grep {address}/ && break; sleep 1; done", 600
     )
-    return Row(f"{name}: takes a lease", str(address) if said else "none", "its server's", bool(said))
+    what = "keeps the station's address" if name == MODEM else "takes a lease"
+    return Row(f"{name}: {what}", str(address) if said else "none", str(address), bool(said))
 
 
 def _scanned(network: Network, neighbour: Neighbour, ports: Sequence[int]) -> Iterator[Row]:
@@ -161,6 +171,20 @@ def _multicast(neighbour: Neighbour, is_answered: bool) -> set[str]:
         for one in neighbour.settle():
             is_answer(packets.frame(bytes(6), bytes(6), IPV4, packets.ip(one.source, one.destination, UDP, one.body)))
     return found
+
+
+def _misled(shell: RootShell, neighbour: Neighbour) -> Row:
+    """The radio's network offers a gateway, by its lease and by an advertisement: it is no way to anywhere."""
+    body = packets.router_advertisement(ipaddress.IPv6Network("2001:db8:1::/64"))
+    neighbour.probe(body, packets.ICMP6, ipaddress.IPv6Address("ff02::1"), mac=b"\x33\x33\0\0\0\1")
+    neighbour.settle(6)
+    said = shell.run(
+        "ip route show dev usb0; ip -6 route show dev usb0; ip -6 addr show dev usb0 scope global; resolvectl dns usb0"
+    )
+    bad = [
+        line for line in said.splitlines() if "default" in line or "2001:db8:1" in line or str(neighbour.own) in line
+    ]
+    return Row("usb0: a gateway that it offers", ", ".join(bad) or "is not used", "is not used", not bad)
 
 
 def _crossed(neighbours: Mapping[str, Neighbour]) -> Iterator[Row]:
