@@ -24,6 +24,7 @@ PARTS = {
     "ports": "each network of the box, scanned from outside",
     "hardening": "how closed each unit is, and why not more",
     "chart": "what a start is made of, and what captain adds to it (a bench)",
+    "owner": "the owner's files: the README's page, mistakes, Raspberry Pi Imager",
 }
 SHORT = ("start",)  # under 3 minutes
 NEEDED = {

@@ -7,7 +7,7 @@ import socket
 import subprocess
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
@@ -160,7 +160,7 @@ def powered(
         guest.cut()
 
 
-def owned(image: Path, folder: Path, files: dict[str, str]) -> Path:
+def owned(image: Path, folder: Path, files: Mapping[str, str | bytes]) -> Path:
     """A copy of a card with files on the partition that its owner may edit."""
     card = folder / "card.img"
     subprocess.run(["cp", "--sparse=always", image, card], check=True)
@@ -168,13 +168,14 @@ def owned(image: Path, folder: Path, files: dict[str, str]) -> Path:
     return card
 
 
-def put(card: Path, files: dict[str, str]) -> None:
+def put(card: Path, files: Mapping[str, str | bytes]) -> None:
     """Files on a card's boot partition, as a laptop writes them; a folder in a name is made."""
     offset = partition_offset(card)
-    for name, text in files.items():
+    for name, content in files.items():
+        octets = content.encode() if isinstance(content, str) else content
         if "/" in name:
             _mtools(["mmd", "-D", "s"], card, offset, f"::{name.rpartition('/')[0]}", check=False)
-        _mtools(["mcopy", "-o"], card, offset, "-", f"::{name}", given=text)
+        _mtools(["mcopy", "-o"], card, offset, "-", f"::{name}", given=octets)
 
 
 def partition_offset(card: Path) -> int:
@@ -184,11 +185,11 @@ def partition_offset(card: Path) -> int:
         return int.from_bytes(file.read(4), "little") * 512
 
 
-def _mtools(words: list[str], card: Path, offset: int, *names: str, given: str = "", check: bool = True) -> None:
+def _mtools(words: list[str], card: Path, offset: int, *names: str, given: bytes = b"", check: bool = True) -> None:
     subprocess.run(
         [*words, "-i", f"{card}@@{offset}", *names],
         check=check,
-        input=given.encode(),
+        input=given,
         stderr=None if check else subprocess.DEVNULL,
         env={**os.environ, "MTOOLS_SKIP_CHECK": "1"},
     )
