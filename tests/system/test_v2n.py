@@ -128,8 +128,9 @@ def test_own_messages_do_not_come_back(v2n: V2n) -> None:
     v2n.hears_nothing_before_a_mark()
 
 
-def test_a_burst_of_5000_from_the_broker_all_arrives(v2n: V2n) -> None:
-    sent = [mark() for _ in range(5000)]
+def test_a_burst_of_4000_from_the_broker_all_arrives(v2n: V2n) -> None:
+    # Two messages of each go to a user who may not have begun to read: the station holds 8192 for one.
+    sent = [mark() for _ in range(4000)]
     for pdu in sent:
         v2n.observer.publish("v2x/btp/2001", text("other", 2001, pdu), qos=0)
     assert [v2n.bench.user.receive().pdu for _ in sent] == sent
