@@ -48,8 +48,10 @@ def make(slot: Path, words: str, version: str, epoch: int, keys: Keys, tools: Pa
     shutil.rmtree(folder)
 
 
-def write(folder: Path, words: str, version: str, epoch: int, keys: Keys, target: Path) -> None:
-    """A bundle of a folder with NAME in it. Raises ImageError."""
+def write(
+    folder: Path, words: str, version: str, epoch: int, keys: Keys, target: Path, squashfs: str = SQUASHFS
+) -> None:
+    """A bundle of a folder with NAME in it. squashfs: arguments of mksquashfs. Raises ImageError."""
     build = datetime.fromtimestamp(epoch, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
     (folder / "manifest.raucm").write_text(_MANIFEST.format(compatible=words, version=version, build=build, name=NAME))
     for path in (*folder.iterdir(), folder):
@@ -57,7 +59,7 @@ def write(folder: Path, words: str, version: str, epoch: int, keys: Keys, target
     target.unlink(missing_ok=True)
     run(
         ["rauc", "bundle", f"--cert={keys.certificate}", f"--key={keys.key}", f"--signing-keyring={keys.keyring}",
-         f"--mksquashfs-args={SQUASHFS}", folder, target],
+         f"--mksquashfs-args={squashfs}", folder, target],
         environment={"SOURCE_DATE_EPOCH": str(epoch)},
     )  # fmt: skip
     if not target.exists():

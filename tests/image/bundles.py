@@ -1,0 +1,106 @@
+"""Updates of a card for the proof: a good one, one whose station fails, and each way to be spoiled."""
+
+import os
+import subprocess
+from pathlib import Path
+from typing import NamedTuple
+
+from image import bundle, disk, keys
+from image.description import Description, read
+from image.program import run
+
+PROJECT = Path(__file__).resolve().parents[2]
+MADE = PROJECT / "build/image"
+TOOLS = MADE / "tools"
+# Made in seconds; how small they get is no matter here.
+FAST = "-comp zstd -Xcompression-level 1"
+GOOD, BROKEN = "9.1.0", "9.2.0"  # versions
+MARK = "usr/lib/captain-image/proof"  # a file that only the good update has
+PROGRAM = "usr/lib/captain/captain"
+FAILS = "#!/bin/sh\necho 'this version does not work' >&2\nexit 1\n"
+SMALL = 200_000  # octets of contents that are never installed
+
+
+class Bundles(NamedTuple):
+    """Files in one folder. spoiled: file by what is wrong with it."""
+
+    good: Path
+    broken: Path
+    spoiled: dict[str, Path]
+
+
+def made(card: Path, folder: Path, is_short: bool = False) -> Bundles:
+    """is_short: the good one alone. Raises ImageError."""
+    description = read(PROJECT / "image/image.toml")
+    folder.mkdir()
+    own = keys.chosen(MADE / "keys", 0)
+    slot = folder / "slot"
+    _slot(description, card, slot)
+    good = _changed(slot, folder, own, description, GOOD, {MARK: "here\n"})
+    if is_short:
+        slot.unlink()
+        return Bundles(good, good, {})
+    broken = _changed(slot, folder, own, description, BROKEN, {PROGRAM: FAILS})
+    slot.unlink()
+    return Bundles(good, broken, _spoiled(good, folder, own, description))
+
+
+def _slot(description: Description, card: Path, target: Path) -> None:
+    """Slot A's file system, shrunk."""
+    place = next(place for place in disk.places(description.disk) if place.partition.name == "root-a")
+    whole = target.with_suffix(".whole")
+    run(["dd", f"if={card}", f"of={whole}", "bs=1M", f"skip={place.start_mib}", f"count={place.partition.size_mib}",
+         "conv=sparse", "status=none"])  # fmt: skip
+    bundle.shrunk(whole, target, TOOLS, 0)
+    whole.unlink()
+
+
+def _changed(
+    slot: Path, folder: Path, signer: keys.Keys, description: Description, version: str, files: dict[str, str]
+) -> Path:
+    contents = folder / version
+    contents.mkdir()
+    own = contents / bundle.NAME
+    run(["cp", "--sparse=always", slot, own])
+    for place, text in files.items():
+        source = folder / "file"
+        source.write_text(text)
+        debugfs(own, [f"rm /{place}", f"write {source} /{place}", f"sif /{place} mode 0100755"])
+    target = folder / f"captain-{version}-arm64.raucb"
+    bundle.write(contents, description.compatible, version, 0, signer, target, FAST)
+    own.unlink()
+    return target
+
+
+def debugfs(image: Path, commands: list[str], offset: int = 0) -> None:
+    """Change files of a file system that lies in an image."""
+    loader = next(TOOLS.glob("usr/lib/*/ld-linux*.so.*"))
+    words = [loader, "--library-path", loader.parent, TOOLS / "usr/sbin/debugfs", "-w", "-f", "-"]
+    run([*words, f"{image}?offset={offset}"], given="\n".join(commands) + "\n")
+
+
+def _spoiled(good: Path, folder: Path, own: keys.Keys, description: Description) -> dict[str, Path]:
+    small = folder / "small"
+    small.mkdir()
+    (small / bundle.NAME).write_bytes(os.urandom(SMALL))
+    found = {}
+
+    def signed(name: str, words: str, signer: keys.Keys) -> None:
+        found[name] = folder / f"{name.replace(' ', '-')}.raucb"
+        bundle.write(small, words, "9.3.0", 0, signer, found[name], FAST)
+
+    signed("another signer", description.compatible, keys.development(folder / "foreign", 0))
+    signed("another device tree", f"{description.compatible}-other", own)
+    size = good.stat().st_size
+    for name, at in (("contents changed", size // 2), ("signature changed", size - 200)):
+        found[name] = folder / f"{name.replace(' ', '-')}.raucb"
+        subprocess.run(["cp", good, found[name]], check=True)
+        with found[name].open("r+b") as file:
+            file.seek(at)
+            (octet,) = file.read(1)
+            file.seek(at)
+            file.write(bytes([octet ^ 0x04]))
+    found["truncated"] = folder / "truncated.raucb"
+    with good.open("rb") as file:
+        found["truncated"].write_bytes(file.read(size // 3))
+    return found
