@@ -169,11 +169,8 @@ def _reachable(guest: Guest, key: Key, name: str, when: str) -> Iterator[Row]:
 
 def _grown(guest: Guest, key: Key) -> Row:
     """The table of partitions at the early boot, the file system behind the start's back."""
-    said(
-        guest,
-        key,
-        "while systemctl is-active -q captain-grow.service || systemctl list-jobs | grep -q captain-grow; do sleep 1; done",
-    )
+    wait = 'while [ "$(systemctl show -P ActiveState captain-grow.service)" = activating ]; do sleep 1; done'
+    said(guest, key, wait, 600)
     size = said(guest, key, "df -m --output=size /data | tail -n 1").strip()
     room = CARD_MIB - 1742  # where it begins; ext4 itself needs a few percent
     return Row(
