@@ -26,7 +26,7 @@ from asn1.types import (
     SequenceOf,
     Type,
 )
-from asn1.wording import bounds, presence, type_name
+from asn1.wording import bounds, presence, type_name, unit_of
 
 
 def write(schema: Schema, messages: Iterable[str], folder: Path, progress: Callable[[str], None]) -> None:
@@ -124,7 +124,7 @@ def _field(schema: Schema, section: Section, component: Component) -> tuple[str,
     type_ = component.type
     if isinstance(type_, ClassField):
         type_ = schema.modules[type_.class_.module].classes[type_.class_.name].id_type
-    unit = component.unit or _unit(schema, type_) or ""
+    unit = component.unit or unit_of(schema, type_) or ""
     if _has_section(type_):
         name = f"{section.name}.{component.name}"
         shown = f"[{NAMELESS.get(type(type_), type_name(type_, _link))}](#{_anchor(section.module.key, name)})"
@@ -134,16 +134,6 @@ def _field(schema: Schema, section: Section, component: Component) -> tuple[str,
 
 
 NAMELESS: dict[type, str] = {SequenceOf: "SEQUENCE OF"}  # a link cannot stand inside a link
-
-
-def _unit(schema: Schema, type_: Type) -> str | None:
-    """The unit of the nearest definition that has one."""
-    while isinstance(type_, Reference):
-        definition = schema.resolve(type_)
-        if definition.unit:
-            return definition.unit
-        type_ = definition.type
-    return None
 
 
 # ---------------------------------------------------------------- what belongs to a page

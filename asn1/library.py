@@ -4,6 +4,7 @@ import shutil
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 from asn1 import asn, docs, output, selection, wheel
 from asn1.cpython import build, stubs
@@ -25,6 +26,7 @@ FORMS = {
     "wheel": "the same as a wheel for pip, for CPython 3.10 and later",
     "docs": "pages, a Markdown file per message",
     "asn": "ASN.1 text, for other compilers",
+    "ros2": "ROS 2 message packages, for colcon and as Debian source packages",
 }
 
 NEXT = {
@@ -35,17 +37,30 @@ NEXT = {
     "wheel": "pip install {folder}/*.whl",
     "docs": "begin with {folder}/README.md",
     "asn": "one file per module",
+    "ros2": "colcon build --base-paths {folder}",
 }
 """What to do with a form once it is there."""
 
 
-def generate(schema: Schema, messages: tuple[str, ...], form: str, folder: Path, progress: Progress) -> int:
+class Ros2(NamedTuple):
+    """How the messages of the form ros2 are called, and for which ROS 2."""
+
+    profile: str = "etsi_its"
+    distro: str = "jazzy"
+
+
+def generate(
+    schema: Schema, messages: tuple[str, ...], form: str, folder: Path, progress: Progress, ros2: Ros2 | None = None
+) -> int:
     """Write one form for some messages; form: a key of FORMS. Returns how many files have changed.
 
-    Raises output.NotOursError where the directory belongs to somebody else, and build.BuildError.
+    Raises output.NotOursError where the directory belongs to somebody else, build.BuildError, and ValueError where a
+    message cannot be said in ROS 2.
     """
     if form in ("python", "wheel"):
         return _python(schema, messages, form, folder, progress)
+    if form == "ros2":
+        return output.write(folder, lambda made: _ros2(schema, messages, ros2 or Ros2(), made, progress), form)
     return output.write(folder, lambda made: _fill(schema, messages, form, made, progress), form)
 
 
@@ -67,7 +82,7 @@ def _is_same(left: Path, right: Path) -> bool:
 def steps(schema: Schema, messages: tuple[str, ...], form: str) -> int:
     """How many steps `generate` tells of, at most."""
     match form:
-        case "docs":
+        case "docs" | "ros2":
             return len(messages)
         case "python" | "wheel":
             same = len([*(RUNTIME / "src").glob("*.c"), *PYTHON.glob("*.c")])
@@ -93,6 +108,14 @@ def _fill(schema: Schema, messages: tuple[str, ...], form: str, folder: Path, pr
             _sources(schema, messages, folder)
     if form == "cmake":
         _package(folder)
+
+
+def _ros2(schema: Schema, messages: tuple[str, ...], wish: Ros2, folder: Path, progress: Progress) -> None:
+    from asn1.ros2 import package, profiles
+
+    for made in profiles.packages(schema, [schema.messages[name] for name in messages], wish.profile):
+        progress(made.name)
+        package.write(schema, made, folder, VERSION, wish.distro)
 
 
 def _python(schema: Schema, messages: tuple[str, ...], form: str, folder: Path, progress: Progress) -> int:

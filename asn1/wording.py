@@ -76,6 +76,16 @@ def bounds(schema: Schema, type_: Type) -> str:
     return "; ".join(shown.values())
 
 
+def unit_of(schema: Schema, type_: Type) -> str | None:
+    """The unit of the nearest definition that has one."""
+    while isinstance(type_, Reference):
+        definition = schema.resolve(type_)
+        if definition.unit:
+            return definition.unit
+        type_ = definition.type
+    return None
+
+
 def constraint_text(constraint: Constraint) -> str:
     text = _set_text(constraint.root)
     if constraint.additions is not None:

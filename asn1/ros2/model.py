@@ -21,6 +21,9 @@ In a message from the standard, what is absent (a component, an alternative that
 empty in all its fields; in a message from a node, such fields are not looked at. Where a component may be absent and
 no field says so (`RosMessage.unflagged`), it is there if any of its fields is neither zero, false nor empty. One that
 has a DEFAULT is there unless it has that value. A message without any field is one octet of zero on the wire.
+
+Profile v2x_msgs has for a BIT STRING a number, in which bit i of the string counts 2**i. Where the size varies, the
+string has the smallest size that is allowed and holds the highest bit that is set.
 """
 
 from collections.abc import Iterator, Mapping
@@ -41,6 +44,7 @@ class Role(StrEnum):
     CHOICE = "choice"  # number: which alternative of the CHOICE at the source; options say which is which
     BITS_UNUSED = "bits unused"  # number: of the last octet of the BIT STRING at the source
     HEADER = "header"  # std_msgs/Header: from no value of the schema
+    LIST = "list"  # whole messages, of whoever makes the list: from no value of the schema
 
 
 @dataclass(frozen=True, slots=True)

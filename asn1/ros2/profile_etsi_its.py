@@ -13,9 +13,10 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from asn1.constraints import size_bounds, value_bounds
+from asn1.ros2.fields import Fields, joined, require_finite
 from asn1.ros2.model import Path, Role, RosConstant, RosField, RosMessage, RosPackage
 from asn1.ros2.names import constant_name, field_name, integer_type, type_name
-from asn1.selection import components_of, reached, references_of
+from asn1.selection import components_of, reached
 from asn1.types import (
     BitString,
     Boolean,
@@ -25,11 +26,9 @@ from asn1.types import (
     Component,
     Definition,
     Enumerated,
-    Inner,
     Integer,
     Message,
     Named,
-    Null,
     ObjectIdentifier,
     OctetString,
     OpenType,
@@ -107,9 +106,9 @@ def package(schema: Schema, edition: Message) -> RosPackage:
         if name in messages:
             _require_same(messages[name], schema.resolve(reference))
             continue
-        maker = _Maker(schema, reference, OLDER.get(edition.name, {}))
-        messages[name] = maker.message()
-        waiting += maker.reached
+        fields = _Fields(schema, reference, OLDER.get(edition.name, {}))
+        messages[name] = fields.message()
+        waiting += fields.reached
     tops = {edition.name: message_name(edition.pdu)}
     made = RosPackage(package_name(edition.name), NAME, (edition,), tops, dict(sorted(messages.items())))
     require_finite(made)
@@ -134,77 +133,56 @@ def _subcauses(schema: Schema, edition: Message) -> Iterator[Reference]:
                 yield Reference(module=key, name=name)
 
 
-class _Maker:
-    """The message of one definition, and the definitions that its fields refer to."""
-
+class _Fields(Fields):
     def __init__(self, schema: Schema, reference: Reference, older: Mapping[tuple[str, str], Older]) -> None:
-        self.schema = schema
-        self.reference = reference
-        self.definition: Definition = schema.resolve(reference)
+        super().__init__(schema, reference)
         self.older = older
-        self.reached: list[Reference] = []
-        self.left_out: list[Path] = []
-        self.unflagged: list[Path] = []
 
-    def message(self) -> RosMessage:
-        fields = tuple(_tell_apart(self.top(self.definition.type)))
-        module = self.schema.modules[self.reference.module]
-        name = message_name(self.reference)
-        return RosMessage(name, module, self.definition, fields, tuple(self.left_out), tuple(self.unflagged))
+    def name_of(self, reference: Reference) -> str:
+        return message_name(reference)
 
-    def top(self, type_: Type) -> list[RosField]:
-        match type_:
-            case SequenceType():
-                return self.sequence(type_, (), "")
-            case Choice():
-                return self.choice(type_, (), "")
-            case SequenceOf():
-                return self.leaf(type_, (), "array", "")
-            case Null():
-                return []
-            case _:
-                return self.leaf(type_, (), "value", "")
+    def value_name(self) -> str:
+        return "value"
 
-    # ------------------------------------------------------------ what holds components
+    def list_name(self) -> str:
+        return "array"
 
-    def sequence(self, type_: SequenceType, path: Path, prefix: str) -> list[RosField]:
-        """The components, those of a type without a name in place of the one that holds them."""
-        fields: list[RosField] = []
-        in_root = (*type_.root, *type_.tail)
-        for component in components_of(type_):
-            source = (*path, component.name)
-            if _is_regional(component.type):
-                self.left_out.append(source)
-                continue
-            found = self.component(self.renamed(component), source, prefix)
-            if component.is_optional and not self.is_inlined(component.type):
-                found = _with_flag(found, component, source)
-            elif component.is_optional or (component not in in_root and component.default is None):
-                self.unflagged.append(source)
-            fields += found
+    def component(self, component: Component, source: Path, prefix: str) -> list[RosField]:
+        older = self.older.get((self.definition.name, component.name))
+        if older is not None:
+            type_ = component.type
+            if older.type and isinstance(type_, Reference):
+                type_ = replace(type_, name=older.type)
+            component = replace(component, name=older.name, type=type_)
+        fields = super().component(component, source, prefix)
+        if fields and component.default is not None:
+            number = _default(self.schema, component)
+            if number is not None:
+                ros_type = integer_type(min(number, 0), number)
+                constant = RosConstant(ros_type, f"{constant_name(fields[0].name)}_DEFAULT", number)
+                fields[0] = replace(fields[0], constants=(constant, *fields[0].constants))
         return fields
 
-    def renamed(self, component: Component) -> Component:
-        older = self.older.get((self.definition.name, component.name))
-        if older is None:
-            return component
-        type_ = component.type
-        if older.type and isinstance(type_, Reference):
-            type_ = replace(type_, name=older.type)
-        return replace(component, name=older.name, type=type_)
+    def flagged(self, fields: list[RosField], component: Component, source: Path, is_addition: bool) -> list[RosField]:
+        """Behind the first of its fields. None for a DEFAULT, none for what is inlined or mandatory in an addition."""
+        if component.is_optional and not self.is_inlined(component.type):
+            name = fields[0].name if fields else field_name(component.name)
+            flag = RosField("bool", f"{name}_is_present", Role.PRESENT, source)
+            return [*fields[:1], flag, *fields[1:]]
+        if component.is_optional or (is_addition and component.default is None):
+            self.unflagged.append(source)
+        return fields
 
     def choice(self, type_: Choice, path: Path, prefix: str) -> list[RosField]:
-        """A number, and every alternative; a prefix where the CHOICE is a component without a name of its type."""
+        """`choice`, or `<name>_choice` with the name before every alternative."""
         fields: list[RosField] = []
         options: list[tuple[int, str]] = []
-        numbers: list[RosConstant] = []
-        for number, component in enumerate(components_of(type_)):
-            source = (*path, component.name)
-            if _is_regional(component.type):
-                self.left_out.append(source)
-                continue
-            options.append((number, component.name))
-            constant = RosConstant("uint8", constant_name(_joined("choice", prefix, component.name)), number)
+        numbers: list[RosConstant] = []  # of alternatives without a field
+        indices = {one.name: index for index, one in enumerate(components_of(type_))}
+        for component, source in self.parts(type_, path):
+            index = indices[component.name]
+            options.append((index, component.name))
+            constant = RosConstant("uint8", constant_name(joined("choice", prefix, component.name)), index)
             found = self.alternative(component, source, prefix)
             if found:
                 found[0] = replace(found[0], constants=(*found[0].constants, constant))
@@ -212,72 +190,36 @@ class _Maker:
                 numbers.append(constant)
             fields += found
         name = f"{field_name(prefix)}_choice" if prefix else "choice"
-        number_field = RosField(
-            "uint8", name, Role.CHOICE, path, options=tuple(options), constants=tuple(numbers), schema_type=type_
-        )
-        return [number_field, *fields]
+        number = RosField("uint8", name, Role.CHOICE, path, options=tuple(options), constants=tuple(numbers))
+        return [number, *fields]
 
     def alternative(self, component: Component, source: Path, prefix: str) -> list[RosField]:
         """As a component; what stands in a type without a name has that of the alternative in front."""
         if isinstance(component.type, SequenceType):
-            return self.sequence(component.type, source, _joined(prefix, component.name))
+            return self.sequence(component.type, source, joined(prefix, component.name))
         return self.component(component, source, prefix)
-
-    def component(self, component: Component, source: Path, prefix: str) -> list[RosField]:
-        """One component or alternative; prefix: what stands in front of its name."""
-        name = _joined(prefix, component.name)
-        match component.type:
-            case Null():
-                return []
-            case SequenceType():
-                fields = self.sequence(component.type, source, prefix)
-            case Choice():
-                fields = self.choice(component.type, source, name)
-            case OpenType():
-                fields = self.open(component.type, source, name)
-            case Reference() if self.is_inlined(component.type):
-                fields = self.inline(component.type, source, name)
-            case _:
-                fields = self.leaf(component.type, source, name, name)
-        if fields and fields[0].source == source:
-            fields[0] = replace(fields[0], component=component)
-        return fields
 
     def open(self, type_: OpenType, source: Path, name: str) -> list[RosField]:
         """A field for each type that the set names; which of them is there says the component that selects it."""
         fields = []
-        for row in self.schema.modules[type_.set_.module].sets[type_.set_.name].rows:
-            if not isinstance(row.type, Reference):
-                continue
-            words = f"{name}-{row.type.name[:1].lower()}{row.type.name[1:]}"
-            [field] = self.leaf(row.type, (*source, str(row.value)), words, words)
-            constant = RosConstant("uint8", constant_name(f"choice-{words}"), row.value)
+        for number, row in self.rows(type_):
+            words = f"{name}-{row.name[:1].lower()}{row.name[1:]}"
+            [field] = self.leaf(row, (*source, str(number)), words)
+            constant = RosConstant("uint8", constant_name(f"choice-{words}"), number)
             fields.append(replace(field, constants=(constant,)))
         return fields
 
-    def is_inlined(self, type_: Type) -> bool:
-        """Whether a type holds the message that it is a component of, but for what its constraint takes away."""
-        return bool(_absent(type_)) and self.reference in _held(self.schema, type_)
-
-    def inline(self, type_: Reference, source: Path, name: str) -> list[RosField]:
-        """The components of a type in its place, its name in front, without those that may not be there."""
-        target = self.schema.resolve(type_).type
-        if not isinstance(target, SequenceType):
-            raise ValueError(f"{self.definition.name}: {type_.name} holds it and is no SEQUENCE")  # noqa: TRY004 of the schema
-        left = tuple(one for one in target.root if one.name not in _absent(type_))
-        return self.sequence(replace(target, root=left), source, name)
-
-    # ------------------------------------------------------------ what is a value
-
-    def leaf(self, type_: Type, source: Path, name: str, prefix: str) -> list[RosField]:
-        """One field; of a BIT STRING two. prefix: what constants begin with."""
-        field = replace(self.plain(type_, prefix), name=field_name(name), source=source, schema_type=type_)
+    def leaf(self, type_: Type, source: Path, name: str) -> list[RosField]:
+        """One field; of a BIT STRING two."""
+        plain = self.plain(type_, name if source else "")
+        field = replace(plain, name=field_name(name), source=source, schema_type=type_)
         if not isinstance(type_, BitString):
             return [field]
         unused = RosField("uint8", "bits_unused", Role.BITS_UNUSED, source, constants=field.constants)
         return [replace(field, constants=()), unused]
 
     def plain(self, type_: Type, prefix: str) -> RosField:
+        """Type and constants; prefix: what constants begin with."""
         match type_:
             case Boolean():
                 return RosField("bool", "")
@@ -304,8 +246,7 @@ class _Maker:
                 element = self.plain(type_.element, prefix)
                 return RosField(element.type, "", is_array=True, constants=_sizes(type_, prefix))
             case ClassField():
-                class_ = self.schema.modules[type_.class_.module].classes[type_.class_.name]
-                return self.plain(class_.id_type, prefix)
+                return self.plain(self.identifier_type(type_), prefix)
             case Reference():
                 self.reached.append(type_)
                 return RosField(message_name(type_), "")
@@ -340,78 +281,14 @@ def _named(names: Sequence[Named], prefix: str, ros_type: str) -> Iterator[RosCo
         yield RosConstant(ros_type, constant_name(item.name, prefix), item.value)
 
 
-# ---------------------------------------------------------------- fields
-
-
-def _joined(*words: str) -> str:
-    return "-".join(word for word in words if word)
-
-
-def _absent(type_: Type) -> set[str]:
-    """Components that WITH COMPONENTS takes away."""
-    roots = [constraint.root for constraint in type_.constraints]
-    return {
-        row.name for root in roots if isinstance(root, Inner) for row in root.components if row.presence == "ABSENT"
-    }
-
-
-def _held(schema: Schema, type_: Type) -> set[Reference]:
-    """Every definition that a type holds, at any depth, open types left out."""
-    found: set[Reference] = set()
-    waiting = [type_]
-    while waiting:
-        for one in references_of(waiting.pop()):
-            plain = replace(one, constraints=())
-            if plain not in found and plain.name in schema.modules[plain.module].definitions:
-                found.add(plain)
-                waiting.append(schema.resolve(plain).type)
-    return found
-
-
-def require_finite(package: RosPackage) -> None:
-    """Raises ValueError for a message that holds itself."""
-    done: set[str] = set()
-
-    def visit(message: RosMessage, above: tuple[str, ...]) -> None:
-        if message.name in above:
-            raise ValueError(f"{package.name}: {message.name} holds itself, which no .msg can say")
-        if message.name not in done:
-            for part in package.parts(message):
-                visit(part, (*above, message.name))
-            done.add(message.name)
-
-    for message in package.messages.values():
-        visit(message, ())
-
-
-def _is_regional(type_: Type) -> bool:
-    if isinstance(type_, SequenceOf):
-        return _is_regional(type_.element)
-    return isinstance(type_, Reference) and type_.name.startswith("RegionalExtension")
-
-
-def _with_flag(fields: list[RosField], component: Component, source: Path) -> list[RosField]:
-    """Whether it is there, behind the first of its fields."""
-    name = fields[0].name if fields else field_name(component.name)
-    flag = RosField("bool", f"{name}_is_present", Role.PRESENT, source)
-    return [*fields[:1], flag, *fields[1:]]
-
-
-def _tell_apart(fields: list[RosField]) -> Iterator[RosField]:
-    """No two fields, and no two constants, of one name: a second one has the name of what holds it in front."""
-    taken: set[str] = set()
-    for field in fields:
-        name = field.name
-        for word in reversed(field.source[:-1] if field.role is not Role.BITS_UNUSED else field.source):
-            if name not in taken:
-                break
-            name = f"{field_name(word)}_{name}"
-        if name in taken:
-            raise ValueError(f"two fields are called {name}")
-        taken.add(name)
-        constants = []
-        for constant in field.constants:
-            if constant.name not in taken:
-                taken.add(constant.name)
-                constants.append(constant)
-        yield replace(field, name=name, constants=tuple(constants))
+def _default(schema: Schema, component: Component) -> int | None:
+    """A DEFAULT as the number that a field has; None where it is no number."""
+    if isinstance(component.default, int):
+        return int(component.default)
+    type_ = component.type
+    while isinstance(type_, Reference):
+        type_ = schema.resolve(type_).type
+    names = type_.names if isinstance(type_, Integer) else ()
+    if isinstance(type_, Enumerated):
+        names = (*type_.root, *type_.additions)
+    return next((one.value for one in names if one.name == component.default), None)

@@ -1,0 +1,222 @@
+"""Profile v2x_msgs: messages as the users of vehicleCAPTAIN have them, all in one package.
+
+Every number is an int64, also an item of an ENUMERATED, an octet, and a BIT STRING, in which bit i counts 2**i. What
+may be absent has a bool before it. A CHOICE has a number, 0 where nothing is chosen. A message that is one value calls
+it as itself; every PDU has a list with a std_msgs/Header. Source of the conventions: the .msg files of v2x_msgs.
+
+That package holds the editions that vehicleCAPTAIN has. Types of others are called alike and differ, so that each of
+them has a package of its own.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+from asn1.constraints import size_bounds, value_bounds
+from asn1.ros2.fields import Fields, held, joined, require_finite
+from asn1.ros2.model import Path, Role, RosConstant, RosField, RosMessage, RosPackage
+from asn1.ros2.names import constant_name, field_name, type_name
+from asn1.selection import components_of
+from asn1.types import (
+    BitString,
+    Boolean,
+    CharacterString,
+    Choice,
+    ClassField,
+    Component,
+    Definition,
+    Enumerated,
+    Integer,
+    Message,
+    Named,
+    ObjectIdentifier,
+    OctetString,
+    OpenType,
+    Reference,
+    Schema,
+    SequenceOf,
+    Type,
+)
+
+NAME = "v2x_msgs"
+NUMBER = "int64"
+HEADER = "std_msgs/Header"
+NOTHING = 0  # chosen in a CHOICE
+
+# In v2x_msgs; where two of their types have one name, the first has it.
+TOGETHER = (
+    "cam-1.4.1", "denm-1.3.1", "spatem-2.1.1", "mapem-2.1.1", "ivim-2.1.1", "srem-2.1.1", "ssem-2.1.1", "rtcmem-2.1.1",
+    "cpm-tr-2.1.1", "rawrx-1", "rawtx-1",
+)  # fmt: skip
+
+
+def package_name(edition: str) -> str:
+    """Of the package that holds an edition's messages."""
+    return NAME if edition in TOGETHER else f"captain_v2x_{edition.lower().replace('-', '_').replace('.', '_')}_msgs"
+
+
+def packages(schema: Schema, editions: Sequence[Message]) -> list[RosPackage]:
+    """v2x_msgs, and a package for each other edition."""
+    groups: dict[str, list[Message]] = {}
+    for edition in editions:
+        groups.setdefault(package_name(edition.name), []).append(edition)
+    return [package(schema, name, group) for name, group in groups.items()]
+
+
+def package(schema: Schema, name: str, editions: Sequence[Message]) -> RosPackage:
+    """All messages that the PDUs of some editions reach, and a list for each PDU.
+
+    Raises ValueError where a message would hold itself, which no .msg can say.
+    """
+    names = _Names(schema, editions)
+    messages: dict[str, RosMessage] = {}
+    waiting = [edition.pdu for edition in editions]
+    tops = {edition.name: names.of(edition.pdu) for edition in editions}
+    while waiting:
+        reference = waiting.pop()
+        if names.of(reference) in messages:
+            continue
+        fields = _Fields(schema, reference, names)
+        made = fields.message()
+        messages[made.name] = made
+        waiting += fields.reached
+    for top in tops.values():
+        messages[f"{top}List"] = _list(messages[top])
+    found = RosPackage(name, NAME, tuple(editions), tops, dict(sorted(messages.items())), ("std_msgs",))
+    require_finite(found)
+    return found
+
+
+def _list(message: RosMessage) -> RosMessage:
+    fields = (
+        RosField(HEADER, "header", Role.HEADER),
+        RosField(message.name, f"{field_name(message.name)}s", Role.LIST, is_array=True),
+    )
+    return RosMessage(f"{message.name}List", message.module, message.definition, fields)
+
+
+class _Names:
+    """A name for each definition: a second type of a name has that of its module behind it, as SpeedConfidenceDSRC.
+
+    The same ones whichever editions of v2x_msgs are asked for.
+    """
+
+    def __init__(self, schema: Schema, editions: Sequence[Message]) -> None:
+        self.schema = schema
+        self.known: dict[tuple[str, str], str] = {}
+        self.taken: dict[str, Definition] = {}
+        together = [schema.messages[name] for name in TOGETHER if name in schema.messages]
+        for edition in together if editions[0] in together else editions:
+            for reference in held(schema, edition.pdu):
+                self.of(reference)
+
+    def of(self, reference: Reference) -> str:
+        key = reference.module, reference.name
+        if key not in self.known:
+            definition = self.schema.resolve(reference)
+            name = _capitals(reference.name)
+            if self.taken.setdefault(name, definition) != definition:
+                name += type_name(reference.module.partition("_")[2]).upper()
+            if self.taken.setdefault(name, definition) != definition:
+                raise ValueError(f"{name}: three types are called so")
+            self.known[key] = name
+        return self.known[key]
+
+
+def _capitals(name: str) -> str:
+    """Each part with a capital: InternationalSign-speedLimits is InternationalSignSpeedLimits."""
+    return type_name("".join(word[:1].upper() + word[1:] for word in name.split("-")))
+
+
+class _Fields(Fields):
+    def __init__(self, schema: Schema, reference: Reference, names: _Names) -> None:
+        super().__init__(schema, reference)
+        self.names = names
+
+    def name_of(self, reference: Reference) -> str:
+        return self.names.of(reference)
+
+    def value_name(self) -> str:
+        return self.definition.name
+
+    def list_name(self) -> str:
+        return "list"
+
+    def flagged(self, fields: list[RosField], component: Component, source: Path, is_addition: bool) -> list[RosField]:
+        """Before its fields."""
+        if not (component.is_optional or component.default is not None or is_addition):
+            return fields
+        return [RosField("bool", f"{field_name(component.name)}_present", Role.PRESENT, source), *fields]
+
+    def choice(self, type_: Choice, path: Path, prefix: str) -> list[RosField]:
+        """`<name>_container_select`, and the alternatives by their own names."""
+        owner = prefix or self.definition.name
+        numbers = {one.name: number for number, one in enumerate(components_of(type_), NOTHING + 1)}
+        fields: list[RosField] = []
+        options: list[tuple[int, str]] = []
+        for component, source in self.parts(type_, path):
+            options.append((numbers[component.name], component.name))
+            fields += self.component(component, source, "")
+        constants = [
+            RosConstant(NUMBER, constant_name(joined(owner, name)), number)
+            for number, name in [(NOTHING, "nothing"), *options]
+        ]
+        name = f"{field_name(owner)}_container_select"
+        select = RosField(
+            NUMBER, name, Role.CHOICE, path, options=tuple(options), nothing=NOTHING, constants=tuple(constants)
+        )
+        return [select, *fields]
+
+    def open(self, type_: OpenType, source: Path, name: str) -> list[RosField]:
+        return [
+            field
+            for number, row in self.rows(type_)
+            for field in self.leaf(row, (*source, str(number)), f"{name}-{row.name[:1].lower()}{row.name[1:]}")
+        ]
+
+    def leaf(self, type_: Type, source: Path, name: str) -> list[RosField]:
+        field = self.plain(type_, name)
+        return [replace(field, name=field_name(name), source=source, schema_type=type_)]
+
+    def plain(self, type_: Type, prefix: str) -> RosField:
+        """Type and constants."""
+        match type_:
+            case Boolean():
+                return RosField("bool", "")
+            case Integer():
+                bounds = value_bounds(type_.constraints)
+                limits = (("RANGE_MIN", bounds.low), ("RANGE_MAX", bounds.high))
+                return RosField(NUMBER, "", constants=(*_limits(limits, prefix), *_named(type_.names, prefix)))
+            case Enumerated():
+                return RosField(NUMBER, "", constants=tuple(_named((*type_.root, *type_.additions), prefix)))
+            case BitString():
+                return RosField(NUMBER, "", constants=tuple(_named(type_.names, prefix)))
+            case OctetString():
+                return RosField(NUMBER, "", is_array=True, constants=_sizes(type_, prefix))
+            case CharacterString() | ObjectIdentifier():
+                return RosField("string", "")
+            case SequenceOf():
+                element = self.plain(type_.element, prefix)
+                return RosField(element.type, "", is_array=True, constants=_sizes(type_, prefix))
+            case ClassField():
+                return self.plain(self.identifier_type(type_), prefix)
+            case Reference():
+                self.reached.append(type_)
+                return RosField(self.name_of(type_), "")
+            case _:
+                raise TypeError(f"{self.definition.name}: no field for {type(type_).__name__}")
+
+
+def _limits(limits: Sequence[tuple[str, int | None]], prefix: str) -> Iterator[RosConstant]:
+    for name, value in limits:
+        if value is not None:
+            yield RosConstant(NUMBER, constant_name(name, prefix), value)
+
+
+def _sizes(type_: Type, prefix: str) -> tuple[RosConstant, ...]:
+    bounds = size_bounds(type_.constraints)
+    return tuple(_limits((("SIZE_MIN", bounds.low), ("SIZE_MAX", bounds.high)), prefix))
+
+
+def _named(names: Sequence[Named], prefix: str) -> Iterator[RosConstant]:
+    for item in names:
+        yield RosConstant(NUMBER, constant_name(item.name, prefix), item.value)
