@@ -27,6 +27,7 @@ from firmware.question import Commands
 from firmware.report import process_status
 from firmware.router import Router
 from firmware.simulation import Simulation
+from firmware.storage import Storage
 from firmware.supervisor import Supervised
 from firmware.tables import Tables
 from firmware.timekeeper import FRESH_S, Timekeeper
@@ -63,6 +64,7 @@ class Station:
         is_legacy = tables.station.profile == "legacy"
         self.topics = topics_of(tables)
         self.drops = Drops()
+        self.storage = Storage(loop)
         self.place = Place(loop.clock, tables.station.position, tables.station.is_mobile)
         self.place.time.is_system_set = self._is_clock_set = ClockSet()
         self.timeline = Timeline(loop.clock)
@@ -116,6 +118,7 @@ class Station:
         if self._carrier is not None:
             self._carrier.start()
         self.endpoint.start()
+        self.storage.start()
         self.timekeeper.start(self._with(Can.TIMEMARK))
         # What is there now stays: the collector need not look at it again.
         gc.collect()
@@ -156,6 +159,7 @@ class Station:
         self._is_stopping = True
         self._notice.send("STOPPING=1")
         self.endpoint.finish()
+        self.storage.stop()
         self._simulation.finish()
         self._drain(self.loop.clock() + DRAIN_S)
 
@@ -189,6 +193,7 @@ class Station:
             "is_clock_set": self._is_clock_set(),
             "clock": self.timekeeper.status(),
             "position": self.place.status(),
+            **({"storage": told} if (told := self.storage.status()) else {}),
             "interfaces": {name: entry.status() for name, entry in self._interfaces.items()},
             **({"board": self._carrier.status()} if self._carrier else {}),
             **self.endpoint.status(),

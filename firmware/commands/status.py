@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from board.errors import StationError
-from firmware.user import board, client, clock
+from firmware.user import board, client, clock, storage
 from firmware.user.arguments import add_station, address
 from firmware.user.table import Screen, Table, span, times
 from firmware.user.untrusted import listed, named, number, text, within
@@ -91,6 +91,7 @@ def tables(status: Mapping[str, object], now: float) -> list[Table]:
     """
     return [
         Table(_station(status)),
+        *_storage(status),
         _interfaces(status),
         _drops(status, now),
         Table(_endpoint(status)),
@@ -110,6 +111,12 @@ def _station(status: Mapping[str, object]) -> str:
         f"pid {number(status, 'pid'):.0f}, up {span(number(status, 'uptime_s'))}, "
         f"CPU {number(status, 'cpu_s'):.1f} s, {number(status, 'memory_kb') / 1024:.0f} MB"
     )
+
+
+def _storage(status: Mapping[str, object]) -> list[Table]:
+    """Only where something is not kept, or was refused."""
+    trouble = storage.trouble(within(status, "storage"))
+    return [Table(trouble)] if trouble else []
 
 
 def _interfaces(status: Mapping[str, object]) -> Table:

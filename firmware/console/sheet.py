@@ -9,7 +9,7 @@ from firmware import VERSION
 from firmware.console.addresses import Device
 from firmware.console.journal import Trouble
 from firmware.console.rates import Rate
-from firmware.user import board, clock
+from firmware.user import board, clock, storage
 from firmware.user.clock import LAST_TIME
 from firmware.user.table import Table, clean, plain, span, times
 from firmware.user.untrusted import listed, named, number, text, texts, within
@@ -87,7 +87,7 @@ def _nobody(facts: Facts, width: int) -> Section:
 def _of_station(facts: Facts, width: int) -> Iterator[Section]:
     status = facts.status
     unset = UNSET if status.get("is_clock_set") is False else ""
-    known = (unset, _time(status), _place(within(status, "position")))
+    known = (unset, storage.trouble(within(status, "storage")), _time(status), _place(within(status, "position")))
     yield [part for line in known for part in _folded(line, width)]
     told = within(status, "board")
     if told:

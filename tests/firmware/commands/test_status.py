@@ -70,6 +70,23 @@ def test_without_paths_nothing_is_said_of_them():
     assert not any("way" in line for line in shown(STATUS))
 
 
+@pytest.mark.parametrize(
+    ("told", "line"),
+    [
+        ({"state": "kept", "refused": 0}, None),
+        ({"state": "memory", "hint": "all is lost"}, "storage: /x is memory; all is lost"),
+        (
+            {"state": "kept", "refused": 2, "last_refusal": "/x/y: No space"},
+            "storage: /x is kept; 2 writes refused, the last: /x/y: No space",
+        ),
+    ],
+)
+def test_a_folder_for_state_is_told_where_something_is_not_kept(told, line):
+    assert [text for text in shown({"storage": {"folder": "/x", **told}}) if "storage" in text] == (
+        [line] if line else []
+    )
+
+
 def test_a_slow_subscriber_is_told_where_it_is():
     slow = {"slow_since": NOW, "slow_count": 3}
     titles = {

@@ -57,6 +57,12 @@ def test_a_clock_that_is_not_set_is_told(status: dict[str, Any]) -> None:
     assert said(status | {"is_clock_set": False}).startswith("the clock of this machine is NOT SET: ")
 
 
+def test_a_folder_for_state_that_keeps_nothing_is_told(status: dict[str, Any]) -> None:
+    told = {"folder": "/var/lib/captain", "state": "full", "hint": "remove recordings", "refused": 0}
+    assert said(status | {"storage": told}).startswith("storage: /var/lib/captain is full; remove recordings\n")
+    assert "storage" not in said(status | {"storage": told | {"state": "kept"}})
+
+
 def test_a_holdover_is_told_with_its_bound(status: dict[str, Any]) -> None:
     text = said(status | {"clock": {"state": "holdover", "uncertainty_ns": 5210}})
     assert "time holdover: no good pulse of late, the oscillator goes on, within 5.21 us" in text
