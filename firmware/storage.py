@@ -23,8 +23,6 @@ LOOK_S = 10.0
 LEAST_OCTETS = 1 << 20  # free: less is full
 FIRST_S = 1.0  # a start is written down once the station runs: nobody waits for the card before
 VOLATILE = frozenset({"tmpfs", "ramfs", "overlay", "rootfs"})  # kinds of file systems; the image has /etc on such
-    {"tmpfs", "ramfs", "overlay", "rootfs"}
-)  # kinds of file systems; /etc and /var of the image are such
 
 log = logging.getLogger("captain.storage")
 
