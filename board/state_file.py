@@ -60,7 +60,7 @@ def forget(path: Path) -> None:
 
 
 def read(path: Path, most: int) -> bytes | None:
-    """The content; None: there is none. Raises StorageError where there are more octets, and for what cannot be read."""
+    """The content; None: there is none. Raises StorageError for more octets than that, and for what cannot be read."""
     try:
         with open(path, "rb") as file:
             octets = file.read(most + 1)
