@@ -30,6 +30,8 @@ MEANT = {
     "id_rsa.pub": "authorized_keys", "id_ecdsa.pub": "authorized_keys", "captain.conf": "captain.toml",
     "network-config.yaml": "network-config", "user-data.yaml": "user-data",
 }  # fmt: skip
+# Whoever puts such a file there expects something of it.
+EXPECTED = (".toml", ".pub", ".pem", ".crt", ".key", ".conf", ".yaml", ".yml", ".sh")
 LARGEST = 256 << 10  # octets of one file; the longest that is of use has a few thousand
 MOST = 64  # files of mqtt/
 
@@ -126,3 +128,5 @@ def _look_for_slips(name: str, path: Path, found: dict[str, File], notes: list[N
         notes.append(mistake(path.name, "is not read", f"rename it to {near[0]}"))
     elif near:
         notes.append(remark(path.name, f"is not read: {near[0]} is"))
+    elif name.endswith(EXPECTED):
+        notes.append(remark(path.name, "is not read", f"what is: {', '.join(OWN[:-1])}, {FOLDER}/"))

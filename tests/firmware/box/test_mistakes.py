@@ -152,6 +152,15 @@ def test_a_copy_beside_the_file_is_only_told(look: Look):
     assert remarks(found) == ["captain.toml.bak: is not read: captain.toml is"]
 
 
+@pytest.mark.parametrize("name", ["config.toml", "me.pub", "broker.crt", "setup.sh"])
+def test_a_file_of_which_something_is_expected_is_told_not_to_be_read(look: Look, name: str):
+    found = look({name: "x", "authorized_keys": KEY})
+    assert found.is_accepted
+    assert remarks(found) == [
+        f"{name}: is not read; what is: captain.toml, box.toml, authorized_keys, board.toml, user-data, network-config, mqtt/"
+    ]
+
+
 def test_an_endpoint_that_nobody_can_reach_is_told_though_it_is_no_mistake(look: Look):
     found = look({"captain.toml": '[endpoint]\naddress = "127.0.0.1"\nfrom_users = 6000\n', "authorized_keys": KEY})
     assert found.is_accepted
