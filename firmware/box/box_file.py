@@ -24,7 +24,7 @@ TABLE = Path("/usr/share/zoneinfo/iso3166.tab")
 def check_host_name(text: str) -> None:
     """Raises ConfigurationError, as the others here do."""
     if not NAME.fullmatch(text):
-        near = re.sub(r"[^A-Za-z0-9]+", "-", text).strip("-")[:63]
+        near = re.sub(r"[^A-Za-z0-9]+", "-", text.removesuffix(".local")).strip("-")[:63]
         hint = f"write {near}" if near else "write for example captain-7"
         raise ConfigurationError(f'"{text}" is no host name: letters, digits, and - between them', hint)
 

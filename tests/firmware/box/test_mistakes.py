@@ -45,6 +45,7 @@ def test_a_card_without_files_is_taken_and_says_that_nobody_can_log_in(look: Loo
         ({"captain.toml": '[interfaces.a]\ndriver = "upd"\n'}, "captain.toml:2: interfaces.a.driver: 'upd' is no driver; one of ethernet, morse, mqtt, sim8202g, som301e, uart, udp, zed_f9p"),
         # box.toml
         ({"box.toml": 'host_name = "rsu_7"\n'}, 'box.toml:1: host_name: "rsu_7" is no host name: letters, digits, and - between them; write rsu-7'),
+        ({"box.toml": 'host_name = "rsu-7.local"\n'}, 'box.toml:1: host_name: "rsu-7.local" is no host name: letters, digits, and - between them; write rsu-7'),
         ({"box.toml": '\n[wifi]\ncountry = "UK"\nssid = "x"\n'}, 'box.toml:3: wifi.country: "UK" is no country; the United Kingdom is GB'),
         ({"box.toml": '[wifi]\ncountry = "de"\nssid = "x"\n'}, 'box.toml:2: wifi.country: "de" is no country; write DE'),
         ({"box.toml": '[wifi]\nssid = "x"\n'}, "box.toml:1: wifi.country: is missing; give text in quotes"),
