@@ -161,3 +161,17 @@ def test_the_service_of_updates_takes_requests_of_root_and_operator_alone():
 def test_a_restart_is_asked_for_by_operator_and_root_alone():
     text = (root.OVERLAY / "usr/lib/systemd/system/captain-restart.socket").read_text()
     assert "SocketUser=root\nSocketGroup=operator\nSocketMode=0660\n" in text
+
+
+def test_the_check_of_a_slot_reads_the_configuration_that_its_station_runs_with():
+    units = root.OVERLAY / "usr/lib/systemd/system"
+    station, check = ((units / f"{name}.service").read_text() for name in ("captain", "captain-good"))
+    for line in (
+        "User=captain",
+        "EnvironmentFile=-/run/captain-image/environment",
+        "WorkingDirectory=-/data/owner/current",
+    ):
+        assert f"\n{line}\n" in station
+        assert f"\n{line}\n" in check
+    assert "--defaults /etc/captain/captain.toml" in station
+    assert "CAPTAIN_DEFAULTS=/etc/captain/captain.toml" in check

@@ -32,6 +32,8 @@ REFUSALS = {
     "truncated": "is no bundle, or not all of one",
 }
 CLOCK = "captain status --json"
+# The start is over, and the check of the slot has ended.
+ENDED = "systemctl is-system-running --wait >/dev/null; while systemctl is-active -q captain-good; do sleep 1; done"
 
 
 class Ended(NamedTuple):
@@ -222,7 +224,7 @@ def _slots(guest: Guest, key: Key) -> list[dict[str, object]]:
 def _well(guest: Guest, key: Key, name: str, what: str) -> Row:
     """Once the check of the slot has ended: all tries are back, and it is not new any more."""
     began = time.monotonic()
-    said(guest, key, "while systemctl is-active -q captain-good; do sleep 1; done", WELL_S)
+    said(guest, key, ENDED, WELL_S)
     slot = next(slot for slot in _slots(guest, key) if slot["name"] == name)
     seen = f"{slot['words']}, {slot['left']} tries, {'runs' if slot['is_booted'] else 'does not run'}"
     is_ok = (slot["words"], slot["left"], slot["is_booted"]) == ("well", 3, True)

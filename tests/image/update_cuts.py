@@ -23,6 +23,7 @@ from tests.image.machine import Guest, NotSeenError, Ports, free_ports, owned, p
 from tests.image.medium import Fate
 from tests.image.rows import Options, Row
 from tests.image.site import serving
+from tests.image.update import ENDED
 from tests.image.user import user
 
 COUNT = 10
@@ -79,7 +80,7 @@ def _kept(card: Path, folder: Path, key: Key) -> Kept:
         with powered(drive.url, folder, ports=ports) as guest:
             guest.wait("slots: trying A, 2 tries left")
             wait_for_ssh(guest)
-            said(guest, key, "while systemctl is-active -q captain-good; do sleep 1; done; sync", INSTALL_S)
+            said(guest, key, f"{ENDED}; sync", INSTALL_S)
             qmp = Qmp(guest.qmp)
             qmp.ask("stop")
             qmp.ask("migrate", uri=f"exec:cat >{memory}")
