@@ -8,6 +8,7 @@ import contextlib
 import socket
 import struct
 import threading
+import time
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -32,11 +33,15 @@ MIB = 1 << 20
 
 
 class Arm(NamedTuple):
-    """A cut that comes by itself: when so many requests of a kind have come from now on, before that one's answer."""
+    """A cut that comes by itself: when so many requests of a kind have come from now on, before that one's answer.
+
+    within  octets of the card; a flush is everywhere.
+    """
 
     requests: int
     kinds: frozenset[int]
     fate: Fate
+    within: range
 
 
 class Drive:
@@ -47,15 +52,18 @@ class Drive:
     seed    of what a cut leaves.
 
     requests  how many of each kind there were; octets: written, by the MiB where they went.
-    loss      of the last cut; is_cut: set when the power goes.
+    loss      of the last cut; cut_s: when it was, on the monotonic clock; is_cut: set when the power goes.
+    is_honest it does what it says when it is told to flush. One that does not is there to see that this is noticed.
     """
 
-    def __init__(self, card: Path, place: Path, seed: int) -> None:
+    def __init__(self, card: Path, place: Path, seed: int, is_honest: bool = True) -> None:
         self.medium = Medium(card)
         self.requests: Counter[int] = Counter()
         self.octets: Counter[int] = Counter()
         self.loss = Loss(0, 0, 0, 0)
+        self.cut_s = 0.0
         self.is_cut = threading.Event()
+        self._is_honest = is_honest
         self._random = Random(seed)
         self._lock = threading.Lock()
         self._arm: Arm | None = None
@@ -73,10 +81,10 @@ class Drive:
         """As QEMU's -drive file= wants it."""
         return Path(f"nbd:unix:{self._place}")
 
-    def arm(self, requests: int, fate: Fate, *kinds: int) -> None:
+    def arm(self, requests: int, fate: Fate, *kinds: int, within: range | None = None) -> None:
         """Cut the power at a request to come; kinds: WRITE and what writes zeros, if none is named."""
         with self._lock:
-            self._arm = Arm(requests, frozenset(kinds or (WRITE, ZEROES)), fate)
+            self._arm = Arm(requests, frozenset(kinds or (WRITE, ZEROES)), fate, within or range(self.medium.size))
 
     def cut(self, fate: Fate) -> Loss:
         """Cut it now, unless it is cut already. Nothing is answered until QEMU connects again."""
@@ -96,6 +104,7 @@ class Drive:
     def _cut(self, fate: Fate, unanswered: tuple[int, bytes] | None = None) -> None:
         self._arm = None
         self.loss = self.medium.cut(fate, self._random, unanswered)
+        self.cut_s = time.monotonic()
         self.is_cut.set()
 
     def _serve(self) -> None:
@@ -136,34 +145,36 @@ class Drive:
         if kind == READ and size > MOST:
             return INVALID, b""
         self.requests[kind] += 1
-        if self._is_due(kind):
+        if self._is_due(kind, offset):
             assert self._arm is not None
             octets = given or (bytes(min(size, MOST)) if kind in (TRIM, ZEROES) else b"")
             self._cut(self._arm.fate, (offset, octets) if octets else None)
             return None
+        is_durable = bool(flags & FUA) and self._is_honest
         if kind == READ:
             return 0, self.medium.read(offset, size)
         if kind == WRITE:
             self.octets[offset // MIB] += size
-            self.medium.write(offset, given, bool(flags & FUA))
+            self.medium.write(offset, given, is_durable)
         elif kind in (TRIM, ZEROES):
-            self.medium.zero(offset, size, bool(flags & FUA))
+            self.medium.zero(offset, size, is_durable)
         elif kind == FLUSH:
-            self.medium.flush()
+            if self._is_honest:
+                self.medium.flush()
         else:
             return INVALID, b""
         return 0, b""
 
-    def _is_due(self, kind: int) -> bool:
-        if self._arm is None or kind not in self._arm.kinds:
+    def _is_due(self, kind: int, offset: int) -> bool:
+        if self._arm is None or kind not in self._arm.kinds or offset not in self._arm.within:
             return False
         self._arm = self._arm._replace(requests=self._arm.requests - 1)
         return self._arm.requests <= 0
 
 
 @contextlib.contextmanager
-def served(card: Path, folder: Path, seed: int) -> Iterator[Drive]:
-    drive = Drive(card, folder / "drive", seed)
+def served(card: Path, folder: Path, seed: int, is_honest: bool = True) -> Iterator[Drive]:
+    drive = Drive(card, folder / "drive", seed, is_honest)
     try:
         yield drive
     finally:

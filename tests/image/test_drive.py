@@ -168,6 +168,25 @@ def test_the_power_goes_at_the_write_that_was_asked_for_before_it_is_answered(dr
     client.close()
 
 
+def test_the_power_goes_at_a_write_to_a_place(drive: Drive, client: Client):
+    drive.arm(1, Fate.KEEP, within=range(2 * SECTOR, 3 * SECTOR))
+    client.done(WRITE, 0, octets=ONE)
+    client.ask(WRITE, 2 * SECTOR, octets=TWO)
+    assert drive.is_cut.wait(30)
+
+
+def test_a_drive_that_is_not_honest_forgets_what_it_was_told_to_keep(tmp_path: Path):
+    card = tmp_path / "other"
+    card.write_bytes(bytes(SIZE))
+    with served(card, tmp_path, seed=1, is_honest=False) as drive:
+        client = Client(drive)
+        client.done(WRITE, 0, octets=ONE, flags=FUA)
+        client.done(FLUSH)
+        assert drive.cut(Fate.DROP).gone == 1
+        client.close()
+    assert card.read_bytes() == bytes(SIZE)
+
+
 def test_the_power_goes_at_a_flush_which_has_then_kept_nothing(drive: Drive, client: Client):
     drive.arm(1, Fate.DROP, FLUSH)
     client.done(WRITE, 0, octets=ONE)
