@@ -9,6 +9,7 @@ from pathlib import Path
 
 from asn1 import add, library, selection, text
 from asn1.progress import Steps
+from asn1.ros2 import RosError
 from asn1.types import Message, Schema
 
 
@@ -57,7 +58,9 @@ def write(schema: Schema, messages: tuple[str, ...], args: argparse.Namespace) -
     """One form into its directory; the count of files that have changed."""
     steps = Steps(library.steps(schema, messages, args.form))
     try:
-        return library.generate(schema, messages, args.form, args.to, steps)
+        return library.generate(schema, messages, args.form, args.to, steps, library.Ros2(args.profile, args.distro))
+    except RosError as error:
+        raise CommandError(str(error)) from error
     finally:
         steps.finish()
 

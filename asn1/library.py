@@ -49,13 +49,20 @@ class Ros2(NamedTuple):
     distro: str = "jazzy"
 
 
+PROFILES = {
+    "etsi_its": "as etsi_its_messages: its nodes, bags and displays take them",
+    "v2x_msgs": "as v2x_msgs of vehicleCAPTAIN",
+}
+DISTROS = ("jazzy", "humble", "kilted")
+
+
 def generate(
     schema: Schema, messages: tuple[str, ...], form: str, folder: Path, progress: Progress, ros2: Ros2 | None = None
 ) -> int:
     """Write one form for some messages; form: a key of FORMS. Returns how many files have changed.
 
-    Raises output.NotOursError where the directory belongs to somebody else, build.BuildError, and ValueError where a
-    message cannot be said in ROS 2.
+    Raises output.NotOursError where the directory belongs to somebody else, build.BuildError, and RosError where ROS 2
+    cannot say a message.
     """
     if form in ("python", "wheel"):
         return _python(schema, messages, form, folder, progress)

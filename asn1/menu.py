@@ -40,6 +40,7 @@ WHICH = (
     Option("all, experimental ones too", ("--all",)),
     Option("some, by name", ()),
 )
+PROFILE = tuple(Option(text, ("--profile", profile)) for profile, text in library.PROFILES.items())
 FORM = tuple(Option(text, ("--form", form)) for form, text in library.FORMS.items())
 
 
@@ -115,8 +116,9 @@ def _generate(words: list[str]) -> list[str]:
         print(textwrap.fill("  ".join(text.load_schema().messages), WIDTH))
         which = shlex.split(ask("names, with blanks between (cam, denm-1.3.1, 'cpm-*')"))
     form = choose("In which form?", FORM)
+    profile = choose("With whose names?", PROFILE) if form[1] == "ros2" else ()
     folder = ask("into which directory", default=f"build/{form[1]}")
-    return [*words, *which, *form, "--to", folder]
+    return [*words, *which, *form, *profile, "--to", folder]
 
 
 def _add(words: list[str]) -> list[str]:

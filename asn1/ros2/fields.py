@@ -9,6 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import replace
 
+from asn1.ros2 import RosError
 from asn1.ros2.model import Path, RosField, RosMessage, RosPackage
 from asn1.ros2.names import field_name
 from asn1.selection import components_of, references_of
@@ -144,18 +145,18 @@ class Fields(ABC):
         """The components of a type in its place, its name in front, without those that may not be there."""
         target = self.schema.resolve(type_).type
         if not isinstance(target, SequenceType):
-            raise ValueError(f"{self.definition.name}: {type_.name} holds it and is no SEQUENCE")  # noqa: TRY004
+            raise RosError(f"{self.definition.name}: {type_.name} holds it and is no SEQUENCE")
         left = tuple(one for one in target.root if one.name not in _absent(type_))
         return self.sequence(replace(target, root=left), source, name)
 
 
 def require_finite(package: RosPackage) -> None:
-    """Raises ValueError for a message that holds itself."""
+    """Raises RosError for a message that holds itself."""
     done: set[str] = set()
 
     def visit(message: RosMessage, above: tuple[str, ...]) -> None:
         if message.name in above:
-            raise ValueError(f"{package.name}: {message.name} holds itself, which no .msg can say")
+            raise RosError(f"{package.name}: {message.name} holds itself, which no .msg can say")
         if message.name not in done:
             for part in package.parts(message):
                 visit(part, (*above, message.name))
@@ -210,7 +211,7 @@ def _tell_apart(fields: list[RosField]) -> Iterator[RosField]:
             if name != field_name(word):
                 name = f"{field_name(word)}_{name}"
         if name in taken:
-            raise ValueError(f"two fields are called {name}")
+            raise RosError(f"two fields are called {name}")
         constants = []
         for constant in field.constants:
             if constant.name not in taken:

@@ -7,6 +7,8 @@ a letter keeps old nodes, bags and displays out. Source of every rule: the relea
 
 import re
 
+from asn1.ros2 import RosError
+
 # Words that a field may not be called in C++, and what stands for them.
 _RESERVED = {"class": "cls", "long": "lon"}
 _WORD_START = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Za-z0-9])(?=[A-Z][a-z])")
@@ -37,7 +39,7 @@ def constant_name(name: str, prefix: str = "") -> str:
 def integer_type(low: int | None, high: int | None) -> str:
     """The smallest type for a range, unsigned before signed; int64 where an end is open.
 
-    Raises ValueError where no type of ROS 2 holds it.
+    Raises RosError where no type of ROS 2 holds it.
     """
     if low is None or high is None:
         return "int64"
@@ -46,5 +48,5 @@ def integer_type(low: int | None, high: int | None) -> str:
     else:
         fitting = [name for name, count in _SIGNED if -count <= low and high < count]
     if not fitting:
-        raise ValueError(f"no integer of ROS 2 holds {low}..{high}")
+        raise RosError(f"no integer of ROS 2 holds {low}..{high}")
     return fitting[0]

@@ -8,7 +8,6 @@ from asn1.types import Schema
 
 TEMPLATE = Path(__file__).parent / "template"
 MAINTAINER = "captain-asn1 <captain-asn1@example.org>"  # a generator; whoever publishes a package puts a person there
-DISTROS = ("jazzy", "humble", "kilted")  # ROS 2 that has the generators in the form used here; the first unless asked
 NO_DATE = "Thu, 01 Jan 1970 00:00:00 +0000"  # the same input gives the same octets
 
 

@@ -13,6 +13,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from asn1.constraints import size_bounds, value_bounds
+from asn1.ros2 import RosError
 from asn1.ros2.fields import Fields, joined, require_finite
 from asn1.ros2.model import Path, Role, RosConstant, RosField, RosMessage, RosPackage
 from asn1.ros2.names import constant_name, field_name, integer_type, type_name
@@ -94,7 +95,7 @@ def packages(schema: Schema, editions: Sequence[Message]) -> list[RosPackage]:
 def package(schema: Schema, edition: Message) -> RosPackage:
     """All messages that the PDU of an edition reaches; of a DENM every subcause as well, though no field is one.
 
-    Raises ValueError where a message would hold itself, which no .msg can say.
+    Raises RosError where a message would hold itself, which no .msg can say.
     """
     waiting = [edition.pdu]
     if edition.type == "denm":
@@ -123,7 +124,7 @@ def message_name(reference: Reference) -> str:
 def _require_same(message: RosMessage, definition: Definition) -> None:
     """Two elements of one name, in two modules, are one message only where they are the same."""
     if message.definition is not definition and message.definition != definition:
-        raise ValueError(f"{message.name}: two types are called so, and they are not the same")
+        raise RosError(f"{message.name}: two types are called so, and they are not the same")
 
 
 def _subcauses(schema: Schema, edition: Message) -> Iterator[Reference]:

@@ -12,6 +12,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from asn1.constraints import size_bounds, value_bounds
+from asn1.ros2 import RosError
 from asn1.ros2.fields import Fields, held, joined, require_finite
 from asn1.ros2.model import Path, Role, RosConstant, RosField, RosMessage, RosPackage
 from asn1.ros2.names import constant_name, field_name, type_name
@@ -65,7 +66,7 @@ def packages(schema: Schema, editions: Sequence[Message]) -> list[RosPackage]:
 def package(schema: Schema, name: str, editions: Sequence[Message]) -> RosPackage:
     """All messages that the PDUs of some editions reach, and a list for each PDU.
 
-    Raises ValueError where a message would hold itself, which no .msg can say.
+    Raises RosError where a message would hold itself, which no .msg can say.
     """
     names = _Names(schema, editions)
     messages: dict[str, RosMessage] = {}
@@ -117,7 +118,7 @@ class _Names:
             if self.taken.setdefault(name, definition) != definition:
                 name += type_name(reference.module.partition("_")[2]).upper()
             if self.taken.setdefault(name, definition) != definition:
-                raise ValueError(f"{name}: three types are called so")
+                raise RosError(f"{name}: three types are called so")
             self.known[key] = name
         return self.known[key]
 

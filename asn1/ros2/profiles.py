@@ -13,5 +13,5 @@ PROFILES: dict[str, Callable[[Schema, Sequence[Message]], list[RosPackage]]] = {
 
 
 def packages(schema: Schema, editions: Sequence[Message], profile: str = profile_etsi_its.NAME) -> list[RosPackage]:
-    """All packages for some editions. Raises ValueError where a message cannot be said in ROS 2."""
+    """All packages for some editions. Raises RosError where a message cannot be said in ROS 2."""
     return PROFILES[profile](schema, editions)

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from asn1 import __main__ as program
-from asn1 import add, menu, text
+from asn1 import add, library, menu, text
 
 
 class Answers:
@@ -55,6 +55,12 @@ def test_messages_can_be_named_and_their_names_are_shown(
     started, _ = run(monkeypatch, "2", "3", "cam 'cpm-*'", "2", "out")
     assert "cam-1.4.1" in capsys.readouterr().out
     assert started == [["generate", "cam", "cpm-*", "--form", "sources", "--to", "out"]]
+
+
+def test_ros_2_packages_have_the_names_of_somebody(monkeypatch: pytest.MonkeyPatch):
+    form = str(list(library.FORMS).index("ros2") + 1)
+    started, _ = run(monkeypatch, "2", "3", "cam", form, "2", "out")
+    assert started == [["generate", "cam", "--form", "ros2", "--profile", "v2x_msgs", "--to", "out"]]
 
 
 @pytest.fixture
