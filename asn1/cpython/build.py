@@ -41,11 +41,15 @@ def build_python(generated: Path, out: Path, *, is_limited: bool = False, progre
     """
     flags = (*FLAGS, *((LIMITED,) if is_limited else ()), *shlex.split(os.environ.get("CFLAGS", "")))
     includes = (f"-I{generated / 'include'}", f"-I{generated / 'src'}")
-    python = (f"-I{HERE}", "-isystem", sysconfig.get_path("include"))
+    python: tuple[str, ...] = (f"-I{HERE}", "-isystem", sysconfig.get_path("include"))
+    folders = [HERE]
+    if (generated / "src" / "cdr.h").exists():
+        folders.append(HERE / "ros2")
+        python += (f"-I{HERE / 'ros2'}", "-DCAPTAIN_ROS2")
     objects = out / ".objects"
     objects.mkdir(parents=True, exist_ok=True)
     jobs = [(source, flags + includes) for source in sorted((generated / "src").glob("*.c"))]
-    jobs += [(source, flags + includes + python) for source in sorted(HERE.glob("*.c"))]
+    jobs += [(source, flags + includes + python) for folder in folders for source in sorted(folder.glob("*.c"))]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         made = list(pool.map(lambda job: _compile(job[0], job[1], objects, progress), jobs))
     _remove_others(objects, made)

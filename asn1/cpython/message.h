@@ -18,6 +18,9 @@ typedef struct message {
     PyObject_HEAD
     const captain_message *message;
     const shape *shape;        /* of the PDU */
+#ifdef CAPTAIN_ROS2
+    const struct captain_ros2 *ros2; /* in the first profile that has it, or NULL */
+#endif
     PyObject *members[MEMBERS]; /* name, type, ... : see message.c */
 } message;
 

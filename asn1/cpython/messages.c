@@ -3,6 +3,14 @@
 #include "message.h"
 #include "walk.h"
 
+#ifdef CAPTAIN_ROS2
+#include "ros2.h"
+#include <captain/ros2.h>
+#include <string.h>
+#else
+#define ROS2_METHODS
+#endif
+
 static PyMethodDef METHODS[] = {
     {"decode", message_decode, METH_O, "Octets to a dict. Raises DecodeError."},
     {"view", message_view, METH_O, "Octets to a view, whose values are made when they are touched. Raises DecodeError."},
@@ -14,6 +22,7 @@ static PyMethodDef METHODS[] = {
     {"text", message_text, METH_O, "Octets to an indented tree with units and meanings. Raises DecodeError."},
     {"explain", message_explain, METH_O, "Octets to a list of Step, bit by bit, as far as they decode."},
     {"type_tree", message_type_tree, METH_NOARGS, "The PDU's Type."},
+    ROS2_METHODS
     {0},
 };
 
@@ -69,6 +78,12 @@ static PyObject *message_new(PyTypeObject *class, const captain_message *descrip
         is_good = is_good && members[index] != NULL;
     }
     new->message = description;
+#ifdef CAPTAIN_ROS2
+    new->ros2 = NULL;
+    for (size_t index = captain_ros2_messages_count; index-- > 0;)
+        if (strcmp(captain_ros2_messages[index]->message, description->name) == 0)
+            new->ros2 = captain_ros2_messages[index];
+#endif
     new->shape = is_good ? shape_of(description->pdu) : NULL;
     if (new->shape == NULL)
         Py_CLEAR(new);

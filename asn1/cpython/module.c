@@ -4,6 +4,12 @@
 #include "message.h"
 #include "view.h"
 
+#ifdef CAPTAIN_ROS2
+#include "ros2.h"
+#else
+#define ros2_add(module) true
+#endif
+
 static struct PyModuleDef MODULE = {
     PyModuleDef_HEAD_INIT,
     .m_name = "captain_messages",
@@ -16,7 +22,7 @@ PyMODINIT_FUNC PyInit_captain_messages(void)
     PyObject *module = PyModule_Create(&MODULE);
     if (module != NULL
         && !(dicts_look() && integers_keep() && errors_add(module) && views_add(module) && readers_add() && describe_add(module) && tree_add(module)
-             && messages_add(module)))
+             && messages_add(module) && ros2_add(module)))
         Py_CLEAR(module);
     return module;
 }

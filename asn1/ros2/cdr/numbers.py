@@ -1,0 +1,54 @@
+"""Numbers on the way: what a field of ROS holds, what a C struct holds, and what either has to be asked."""
+
+from asn1.c.names import literal
+from asn1.memory import number_octets
+from asn1.nodes import Field, Kind, Node
+from asn1.ros2.cdr.shapes import SIZES
+from asn1.ros2.model import RosField
+
+
+def limits(ros_type: str) -> tuple[int, int]:
+    """Least and most of an integer type of ROS."""
+    bits = 8 * SIZES[ros_type]
+    if ros_type.startswith("uint") or ros_type == "bool":
+        return 0, (1 << bits) - 1
+    return -(1 << bits - 1), (1 << bits - 1) - 1
+
+
+def memory_limits(node: Node) -> tuple[int, int]:
+    """Least and most of a number in its C struct."""
+    if node.kind is Kind.ENUMERATED:
+        return -(1 << 31), (1 << 31) - 1
+    octets, is_signed = number_octets(node)
+    return limits(f"{'' if is_signed else 'u'}int{8 * octets}")
+
+
+def unknown(ros_type: str) -> int:
+    """What stands for an item or alternative that no edition knows: no standard has so many."""
+    low, high = limits(ros_type)
+    return -1 if low < 0 else high
+
+
+def outside(ros_type: str, node: Node, of: str) -> str:
+    """C: a number that a field has is not in the root; "" where it always is."""
+    low, high = limits(ros_type)
+    wrong = []
+    if node.bounds.low is not None and node.bounds.low > low:
+        wrong.append(f"{of} < {literal(node.bounds.low)}")
+    if node.bounds.high is not None and node.bounds.high < high:
+        wrong.append(f"{of} > {literal(node.bounds.high)}")
+    return " || ".join(wrong)
+
+
+def numbers_of(field: RosField, alternatives: list[Field]) -> list[int | None]:
+    """Of each alternative of a CHOICE: its number, None where the message has none for it."""
+    by_name = {name: number for number, name in field.options}
+    return [by_name.get(one.name) for one in alternatives]
+
+
+def first_of(numbers: list[int | None]) -> int | None:
+    """The first of numbers that follow each other without a gap."""
+    first = numbers[0] if numbers else None
+    if first is None or numbers != list(range(first, first + len(numbers))):
+        return None
+    return first

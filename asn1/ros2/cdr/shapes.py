@@ -1,0 +1,99 @@
+"""How many octets the fields of a ROS message take, as far as that is known before they are seen.
+
+XCDR1: a number lies at a multiple of its size, so what a message takes depends on where it begins: on the remainder of
+its offset by 8.
+"""
+
+from dataclasses import dataclass, field
+
+from asn1.ros2.model import Role, RosField, RosMessage, RosPackage
+
+SIZES = {
+    "bool": 1, "uint8": 1, "int8": 1, "uint16": 2, "int16": 2, "uint32": 4, "int32": 4, "uint64": 8, "int64": 8,
+}  # fmt: skip
+VARIES = 0xFFFF  # CAPTAIN_CDR_VARIES
+# rosidl gives a message without fields one octet, so that C and C++ can hold it.
+EMPTY = RosField("uint8", "structure_needs_at_least_one_member", Role.HEADER)
+# std_msgs/Header: builtin_interfaces/Time stamp, string frame_id.
+HEADER = (
+    RosField("int32", "sec", Role.HEADER),
+    RosField("uint32", "nanosec", Role.HEADER),
+    RosField("string", "frame_id", Role.HEADER),
+)
+
+
+def fields_of(message: RosMessage) -> tuple[RosField, ...]:
+    """What lies in the octets: never nothing."""
+    return message.fields or (EMPTY,)
+
+
+@dataclass
+class Shapes:
+    """Of the messages of one package."""
+
+    package: RosPackage
+    known: dict[tuple[str, bool, int], int | None] = field(default_factory=dict)
+
+    def fields(self, name: str) -> tuple[RosField, ...]:
+        """Of a message by the type that a field has."""
+        return HEADER if name == "std_msgs/Header" else fields_of(self.package.messages[name])
+
+    def spans(self, name: str, is_empty: bool = False) -> list[int]:
+        """Of a message: for each remainder; VARIES where lengths decide.
+
+        is_empty  with every list empty; then a string varies too, which is never all zeros.
+        """
+        return [self._capped(self._span(name, is_empty, start)) for start in range(8)]
+
+    def sole(self, field: RosField) -> RosField:
+        """Of a field that is a message of one field, and so on: the innermost. Any other is itself."""
+        while not field.is_array and field.type not in SIZES and field.type != "string":
+            inside = self.fields(field.type)
+            if len(inside) != 1:
+                return field
+            field = inside[0]
+        return field
+
+    def is_message(self, field: RosField) -> bool:
+        """Whether its type is one, and not a number or a string."""
+        return field.type not in SIZES and field.type != "string"
+
+    def least(self, field: RosField) -> int:
+        """The fewest octets that the type of a field takes, as an element of a list: never 0, padding not counted."""
+        if field.type in SIZES:
+            return SIZES[field.type]
+        if field.type == "string":
+            return 4
+        return sum(4 if one.is_array else self.least(one) for one in self.fields(field.type))
+
+    def _capped(self, span: int | None) -> int:
+        return VARIES if span is None or span >= VARIES else span
+
+    def _span(self, name: str, is_empty: bool, start: int) -> int | None:
+        key = (name, is_empty, start)
+        if key not in self.known:
+            self.known[key] = None  # a message inside itself, by way of a list
+            self.known[key] = self._sum(name, is_empty, start)
+        return self.known[key]
+
+    def _sum(self, name: str, is_empty: bool, start: int) -> int | None:
+        at = start
+        for one in self.fields(name):
+            if one.is_array:
+                if not is_empty:
+                    return None
+                at = _up(at, 4) + 4
+            elif one.type in SIZES:
+                at = _up(at, SIZES[one.type]) + SIZES[one.type]
+            elif one.type == "string":
+                return None
+            else:
+                inside = self._span(one.type, is_empty, at % 8)
+                if inside is None:
+                    return None
+                at += inside
+        return at - start
+
+
+def _up(at: int, size: int) -> int:
+    return (at + size - 1) // size * size
