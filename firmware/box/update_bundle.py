@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from board.errors import StationError
+from board.tool import environment
 from firmware.box.update_verity import Tree
 
 SYSTEM = Path("/etc/rauc/system.conf")
@@ -68,7 +69,9 @@ def read(path: Path, program: str = "rauc") -> Bundle:
         raise StationError(f"{path}: is empty, or no file", FETCH)
     words = [program, "info", "--output-format=json-2", str(path)]
     try:
-        ended = subprocess.run(words, capture_output=True, text=True, errors="replace", timeout=READ_S, check=False)
+        ended = subprocess.run(
+            words, capture_output=True, text=True, errors="replace", timeout=READ_S, check=False, env=environment()
+        )
     except FileNotFoundError as error:
         raise StationError("rauc is not installed: this is no box that can be updated") from error
     except subprocess.TimeoutExpired as error:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from board.errors import StationError
+from board.tool import environment
 
 PROGRAM = "rauc"
 ANSWER_S = 60.0
@@ -49,6 +50,7 @@ def install(path: Path, step: Callable[[int, str], None], program: str = PROGRAM
             stderr=subprocess.STDOUT,
             text=True,
             errors="replace",
+            env=environment(),
         )
     except FileNotFoundError as error:
         raise StationError("rauc is not installed: this is no box that can be updated") from error
@@ -80,7 +82,9 @@ def _failed(path: Path, said: str, furthest: int) -> StationError:
 
 def _ask(words: Sequence[str]) -> str:
     try:
-        ended = subprocess.run(words, capture_output=True, text=True, errors="replace", timeout=ANSWER_S, check=False)
+        ended = subprocess.run(
+            words, capture_output=True, text=True, errors="replace", timeout=ANSWER_S, check=False, env=environment()
+        )
     except FileNotFoundError as error:
         raise StationError("rauc is not installed: this is no box that can be updated") from error
     except subprocess.TimeoutExpired as error:
