@@ -148,6 +148,9 @@ def environment() -> dict[str, str] | None:
     if not getattr(sys, "frozen", False):
         return None
     # Its loader points there, and keeps what was said before (PyInstaller's manual, "LD_LIBRARY_PATH considerations").
-    environment = {name: value for name, value in os.environ.items() if name != "LD_LIBRARY_PATH"}
-    before = environment.pop("LD_LIBRARY_PATH_ORIG", "")
+    # By _PYI_* a captain that is started behind the program, such as in the console's shell, would take itself for a
+    # worker of this one, whose libraries are found already.
+    ours = ("LD_LIBRARY_PATH", "_PYI_")
+    environment = {name: value for name, value in os.environ.items() if not name.startswith(ours)}
+    before = os.environ.get("LD_LIBRARY_PATH_ORIG", "")
     return environment | ({"LD_LIBRARY_PATH": before} if before else {})
