@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import platform
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
@@ -16,7 +17,7 @@ from image.step import Steps, key
 
 HERE = Path(__file__).parent
 BUILT = PROJECT / "build/image"
-GROUPS = ("userland", "unpacked", "freezer", "tools")
+GROUPS = ("userland", "unpacked", "freezer", "here", "tools")
 
 
 class Card(NamedTuple):
@@ -47,18 +48,15 @@ class Build:
         chosen = self._packages(upgrade)
         lists = {name: read_list(chosen / f"{name}.json") for name in GROUPS}
         tools = self._tools(lists["tools"])
-        freezer = self._freezer(lists["freezer"])
-        # Both are emulated, and each keeps one processor busy: they are made at the same time.
-        with ThreadPoolExecutor(2) as pool:
-            emulated = [
-                pool.submit(self._userland, lists["userland"]),
-                pool.submit(self._foreign, freezer),
-            ]
+        # It is emulated, takes longer than all else, and keeps one processor busy: the other does the rest meanwhile.
+        with ThreadPoolExecutor(1) as pool:
+            emulated = pool.submit(self._userland, lists["userland"])
             unpacked = self._unpacked(lists["unpacked"])
             early = self._early(unpacked)
+            freezer = self._freezer(lists["freezer"], lists["here"])
             messages = self._messages(freezer)
-        userland, foreign = (step.result() for step in emulated)
-        program = self._program(freezer, foreign, messages)
+            program = self._program(freezer, self._foreign(freezer), messages)
+        userland = emulated.result()
         parts = self._parts(tools, userland, unpacked, early, program)
         return self._card(parts, lists)
 
@@ -78,12 +76,13 @@ class Build:
                 "userland": self._archive.closed(["?essential", *wanted.install]),
                 "unpacked": self._archive.alone(alone),
                 "freezer": self._archive.closed(wanted.freeze),
+                "here": self._native.closed(wanted.freeze),
                 "tools": self._native.closed(["e2fsprogs", "libarchive13t64"]),
             }
             for name, packages in found.items():
                 write_list(folder / f"{name}.json", packages)
 
-        return self.steps.made("packages", [*words, HERE / "packages.py"], make, forced=upgrade)
+        return self.steps.made("packages", [*words, *GROUPS, HERE / "packages.py"], make, forced=upgrade)
 
     def _paths(self, packages: list[Package]) -> list[Path]:
         found = [self._files / package.file for package in packages]
@@ -123,21 +122,24 @@ class Build:
             lambda folder: initrd.make(kernel.Kernel(unpacked / "tree"), modules, folder / "initrd"),
         )
 
-    def _freezer(self, packages: list[Package]) -> Path:
-        """The root that captain is frozen in, with an interpreter and wheels."""
-        return self.steps.made(
-            "freezer",
-            [str(packages), PROJECT / frozen.LOCK],
-            lambda folder: frozen.unpack(self._paths(packages), folder / "root", frozen.own_python()),
-        )
+    def _freezer(self, packages: list[Package], same_here: list[Package]) -> Path:
+        """The roots that captain is frozen in, of the image's processor and of this one."""
+        python, ours = frozen.own_python(), platform.machine()
+
+        def make(folder: Path) -> None:
+            frozen.unpack(self._paths(packages), folder / "root", frozen.PROCESSOR, python)
+            files = [self.steps.folder / "native/archives" / package.file for package in same_here]
+            frozen.unpack(files, folder / "here", ours, python)
+
+        return self.steps.made("freezer", [str(packages), str(same_here), PROJECT / frozen.LOCK], make)
 
     def _foreign(self, freezer: Path) -> Path:
         """What of captain is not ours, frozen: as long as our modules import the same, it stays."""
         names = frozen.imports(freezer / "root")
         return self.steps.made(
             "foreign",
-            [key(freezer), *names, frozen.SPEC],
-            lambda folder: frozen.freeze(freezer / "root", names, folder / "captain"),
+            [key(freezer), *names, frozen.SPEC, HERE / "translated.py"],
+            lambda folder: frozen.freeze(freezer / "here", freezer / "root", names, folder / "captain"),
         )
 
     def _messages(self, freezer: Path) -> Path:
@@ -152,7 +154,7 @@ class Build:
         return self.steps.made(
             "program",
             [key(freezer), key(foreign), key(messages), *frozen.inputs()],
-            lambda folder: frozen.join(freezer / "root", foreign / "captain", module, folder / "captain"),
+            lambda folder: frozen.join(freezer / "here", foreign / "captain", module, folder / "captain"),
         )
 
     def _parts(self, tools: Path, userland: Path, unpacked: Path, early: Path, program: Path) -> Path:

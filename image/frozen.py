@@ -1,7 +1,7 @@
-"""captain for the image, by the image's own Python, in a root of its own that is never started.
+"""captain for the image, by the image's own Python, in roots of their own that are never started.
 
-Wheels and compiled parts are fetched and made by the build machine; emulated are the freezer, which is run when what
-is not ours has changed, and the compiler of our own modules.
+There are two, of the same packages: `here` is of this machine's processor and is run, `root` is of the image's, and
+what is compiled comes from it. Nothing of this is emulated but a look at the outcome.
 """
 
 import os
@@ -10,7 +10,7 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 
-from image import foreign, joined, licences, own
+from image import foreign, joined, licences, own, translated
 from image.errors import ImageError
 from image.program import run
 from image.project import PROJECT
@@ -20,7 +20,9 @@ OPTIONS = ("--noconfirm", "--log-level", "ERROR")
 LOCK = ".ci/locks/freeze.txt"
 TRIPLE = "aarch64-linux-gnu"
 TOOLS = joined.Tools(f"{TRIPLE}-objcopy", f"{TRIPLE}-strip")
-PLATFORMS = ("manylinux_2_28_aarch64", "manylinux_2_17_aarch64", "manylinux2014_aarch64")
+PROCESSOR = "aarch64"
+PLATFORMS = ("manylinux_2_28", "manylinux_2_17", "manylinux2014")
+LOADER = "PyInstaller/bootloader/Linux-64bit-arm/run"
 EPOCH = "315532800"  # 1980: PyInstaller's archives begin there
 RADIO = "drivers/sim/radio/libsim_v2xcast.so"
 BUILT_RADIO = "build/sim/libsim_v2xcast.so"  # by .ci/sim
@@ -38,7 +40,7 @@ def inputs() -> list[Path]:
     """Files that our part of the program is made from, beside the messages."""
     folders = [PROJECT / name for name in own.FOLDERS]
     found = [path for folder in folders for path in folder.rglob("*") if path.is_file() and path.suffix != ".pyc"]
-    build = [Path(__file__).parent / f"{name}.py" for name in ("archives", "frozen", "joined", "own")]
+    build = [Path(__file__).parent / f"{name}.py" for name in ("archives", "frozen", "joined", "own", "translated")]
     return sorted([*found, PROJECT / ".ci/sim", *build])
 
 
@@ -48,27 +50,28 @@ def messages_inputs() -> list[str | Path]:
     return sorted([*found, Path(__file__)])
 
 
-def unpack(packages: Iterable[Path], root: Path, python: Path) -> None:
-    """The root that it is frozen in: files of packages, none of their scripts, and wheels. Raises ImageError.
+def unpack(packages: Iterable[Path], root: Path, processor: str, python: Path) -> None:
+    """One of the two roots: files of packages, none of their scripts, and wheels. Raises ImageError.
 
-    python  of the project's environment, with pip.
+    processor  as Linux calls it: aarch64.
+    python     of the project's environment, with pip.
     """
-    for folder in ("usr/bin", "usr/sbin", "usr/lib", "dev", "proc", "tmp", WORK):
+    for folder in ("usr/bin", "usr/sbin", "usr/lib", "usr/lib64", "dev", "proc", "tmp", WORK):
         (root / folder).mkdir(parents=True, exist_ok=True)
-    for link in ("bin", "sbin", "lib"):
+    for link in ("bin", "sbin", "lib", "lib64"):
         (root / link).symlink_to(f"usr/{link}")
     owners = []
     for package in packages:
         run(["dpkg-deb", "-x", package, root])
         name = package.name.split("_")[0]
-        owners += [f"{name}: {path.split()[5]}\n" for path in run(["dpkg-deb", "-c", package]).splitlines()]
+        owners += [f"{name}: {line.split()[5]}\n" for line in run(["dpkg-deb", "-c", package]).splitlines()]
     (root / OWNERS).write_text("".join(owners))
     interpreter = sorted(path.name for path in (root / "usr/bin").glob("python3.[0-9]*") if path.name[9:].isdecimal())
     if len(interpreter) != 1:
         raise ImageError(f"packages.freeze: has {interpreter or 'no Python'}", "name one: python3.13")
     (root / "usr/bin/python3").unlink(missing_ok=True)
     (root / "usr/bin/python3").symlink_to(interpreter[0])
-    _fetch_wheels(root / WORK / "site", version(root), python)
+    _fetch_wheels(root / WORK / "site", version(root), processor, python)
 
 
 def version(root: Path) -> str:
@@ -81,17 +84,24 @@ def imports(root: Path) -> list[str]:
     return foreign.imports(PROJECT, [root / f"usr/lib/python{version(root)}", root / WORK / "site"])
 
 
-def freeze(root: Path, names: Iterable[str], target: Path) -> None:
-    """What is not ours, as a directory: minutes of emulation. Raises ImageError."""
-    place = cleared(root / WORK / "foreign")
+def freeze(here: Path, root: Path, names: Iterable[str], target: Path) -> None:
+    """What is not ours, as a directory of the image's processor. Raises ImageError."""
+    place = cleared(here / WORK / "foreign")
     shutil.copy(SPEC, place)
     (place / "__main__.py").write_text(foreign.script(names))
-    inside = Path("/") / place.relative_to(root)
+    inside = Path("/") / place.relative_to(here)
     words: list[str | Path] = ["/usr/bin/python3", "-m", "PyInstaller", *OPTIONS, "--workpath", inside / "work"]
     settings = [f"SOURCE_DATE_EPOCH={EPOCH}", f"PYINSTALLER_CONFIG_DIR={inside}/work"]
-    run_inside(root, [*settings, *words, "--distpath", inside, inside / SPEC.name])
-    run_inside(root, [inside / "captain-dir/captain"])  # imports it all
-    shutil.copytree(place / "captain-dir", target, symlinks=True)
+    run_inside(here, [*settings, *words, "--distpath", inside, inside / SPEC.name])
+    site = root / WORK / "site"
+    libraries = translated.Libraries(
+        [*site.glob("*.libs"), root / f"usr/lib/{TRIPLE}", root / "usr/lib"], (root / OWNERS).read_text()
+    )
+    others = [site, root / "usr/lib"]
+    translated.translate(place / "captain-dir", others, libraries, site / LOADER, TOOLS, target)
+    look = cleared(root / WORK / "look")
+    shutil.copytree(target, look / "captain", symlinks=True)
+    run_inside(root, [Path("/") / look.relative_to(root) / "captain/captain"])  # imports it all, in emulation
 
 
 def compile_messages(root: Path, python: Path, target: Path) -> Path:
@@ -118,15 +128,15 @@ def compile_messages(root: Path, python: Path, target: Path) -> Path:
     return made[0].rename(target / f"{foreign.MESSAGES}{suffix}")
 
 
-def join(root: Path, frozen: Path, messages: Path, target: Path) -> None:
-    """captain as a directory: seconds of emulation. frozen: what freeze() made. Raises ImageError."""
-    place = cleared(root / WORK / "ours")
+def join(here: Path, frozen: Path, messages: Path, target: Path) -> None:
+    """captain as a directory. frozen: what freeze() made. Raises ImageError."""
+    place = cleared(here / WORK / "ours")
     for name in (*own.FOLDERS, ".ci"):
         shutil.copytree(PROJECT / name, place / name, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(own.__file__, place / "own.py")
     run(["sh", ".ci/sim"], folder=place, environment={"CC": f"{TRIPLE}-gcc"})
-    inside = Path("/") / place.relative_to(root)
-    run_inside(root, ["/usr/bin/python3", inside / "own.py", inside, inside / "compiled"])
+    inside = Path("/") / place.relative_to(here)
+    run_inside(here, ["/usr/bin/python3", inside / "own.py", inside, inside / "compiled"])
     beside = joined.files(place, {messages.name: messages, RADIO: place / BUILT_RADIO})
     joined.directory(frozen, own.read(place / "compiled"), beside, TOOLS, target)
 
@@ -150,10 +160,9 @@ def cleared(place: Path) -> Path:
     return place
 
 
-def _fetch_wheels(site: Path, version: str, python: Path) -> None:
-    shutil.rmtree(site, ignore_errors=True)
+def _fetch_wheels(site: Path, version: str, processor: str, python: Path) -> None:
     abi = "cp" + version.replace(".", "")
-    platforms = [word for platform in PLATFORMS for word in ("--platform", platform)]
+    platforms = [word for platform in PLATFORMS for word in ("--platform", f"{platform}_{processor}")]
     words = ["-q", "--no-input", "--require-hashes", "--only-binary", ":all:", "--no-compile"]
     target = ["--python-version", version, "--implementation", "cp", "--abi", abi, "--abi", "abi3", "--abi", "none"]
     run([python, "-m", "pip", "install", *words, "--target", site, *target, *platforms, "-r", LOCK], folder=PROJECT)
