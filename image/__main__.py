@@ -5,7 +5,7 @@ import sys
 import time
 from pathlib import Path
 
-from image import build, description, flash, keys, release, twice, verify
+from image import build, description, figures, flash, keys, release, twice, verify
 from image.errors import ImageError
 
 
@@ -42,7 +42,7 @@ def _build(arguments: argparse.Namespace, described: description.Description) ->
     began = time.monotonic()
     made = build.Build(described, arguments.to)
     card = made.card(arguments.upgrade)
-    _tell(card, time.monotonic() - began)
+    _tell(made.steps.folder, described, card, time.monotonic() - began)
     return _verified(made, card)
 
 
@@ -55,7 +55,7 @@ def _twice(arguments: argparse.Namespace, described: description.Description) ->
     card = build.Build(described, arguments.to).card()
     began = time.monotonic()
     second, other = twice.again(arguments.to.resolve(), described)
-    _tell(other, time.monotonic() - began)
+    _tell(second, described, other, time.monotonic() - began)
     rows = list(twice.compared(arguments.to.resolve(), card, second, other))
     print(*rows, sep="\n")
     return 1 if any(row.differing for row in rows) else 0
@@ -76,10 +76,9 @@ def _flash(arguments: argparse.Namespace, described: description.Description) ->
     return 0
 
 
-def _tell(card: build.Card, took_in_all_s: float) -> None:
-    for name, took_s in card.took.items():
-        print(f"{took_s:6.1f} s  {name}")
-    print(f"{took_in_all_s:6.1f} s  in all\n{card.image}")
+def _tell(folder: Path, described: description.Description, card: build.Card, took_in_all_s: float) -> None:
+    print(*figures.times(card.took, took_in_all_s), *figures.sizes(described, folder, card), sep="\n")
+    print(card.image)
 
 
 def _verified(made: build.Build, card: build.Card) -> int:

@@ -4,7 +4,7 @@ import hashlib
 import platform
 import shutil
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -48,12 +48,17 @@ def make(made: build.Build, card: build.Card, to: Path) -> list[Artefact]:
     there = _of_the_card(made, number, now, to)
     copies = [Artefact(_copy(path, to)) for path in (kept, card.bundle, card.packages, card.licences)]
     artefacts = sorted([*here, *there, *copies])
+    write_sums(artefacts, to)
+    return artefacts
+
+
+def write_sums(artefacts: Sequence[Artefact], to: Path) -> None:
+    """Of a folder that then holds nothing else."""
     names = {artefact.path.name for artefact in artefacts}
     for path in to.iterdir():  # of an earlier version
         if path.name not in names:
             path.unlink()
     (to / SUMS).write_text("".join(f"{_sha256(each.path)}  {each.path.name}\n" for each in artefacts))
-    return artefacts
 
 
 def _card(made: build.Build, card: build.Card) -> Path:

@@ -1,0 +1,63 @@
+"""How large a card and its parts are, and what a build took, beside their goals."""
+
+import json
+import tarfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from image import joined
+from image.build import Card
+from image.description import Description
+
+COLD_S, WARM_S = 20 * 60, 5 * 60  # with nothing kept but packages' files, and after a change of our sources
+
+
+class Figure(NamedTuple):
+    """most: that value may be; 0: as it comes."""
+
+    what: str
+    value: float
+    unit: str
+    most: float = 0.0
+    note: str = ""
+
+    @property
+    def is_ok(self) -> bool:
+        return not self.most or self.value <= self.most
+
+    def __str__(self) -> str:
+        goal = f"goal: at most {self.most:g}" if self.most else ""
+        head = f"{'ok' if self.is_ok else 'MISSED':6}  {self.what:12} {self.value:8.1f} {self.unit:3}"
+        return f"{head} {goal:20} {self.note}".rstrip()
+
+
+def sizes(described: Description, folder: Path, card: Card) -> Iterator[Figure]:
+    """Of a card and what lies in a build's folder."""
+    room_mib = described.disk.partition("root-a").size_mib
+    stored_mb = card.image.stat().st_blocks * 512 / 1e6
+    yield Figure("card", _mb(card.image), "MB", note=f"{stored_mb:.0f} MB without its holes")
+    with tarfile.open(folder / "parts/root.tar") as tar:
+        members = tar.getmembers()
+    octets = sum(-(-member.size // 4096) * 4096 for member in members)
+    files = sum(member.isreg() for member in members)
+    yield Figure(
+        "root", octets / 1e6, "MB", room_mib * 1.048576 * 0.9, f"{files} files; a tenth of the slot stays free"
+    )
+    program = sum(path.lstat().st_size for path in (folder / "program/captain").rglob("*") if path.is_file())
+    yield Figure("captain", program / 1e6, "MB", joined.MOST_MB)
+    yield Figure("early boot", _mb(folder / "early/initrd"), "MB")
+    yield Figure("update", _mb(card.bundle), "MB")
+    packages = len(json.loads(card.packages.read_text()))
+    yield Figure("packages", packages, "", note="with what they depend on; kernel and firmware among them")
+
+
+def times(took: Mapping[str, float], in_all_s: float) -> Iterator[Figure]:
+    """By step; a build in which the userland was made anew is a cold one."""
+    for name, took_s in took.items():
+        yield Figure(name, took_s, "s")
+    yield Figure("in all", in_all_s, "s", COLD_S if "userland" in took else WARM_S)
+
+
+def _mb(path: Path) -> float:
+    return path.stat().st_size / 1e6
