@@ -32,17 +32,20 @@ class RootShell:
         self._socket.connect(str(self._path))
         ends = time.monotonic() + LIMIT_S
         while time.monotonic() < ends:
-            self._socket.sendall(b"\nexec env -i PATH=/usr/sbin:/usr/bin PS1= sh\nstty -echo -onlcr\necho here''I\n")
-            if self._has(r"hereI\n", 5.0):
+            # What came before may have begun a word in quotes.
+            self._socket.sendall(
+                b"\x03\nexec env -i PATH=/usr/sbin:/usr/bin PS1= PS2= sh\nstty -echo -onlcr\necho here$((6 * 7))\n"
+            )
+            if self._has(r"here42\n", 5.0):
                 self._said = ""
                 return
         raise NotSeenError(f"the debug shell says nothing but {self._said[-500:]!r}")
 
     def run(self, command: str, limit_s: float = 300.0) -> str:
-        """What a command prints, to either output. Raises NotSeenError when it does not end."""
+        """What a command prints, to either output, which is no terminal. Raises NotSeenError when it does not end."""
         self._count += 1
         self._said = ""
-        self._socket.sendall(f"{{ {command}\n}} 2>&1; echo ended-{self._count}''.\n".encode())
+        self._socket.sendall(f"{{ {command}\n}} 2>&1 | cat; echo ended-{self._count}''.\n".encode())
         if not self._has(rf"ended-{self._count}\.\n", limit_s):
             raise NotSeenError(f"{command!r} does not end: {self._said[-500:]!r}")
         return self._said.partition(f"ended-{self._count}.")[0].strip()
