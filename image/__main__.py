@@ -82,7 +82,8 @@ def _tell(folder: Path, described: description.Description, card: build.Card, to
 
 
 def _verified(made: build.Build, card: build.Card) -> int:
-    rows = list(verify.Card(made.description, card.image, made.steps.folder / "tools", keys.secret(made.keys)).rows())
+    tools, secret = made.steps.folder / "tools", keys.secret(made.keys)
+    rows = list(verify.Card(made.description, card.image, tools, secret, card.bundle).rows())
     failed = [row for row in rows if row.trouble]
     for row in failed:
         print(row, file=sys.stderr)

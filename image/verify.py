@@ -7,11 +7,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from image import disk, slot_names, state, verify_slot, verify_tree
+from image import disk, slot_names, state, verify_bundle, verify_slot, verify_tree
 from image.description import Description, Partition
 from image.ext4 import FileSystem
 from image.program import run
-from image.project import PROJECT
+from image.project import PROJECT, version
 
 MIB = disk.MIB
 CHUNK = 16 * MIB
@@ -41,13 +41,17 @@ class Card:
 
     tools   folder of an unpacked e2fsprogs, as the build leaves it.
     secret  octets of the key that updates are signed with; none where it is in hardware.
+    update  the bundle that was made with it.
     """
 
-    def __init__(self, description: Description, image: Path, tools: Path, secret: bytes = b"") -> None:
+    def __init__(
+        self, description: Description, image: Path, tools: Path, secret: bytes = b"", update: Path | None = None
+    ) -> None:
         self._description = description
         self._image = image
         self._tools = tools
         self._secret = secret
+        self._update = update
         self._places = {place.partition.name: place for place in disk.places(description.disk)}
 
     def rows(self) -> Iterator[Row]:
@@ -61,6 +65,7 @@ class Card:
             yield from self._device_trees()
         for name in ("root-a", "root-b", "data"):
             yield self._file_system(name)
+        yield self._same_slots()
         with FileSystem(self._image, self._places["root-a"].offset, self._tools) as slot:
             yield from self._slot(slot)
         yield from self._unwanted_words()
@@ -107,6 +112,10 @@ class Card:
         ]
         missing = [name for name in wanted if f"::/{name}" not in listed]
         yield Row("what the firmware needs", f"{missing} are not there" if missing else "")
+        for name in ("boot.scr", "config.txt"):
+            words = ["mtype", "-i", card, f"::/{name}"]
+            found = WORD.findall(run(words, environment={"MTOOLS_SKIP_CHECK": "1"}).encode())
+            yield Row(f"no word is left open in {name}", f"{found[0].decode()} is" if found else "")
         serial = _read(self._image, place.offset + 67, 4)[::-1].hex()
         yield Row(
             "the FAT's serial number", "" if serial == place.partition.id else f"{serial}, not {place.partition.id}"
@@ -129,6 +138,18 @@ class Card:
         what = f"the file system {name}"
         return Row(what, "" if found == wanted else f"its UUID is {found}, not {wanted}")
 
+    def _same_slots(self) -> Row:
+        what = "both slots are the same"
+        one, other = self._places["root-a"], self._places["root-b"]
+        size = one.partition.size_mib * MIB
+        with self._image.open("rb") as file, self._image.open("rb") as twin:
+            for at in range(0, size, CHUNK):
+                file.seek(one.offset + at)
+                twin.seek(other.offset + at)
+                if file.read(min(CHUNK, size - at)) != twin.read(min(CHUNK, size - at)):
+                    return Row(what, f"they differ after octet {at}")
+        return Row(what)
+
     def _slot(self, slot: "FileSystem") -> Iterator[Row]:
         there = set(slot.paths())
         missing = [path for path in WANTED if path not in there]
@@ -140,6 +161,10 @@ class Card:
         yield Row("no machine-id", f"it is {identity.decode()}" if identity else "")
         yield from self._packages(there)
         yield from (Row(*check) for check in verify_slot.checks(slot))
+        if self._update:
+            keyring = slot.read("etc/rauc/keyring.pem")
+            checks = verify_bundle.checks(self._description, version(), self._update, keyring)
+            yield from (Row(*check) for check in checks)
         words = [line.split(":") for line in slot.read("etc/shadow").decode().splitlines()]
         able = [row[0] for row in words if row[1] not in ("*", "!", "!*")]
         yield Row("nobody has a password", f"{able} have" if able else "")
