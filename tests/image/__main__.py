@@ -25,6 +25,8 @@ PARTS = {
     "hardening": "how closed each unit is, and why not more",
     "chart": "what a start is made of, and what captain adds to it (a bench)",
     "owner": "the owner's files: the README's page, mistakes, Raspberry Pi Imager",
+    "cuts": "power cuts, on a drive that loses, reorders or tears what was not flushed (40 minutes)",
+    "storage": "data in trouble: what the early boot repairs, what the station says, what is written at rest",
     "update": "updates: from a server, in 1970, refused ones, one that fails and is left, and back",
     "update_cuts": "power cuts in the middle of an update, on a drive that loses what was not flushed",
     "v2n": "MQTT by TLS after a start in 1970",

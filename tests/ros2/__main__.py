@@ -1,0 +1,58 @@
+"""make ros2: message packages in a real ROS 2, and what other parts find there."""
+
+import argparse
+import sys
+import time
+from collections.abc import Callable
+
+from tests.ros2 import hashes, packages
+from tests.ros2.ros import RosError
+from tests.ros2.rows import Row
+
+
+def _hashes(editions: tuple[str, ...]) -> list[Row]:
+    return hashes.compare(packages.made(editions))
+
+
+def _packages(editions: tuple[str, ...]) -> list[Row]:
+    packages.clean()
+    return packages.build(packages.made(editions))
+
+
+PARTS: dict[str, Callable[[tuple[str, ...]], list[Row]]] = {
+    "hashes": _hashes,
+    "packages": _packages,
+}
+
+
+def main() -> int:
+    arguments = _arguments()
+    editions = packages.SHORT if arguments.short else tuple(arguments.message or packages.SCHEMA.messages)
+    rows: list[Row] = []
+    for name in arguments.only or PARTS:
+        print(f"{name}:", flush=True)
+        began = time.monotonic()
+        try:
+            found = PARTS[name](editions)
+        except RosError as error:
+            found = [Row(name, "ended early", str(error))]
+        print(*found, sep="\n")
+        print(f"          {time.monotonic() - began:.0f} s", flush=True)
+        rows += found
+    missed = [row for row in rows if row.trouble]
+    print(f"{len(rows) - len(missed)} of {len(rows)} meet their goal")
+    return 1 if missed or not rows else 0
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="make ros2", description=__doc__)
+    parser.add_argument("--only", action="append", choices=tuple(PARTS), metavar="PART", help=f"of {', '.join(PARTS)}")
+    parser.add_argument("--short", action="store_true", help=f"with {' and '.join(packages.SHORT)} alone")
+    parser.add_argument(
+        "--message", action="append", metavar="NAME", help="with this edition: cam-1.4.1; again for more"
+    )
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,61 @@
+"""Message packages into a workspace: generated, and built by colcon with ROS's own generators."""
+
+import shutil
+import time
+from collections.abc import Iterable
+from pathlib import Path
+
+from asn1 import library, text
+from asn1.ros2 import profiles
+from asn1.ros2.model import RosPackage
+from asn1.types import Schema
+from tests.ros2 import ros
+from tests.ros2.rows import Row
+
+LONGEST_S = 120.0  # of a package, on the machine of the bench
+SCHEMA: Schema = text.load_schema()
+SHORT = ("cam-1.4.1", "denm-1.3.1")
+
+
+def made(editions: Iterable[str], profile: str = "etsi_its") -> list[RosPackage]:
+    """The packages of some editions, as the generator writes them into the workspace."""
+    chosen = tuple(editions)
+    library.generate(SCHEMA, chosen, "ros2", source(profile), lambda name: None, library.Ros2(profile))
+    return profiles.packages(SCHEMA, [SCHEMA.messages[name] for name in chosen], profile)
+
+
+def source(profile: str) -> Path:
+    return ros.WORKSPACE / "src" / profile
+
+
+def build(packages: Iterable[RosPackage]) -> list[Row]:
+    """Built, installed, and every message of it made and read by rclpy."""
+    rows = []
+    for package in packages:
+        began = time.monotonic()
+        ros.run(
+            [
+                ros.ENV / "bin" / "colcon", "build", "--merge-install", "--packages-select", package.name,
+                "--cmake-args", "-GNinja", "-DBUILD_TESTING=OFF", "-DCMAKE_BUILD_TYPE=Release",
+                f"-DPython3_EXECUTABLE={ros.ENV / 'bin' / 'python'}",
+            ],
+            cwd=ros.WORKSPACE, log=ros.MADE / f"{package.name}.log",
+        )  # fmt: skip
+        took = time.monotonic() - began
+        late = "" if took < LONGEST_S else f"more than {LONGEST_S:.0f} s"
+        rows.append(Row(f"{package.name} built", f"{len(package.messages)} types, {took:.0f} s", late))
+        rows.append(_used(package))
+    return rows
+
+
+def clean() -> None:
+    """Nothing built of an earlier run."""
+    for name in ("build", "install", "log"):
+        shutil.rmtree(ros.WORKSPACE / name, ignore_errors=True)
+
+
+def _used(package: RosPackage) -> Row:
+    said = ros.inside("use.py", package.name).split()
+    count, octets = int(said[0]), int(said[1])
+    trouble = "" if count == len(package.messages) else f"{len(package.messages)} were made"
+    return Row(f"{package.name} in rclpy", f"{count} types serialised and read again, {octets} octets", trouble)

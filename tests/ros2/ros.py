@@ -1,0 +1,52 @@
+"""The ROS 2 of the bench: Jazzy as wheels in build/ros2/env (.ci/ros2), and what is built for it."""
+
+import os
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+MADE = ROOT / "build" / "ros2"
+ENV = MADE / "env"
+WORKSPACE = MADE / "workspace"
+INSTALLED = WORKSPACE / "install"
+INSIDE = Path(__file__).parent / "inside"
+
+
+class RosError(RuntimeError):
+    """A program of ROS failed; str() is the end of what it said."""
+
+
+def environment() -> dict[str, str]:
+    """As if ROS and the workspace were sourced, and nothing of whoever calls."""
+    [site] = (ENV / "lib").glob("python3.*")
+    return {
+        "HOME": os.environ.get("HOME", "/"),
+        "PATH": f"{ENV / 'bin'}:/usr/local/bin:/usr/bin:/bin",
+        "LANG": "C.UTF-8",
+        "AMENT_PREFIX_PATH": f"{INSTALLED}:{ENV}",
+        "CMAKE_PREFIX_PATH": str(ENV),
+        "LD_LIBRARY_PATH": f"{INSTALLED / 'lib'}:{ENV / 'lib'}",
+        "PYTHONPATH": str(INSTALLED / "lib" / site.name / "site-packages"),
+        "ROS_DISTRO": "jazzy",
+        "ROS_VERSION": "2",
+        "ROS_LOG_DIR": str(MADE / "log"),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+    }
+
+
+def run(command: Sequence[str | Path], cwd: Path = MADE, log: Path | None = None) -> str:
+    """What a program printed. Raises RosError."""
+    ended = subprocess.run(
+        [str(word) for word in command], cwd=cwd, env=environment(), text=True, capture_output=True, check=False
+    )
+    if log is not None:
+        log.write_text(ended.stdout + ended.stderr)
+    if ended.returncode:
+        raise RosError(f"{Path(command[0]).name}: {(ended.stdout + ended.stderr)[-2000:]}")
+    return ended.stdout
+
+
+def inside(script: str, *words: str | Path) -> str:
+    """A script of tests/ros2/inside, by the Python that has rclpy."""
+    return run([ENV / "bin" / "python", INSIDE / script, *words])
