@@ -3,7 +3,7 @@
 
 .DEFAULT_GOAL := help
 .PHONY: help setup run codec import-check docs test test-binary check portable fuzz truth \
-	bench bench-station bench-messages bench-v2n bench-time lab chaos outages fleet kernel clock days chronyd binary \
+	bench bench-station bench-messages bench-v2n bench-time lab chaos outages fleet kernel ros2 clock days chronyd binary \
 	image image-test release flash lock proof clean
 
 PYTEST := .venv/bin/python -m pytest
@@ -87,6 +87,10 @@ fleet: setup-test ## V2N of 1,000 to 100,000 vehicles: messages by tile, broker,
 kernel: setup-kernel ## our code on Debian's kernel in an emulated computer: 802.11p, GPIO, I2C, PPS, USB; ARGS='--only air'
 	@.ci/kernel
 	@.venv/bin/python -m tests.kernel $(ARGS)
+
+ros2: setup-ros2 ## the message packages in a real ROS 2: hashes, colcon, rclpy; ARGS='--short', ARGS='--only hashes'
+	@.ci/ros2
+	@.venv/bin/python -m tests.ros2 $(ARGS)
 
 clock: setup-clock ## time in emulated computers whose pulses this one times, chronyd steering; ARGS='--only pulses'
 	@.ci/clock
