@@ -36,11 +36,11 @@ class Kind(NamedTuple):
 
 
 KINDS = (
-    Kind("while the station writes", "cut_work", "look_quick", 66),
+    Kind("while the station writes", "cut_work", "look_quick", 74),
     Kind("while the early boot repairs", "cut_start", "look_quick", 10),
     Kind("while U-Boot counts", "cut_loader", "look_loader", 10),
-    Kind("while the whole system starts", "cut_full_start", "look_full", 7),
-    Kind("while the whole system runs", "cut_full_run", "look_full", 7),
+    Kind("while the whole system starts", "cut_full_start", "look_full", 3),
+    Kind("while the whole system runs", "cut_full_run", "look_full", 3),
 )
 ALWAYS = "recording"  # goes on in every cut of the workload
 NAMES = {"owner": "configuration", "state": "configuration", "session": "state", "counters": "update", "slot": "update"}

@@ -52,7 +52,8 @@ class Drive:
     seed    of what a cut leaves.
 
     requests  how many of each kind there were; octets: written, by the MiB where they went.
-    loss      of the last cut; cut_s: when it was, on the monotonic clock; is_cut: set when the power goes.
+    loss      of the last cut; cut_s: when it was, on the monotonic clock.
+    is_cut    set when the power goes; is_powered: when it comes, which is when QEMU connects.
     is_honest it does what it says when it is told to flush. One that does not is there to see that this is noticed.
     """
 
@@ -63,6 +64,7 @@ class Drive:
         self.loss = Loss(0, 0, 0, 0)
         self.cut_s = 0.0
         self.is_cut = threading.Event()
+        self.is_powered = threading.Event()
         self._is_honest = is_honest
         self._random = Random(seed)
         self._lock = threading.Lock()
@@ -105,6 +107,7 @@ class Drive:
         self._arm = None
         self.loss = self.medium.cut(fate, self._random, unanswered)
         self.cut_s = time.monotonic()
+        self.is_powered.clear()
         self.is_cut.set()
 
     def _serve(self) -> None:
@@ -116,6 +119,7 @@ class Drive:
             with peer, contextlib.suppress(ConnectionError):
                 with self._lock:
                     self.is_cut.clear()
+                    self.is_powered.set()
                 if _shake_hands(peer, self.medium.size):
                     self._answer(peer)
 

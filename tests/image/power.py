@@ -22,6 +22,8 @@ from tests.image.workload import SLOT_OCTETS
 FOUND = r"@found (\{[^\r\n]*\})\r?\n|Kernel panic"
 COUNTERS = r"slots: state of copy (\w+), order ([AB ]+), tries left: A (\w+), B (\w+)"
 MEMORY = "lies in memory"  # what the early boot says where the data cannot be used
+ON_S = 60.0  # until QEMU has found the drive
+MANY, FEW = 64, 8  # tries of slot A: none of these starts is to be the last one
 QUICK_S = 180.0  # a quick start, on a busy machine
 WORK_S = 120.0  # until the cut that was asked for comes
 
@@ -94,6 +96,7 @@ class Power:
     def cut_loader(self, fate: Fate) -> None:
         """While U-Boot counts a try down."""
         self._off()
+        self._refill()
         first = offset(self._description, "state")
         self.drive.arm(1, fate, within=range(first, first + state.APART + state.SIZE))
         guest = self._on(virt)
@@ -103,6 +106,7 @@ class Power:
     def cut_full_start(self, fate: Fate) -> None:
         """Anywhere in a start of the whole system."""
         self._off()
+        self._refill()
         self.drive.arm(self._random.randrange(2, 400), fate)
         guest = self._on(virt)
         guest.wait("Starting kernel", QUICK_S)
@@ -163,7 +167,7 @@ class Power:
         return Look(() if is_known else (f"tries left: {a_left}, and {expected:x} before; order {order}",))
 
     def look_full(self) -> Look:
-        """After a cut, by the whole system: the endpoint answers, ssh has its key. The machine stays on."""
+        """After a cut, by the whole system: the endpoint answers. The machine stays on."""
         guest = self._on(virt)
         try:
             copy = guest.wait(COUNTERS, QUICK_S)[1]
@@ -225,7 +229,18 @@ class Power:
         self._off()
         self._heard, self._rest = 0, ""
         self._guest = self._power.enter_context(powered(self.drive.url, self._folder, machine=machine))
+        if not self.drive.is_powered.wait(ON_S):
+            raise NotSeenError("QEMU does not come to its drive")
         return self._guest
+
+    def _refill(self) -> None:
+        """Tries, where few are left: a start that is cut takes one and gives none back."""
+        found = self.counters()
+        if found is not None and found.a_left < FEW:
+            first = offset(self._description, "state")
+            for at, number in ((0, 1), (state.APART, 0)):
+                self.drive.medium.write(first + at, state.packed(found._replace(a_left=MANY), number), is_durable=True)
+            self._settle_counters()
 
     def _off(self) -> None:
         """Of a machine that does nothing: no cut that counts."""
