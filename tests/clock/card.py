@@ -37,6 +37,11 @@ _CREDENTIAL = "systemd.set_credential_binary=systemd.extra-unit.bench.service"
 WORDS = f"{_CREDENTIAL}:{base64.b64encode(_UNIT.encode()).decode()} systemd.wants=bench.service"
 
 
+def prepare() -> None:
+    """Make the bench's Python for the guest, and the device tree, where they are not."""
+    subprocess.run([PROJECT / ".ci/clock"], check=True)
+
+
 @dataclass(frozen=True)
 class Card:
     """What such a guest is made of.

@@ -24,7 +24,7 @@ def measure(made: Kind) -> list[Row]:
         rows = list(found(on, station, on.loop.clock()))
         settled_s = on.loop.clock()
         on.until(lambda: on.loop.clock() > LEAD_S - 10, LEAD_S, "the last minute")
-        tracking = asked(on, station, "chronyc", "-n", "tracking")
+        tracking = asked(on, station.guest, "chronyc", "-n", "tracking")
         on.turn_for(10 + 30)
         said = field(tracking, "Leap status")
         rows.append(Row.of("chronyd says, 10 s before it", said, "Insert second", said.endswith("Insert second")))

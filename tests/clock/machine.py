@@ -215,8 +215,8 @@ class Guest:
     def start(self, name: str, *words: str) -> None:
         self._ask({"do": "start", "name": name, "words": words})
 
-    def run(self, words: Sequence[str], answered: Callable[[str], None]) -> None:
-        """A program to its end, a short one: the agent does nothing else meanwhile."""
+    def run(self, words: Sequence[str], answered: Callable[[str | None], None]) -> None:
+        """A program to its end, a short one: the agent does nothing else meanwhile. None: it could not be run."""
         self._ask({"do": "run", "words": words}, answered)
 
     def kill(self) -> None:

@@ -3,6 +3,7 @@
 import statistics
 
 from tests.clock.bench import Bench
+from tests.clock.machine import Guest, LateError
 from tests.clock.rows import Row
 from tests.clock.station import STALE_S, Report, Station
 
@@ -35,11 +36,13 @@ def sound(station: Station) -> Row:
     return Row.of("the guest's oscillator is the host's clock", "yes" if is_sound else "no", "yes", is_sound)
 
 
-def asked(on: Bench, station: Station, *words: str) -> str:
-    """What a program of its guest says."""
-    said: list[str] = []
-    station.guest.run(words, said.append)
+def asked(on: Bench, guest: Guest, *words: str) -> str:
+    """What a program in a guest says. Raises LateError where it cannot be run, or does not end."""
+    said: list[str | None] = []
+    guest.run(words, said.append)
     on.until(lambda: said, 60, " ".join(words))
+    if said[0] is None:
+        raise LateError(f"{' '.join(words)}: {guest.trouble[-1]}")
     return said[0]
 
 

@@ -85,6 +85,7 @@ class Station:
         on.boot(self.guest)
         self._context = zmq.Context()
         self._reports: zmq.Socket[bytes] = self._context.socket(zmq.SUB)
+        self._reports.setsockopt(zmq.HANDSHAKE_IVL, 5000)  # QEMU takes the connection before the station does
         self._reports.subscribe(b"time.")
         if interfaces:
             self._reports.subscribe(b"indication.")

@@ -123,7 +123,7 @@ def _at_rest(on: Bench, station: Station, calm_s: float) -> Iterator[Row]:
         f"{FAST_PPB / 1000:+.0f} ppm",
         off_ppb <= max(2 * said["skew_ppb"], 1000),
     )
-    lines = asked(on, station, "chronyc", "-n", "tracking")
+    lines = asked(on, station.guest, "chronyc", "-n", "tracking")
     yield Row("chronyd says", "; ".join(field(lines, name) for name in ("Frequency", "Skew", "RMS offset")), "none")
 
 

@@ -30,6 +30,9 @@ PARTS = {
     "update": "updates: from a server, in 1970, refused ones, one that fails and is left, and back",
     "update_cuts": "power cuts in the middle of an update, on a drive that loses what was not flushed",
     "v2n": "MQTT by TLS after a start in 1970",
+    "battery": "without a battery: where the clock begins",
+    "board": "captain selftest, with a receiver, a modem and pulses of this machine",
+    "clock": "its clock steered by pulses, over an outage and a leap second",
 }
 SHORT = ("start",)  # under 3 minutes
 NEEDED = {

@@ -20,7 +20,7 @@ from pps.pulse import Clocks, read_clocks
 BATCH = 65_536
 CLOCKS = b'{"do": "clocks"}\n'
 EXACT_NS = 200_000  # of a step
-RUN_S = 30.0  # of a program that is waited for
+RUN_S = 55.0  # of a program that is waited for
 
 
 class Agent:
