@@ -13,6 +13,9 @@ from tests.ros2.rows import Row
 UPSTREAM_FILE = ros.ROOT / "tests" / "asn1" / "ros2" / "etsi_its_messages.json"
 TABLE = ros.MADE / "hashes.md"
 
+# Packages of etsi_its_messages that are not made here, and why.
+NOT_MADE = {"etsi_its_mcm_uulm_msgs": "of a research project, whose module is not given"}
+
 
 def compare(packages: Iterable[RosPackage]) -> list[Row]:
     """A row per package; type by type in build/ros2/hashes.md."""
@@ -35,6 +38,8 @@ def compare(packages: Iterable[RosPackage]) -> list[Row]:
         ]
         if theirs:
             rows.append(_row(package.name, "etsi_its_messages", ours, {k: f"RIHS01_{v}" for k, v in theirs.items()}))
+    for name, why in NOT_MADE.items():
+        lines += [f"| {name}/{type_} | | | | not made: {why} |" for type_ in upstream[name]]
     TABLE.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return rows
 

@@ -21,3 +21,9 @@ def test_every_type_is_that_of_etsi_its_messages(edition):
     package = profile_etsi_its.package(SCHEMA, SCHEMA.messages[edition])
     ours = {name: hash_of(package, name).removeprefix("RIHS01_") for name in package.messages}
     assert ours == UPSTREAM[package.name]
+
+
+def test_only_the_message_of_a_research_project_is_not_made():
+    made = set(profile_etsi_its.PACKAGES.values())
+    assert set(UPSTREAM) - made == {"etsi_its_mcm_uulm_msgs"}
+    assert sum(len(UPSTREAM[name]) for name in made) == 1114
