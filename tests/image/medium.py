@@ -67,6 +67,11 @@ class Medium:
     def close(self) -> None:
         os.close(self._file)
 
+    def grow(self, octets: int) -> None:
+        """A larger card, as when an image is written to one: what is behind it is zeros. Without power only."""
+        self.size += octets
+        os.ftruncate(self._file, self.size)
+
     def read(self, offset: int, size: int) -> bytes:
         return os.pread(self._file, size, offset)
 

@@ -23,6 +23,7 @@ FOUND = r"@found (\{[^\r\n]*\})\r?\n|Kernel panic"
 COUNTERS = r"slots: state of copy (\w+), order ([AB ]+), tries left: A (\w+), B (\w+)"
 MEMORY = "lies in memory"  # what the early boot says where the data cannot be used
 ON_S = 60.0  # until QEMU has found the drive
+LARGER = 128 << 20  # octets: a card on which the early boot finds room to use
 MANY, FEW = 64, 8  # tries of slot A: none of these starts is to be the last one
 QUICK_S = 180.0  # a quick start, on a busy machine
 WORK_S = 120.0  # until the cut that was asked for comes
@@ -86,8 +87,9 @@ class Power:
         self._cut(fate)
 
     def cut_start(self, fate: Fate) -> None:
-        """While the early boot repairs and mounts the data."""
+        """While the early boot makes the data partition larger, repairs it and mounts it."""
         self._off()
+        self.drive.medium.grow(LARGER)
         self.drive.arm(self._random.randrange(1, 16), fate)
         guest = self._on(self._quick.machine())
         self._listen(guest, lambda: "@found" in guest.text, QUICK_S)
@@ -104,9 +106,10 @@ class Power:
         self._cut(fate)
 
     def cut_full_start(self, fate: Fate) -> None:
-        """Anywhere in a start of the whole system."""
+        """Anywhere in a start of the whole system, whose data grow on the way."""
         self._off()
         self._refill()
+        self.drive.medium.grow(LARGER)
         self.drive.arm(self._random.randrange(2, 400), fate)
         guest = self._on(virt)
         guest.wait("Starting kernel", QUICK_S)

@@ -160,6 +160,16 @@ def test_a_full_cache_is_written_down(tmp_path: Path):
     medium.close()
 
 
+def test_a_larger_card_has_zeros_at_its_end(tmp_path: Path):
+    medium = blank(tmp_path)
+    medium.write(0, sector(1), is_durable=True)
+    medium.grow(2 * SECTOR)
+    assert medium.size == (SECTORS + 2) * SECTOR
+    assert medium.read(SECTORS * SECTOR, 2 * SECTOR) == bytes(2 * SECTOR)
+    assert sectors(medium)[0] == sector(1)
+    medium.close()
+
+
 def test_a_loss_counts_what_was_kept_whole_torn_and_gone(tmp_path: Path):
     medium = blank(tmp_path)
     for number in range(8):
