@@ -18,7 +18,6 @@ from firmware.box.station import StationFiles, look_at_station
 from firmware.box.toml_lines import line_of, syntax_hint
 
 SECRETS = ("wifi.password", "wifi.psk")
-OPEN_PORTS = range(5555, 5559)  # of nftables.conf
 
 
 class Judged(NamedTuple):
