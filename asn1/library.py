@@ -120,9 +120,11 @@ def _fill(schema: Schema, messages: tuple[str, ...], form: str, folder: Path, pr
 def _ros2(schema: Schema, messages: tuple[str, ...], wish: Ros2, folder: Path, progress: Progress) -> None:
     from asn1.ros2 import package, profiles
 
-    for made in profiles.packages(schema, [schema.messages[name] for name in messages], wish.profile):
-        progress(made.name)
-        package.write(schema, made, folder, VERSION, wish.distro)
+    packages = profiles.packages(schema, [schema.messages[name] for name in messages], wish.profile)
+    for one in packages:
+        progress(one.name)
+        package.write(schema, one, folder, VERSION, wish.distro)
+    package.write_access(schema, packages, folder, VERSION)
 
 
 def _python(schema: Schema, messages: tuple[str, ...], form: str, folder: Path, progress: Progress) -> int:

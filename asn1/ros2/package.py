@@ -1,8 +1,9 @@
 """An ament package of messages: what colcon builds, and what dpkg-source makes a Debian source package of."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
-from asn1.ros2 import msg
+from asn1.ros2 import access, msg
 from asn1.ros2.model import RosPackage
 from asn1.types import Schema
 
@@ -22,6 +23,21 @@ def write(schema: Schema, package: RosPackage, folder: Path, version: str, distr
         (root / name).write_text(text, encoding="utf-8")
     (root / "LICENSE").write_bytes((TEMPLATE / "LICENSE").read_bytes())
     (root / "debian" / "rules").chmod(0o755)
+
+
+def write_access(schema: Schema, packages: list[RosPackage], folder: Path, version: str) -> None:
+    """The package captain_si, whose modules read and set what messages of these packages hold, in SI units."""
+    root = folder / access.NAME
+    (root / access.NAME).mkdir(parents=True)
+    (root / access.NAME / "__init__.py").write_text('"""Values of messages in SI units."""\n', encoding="utf-8")
+    for package in packages:
+        path = root / access.NAME / f"{package.name}.py"
+        path.write_text(access.text(schema, package), encoding="utf-8")
+    (root / "package.xml").write_text(
+        _xml(access.NAME, version, "ROS 2 messages: values in SI units", SI), encoding="utf-8"
+    )
+    (root / "CMakeLists.txt").write_text(_template("si.cmake"), encoding="utf-8")
+    (root / "LICENSE").write_bytes((TEMPLATE / "LICENSE").read_bytes())
 
 
 def debian_name(package: RosPackage, distro: str) -> str:
@@ -54,27 +70,38 @@ def _about(package: RosPackage) -> str:
 
 
 def _package_xml(package: RosPackage, version: str) -> str:
+    lines = [
+        "<buildtool_depend>ament_cmake</buildtool_depend>",
+        "<buildtool_depend>rosidl_default_generators</buildtool_depend>",
+        *(f"<depend>{one}</depend>" for one in package.depends),
+        "<exec_depend>rosidl_default_runtime</exec_depend>",
+        "<member_of_group>rosidl_interface_packages</member_of_group>",
+    ]
+    return _xml(package.name, version, f"ROS 2 messages: {_about(package)}", lines)
+
+
+def _xml(package: str, version: str, about: str, lines: Sequence[str]) -> str:
     name, _, address = MAINTAINER.partition(" <")
-    depends = "".join(f"  <depend>{one}</depend>\n" for one in package.depends)
+    depends = "\n  ".join(lines)
     return f"""<?xml version="1.0"?>
 <?xml-model href="http://download.ros.org/schema/package_format3.xsd" schematypens="http://www.w3.org/2001/XMLSchema"?>
 <package format="3">
-  <name>{package.name}</name>
+  <name>{package}</name>
   <version>{version}</version>
-  <description>ROS 2 messages: {_about(package)}</description>
+  <description>{about}</description>
   <maintainer email="{address.rstrip(">")}">{name}</maintainer>
   <license file="LICENSE">Apache-2.0</license>
 
-  <buildtool_depend>ament_cmake</buildtool_depend>
-  <buildtool_depend>rosidl_default_generators</buildtool_depend>
-{depends}  <exec_depend>rosidl_default_runtime</exec_depend>
-  <member_of_group>rosidl_interface_packages</member_of_group>
+  {depends}
 
   <export>
     <build_type>ament_cmake</build_type>
   </export>
 </package>
 """
+
+
+SI = ("<buildtool_depend>ament_cmake</buildtool_depend>", "<buildtool_depend>ament_cmake_python</buildtool_depend>")
 
 
 def _cmake(package: RosPackage) -> str:

@@ -79,6 +79,6 @@ def test_the_command_writes_packages_and_says_how_to_build_them(tmp_path, capsys
     assert main(line) == 0
     assert "colcon build" in capsys.readouterr().out
     assert sorted(path.name for path in (tmp_path / "ws").iterdir() if path.is_dir()) == [
-        "captain_cam_2_3_1_msgs", "etsi_its_mapem_ts_msgs",
+        "captain_cam_2_3_1_msgs", "captain_si", "etsi_its_mapem_ts_msgs",
     ]  # fmt: skip
     assert "/opt/ros/humble" in (tmp_path / "ws/captain_cam_2_3_1_msgs/debian/rules").read_text()
