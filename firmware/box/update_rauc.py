@@ -12,6 +12,7 @@ from board.tool import environment
 PROGRAM = "rauc"
 ANSWER_S = 60.0
 _STEP = re.compile(r"^\s*(\d{1,3})% (.*)$")
+WRITES = ("Updating slots", "Copying image")  # steps from which on a slot is written
 _LAST = re.compile(r"LastError: (.*)")
 _FORBIDDEN = re.compile(r"AccessDenied|rejected send message|Permission denied|not allowed to")
 
@@ -54,19 +55,19 @@ def install(path: Path, step: Callable[[int, str], None], program: str = PROGRAM
         )
     except FileNotFoundError as error:
         raise StationError("rauc is not installed: this is no box that can be updated") from error
-    said, furthest = [], 0
+    said, is_begun = [], False
     assert running.stdout is not None
     with running:
         for line in running.stdout:
             if found := _STEP.match(line):
-                furthest = max(furthest, int(found[1]))
+                is_begun = is_begun or found[2].startswith(WRITES)
                 step(int(found[1]), found[2].strip())
             said.append(line)
     if running.returncode:
-        raise _failed(path, "".join(said[-40:]), furthest)
+        raise _failed(path, "".join(said[-40:]), is_begun)
 
 
-def _failed(path: Path, said: str, furthest: int) -> StationError:
+def _failed(path: Path, said: str, is_begun: bool) -> StationError:
     if _FORBIDDEN.search(said):
         return _forbidden()
     if "lready processing" in said or "already in progress" in said:
@@ -75,7 +76,7 @@ def _failed(path: Path, said: str, furthest: int) -> StationError:
     why = (
         last[-1].strip() if last else next((line for line in reversed(said.splitlines()) if line.strip()), "no reason")
     )
-    if furthest <= 0:
+    if not is_begun:
         return StationError(f"{path}: was not installed: {why}", "nothing was written")
     return InstallError(f"{path}: {why}")
 

@@ -78,6 +78,23 @@ BROKEN = """installing
 LastError: Installation error: Failed updating slot rootfs.1: failed to write image: Input/output error
 Installing `/data/update/bundle.raucb` failed
 """
+REFUSED = """installing
+  0% Installing
+  0% Determining slot states
+ 10% Determining slot states done.
+ 10% Checking bundle
+ 10% Verifying signature
+ 20% Verifying signature done.
+ 20% Checking bundle done.
+ 20% Checking manifest contents
+ 30% Checking manifest contents done.
+ 30% Determining target install group
+ 40% Determining target install group done.
+100% Installing failed.
+LastError: Compatible mismatch: Expected 'captain trixie quad' but bundle manifest has 'captain trixie quad-other'
+idle
+Installing `/data/update/another-device-tree.raucb` failed
+"""
 DENIED = "D-Bus error while installing `x`: GDBus.Error:org.freedesktop.DBus.Error.AccessDenied: Rejected send message"
 BUSY = (
     "D-Bus error while installing `x`: GDBus.Error:org.gtk.GDBus.UnmappedGError: Already processing a different method"
@@ -313,7 +330,8 @@ def test_a_system_that_was_started_otherwise_has_no_other_slot():
 
 def test_an_installation_that_was_not_begun_is_no_half_written_slot(tmp_path: Path):
     program = tmp_path / "rauc"
-    program.write_text("#!/bin/sh\necho '  0% Installing'\necho 'LastError: Compatible mismatch'\nexit 1\n")
+    (tmp_path / "said").write_text(REFUSED)
+    program.write_text(f"#!/bin/sh\ncat {tmp_path}/said\nexit 1\n")
     program.chmod(0o755)
     with pytest.raises(StationError, match="was not installed: Compatible mismatch") as told:
         update_rauc.install(Path("x"), lambda percent, what: None, str(program))
