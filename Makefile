@@ -112,7 +112,7 @@ image: setup-image ## the card of a Raspberry Pi 4, build/captain-VERSION-arm64.
 release: setup-image setup-freeze ## all that is handed out, in build/release: card, update, binaries, Debian packages, checksums
 	@.ci/image release $(ARGS)
 
-image-test: setup-image ## start the card in QEMU: console, heartbeats, ssh, a power cut
+image-test: setup-image ## the card in QEMU, part by part, looked at from outside; ARGS='--only start ports', ARGS=--short
 	@.venv/bin/python -m tests.image $(ARGS)
 
 flash: setup-image ## write the card, after a question: DEV=/dev/sdX
