@@ -5,22 +5,20 @@ import sys
 import time
 from collections.abc import Callable
 
+from asn1.library import PROFILES
+from asn1.ros2.model import RosPackage
 from tests.ros2 import hashes, packages
 from tests.ros2.ros import RosError
 from tests.ros2.rows import Row
 
 
-def _hashes(editions: tuple[str, ...]) -> list[Row]:
-    return hashes.compare(packages.made(editions))
-
-
-def _packages(editions: tuple[str, ...]) -> list[Row]:
+def _packages(made: list[RosPackage]) -> list[Row]:
     packages.clean()
-    return packages.build(packages.made(editions))
+    return packages.build(made)
 
 
-PARTS: dict[str, Callable[[tuple[str, ...]], list[Row]]] = {
-    "hashes": _hashes,
+PARTS: dict[str, Callable[[list[RosPackage]], list[Row]]] = {
+    "hashes": hashes.compare,
     "packages": _packages,
 }
 
@@ -28,12 +26,13 @@ PARTS: dict[str, Callable[[tuple[str, ...]], list[Row]]] = {
 def main() -> int:
     arguments = _arguments()
     editions = packages.SHORT if arguments.short else tuple(arguments.message or packages.SCHEMA.messages)
+    made = packages.made(editions, arguments.profile)
     rows: list[Row] = []
     for name in arguments.only or PARTS:
         print(f"{name}:", flush=True)
         began = time.monotonic()
         try:
-            found = PARTS[name](editions)
+            found = PARTS[name](made)
         except RosError as error:
             found = [Row(name, "ended early", str(error))]
         print(*found, sep="\n")
@@ -47,6 +46,7 @@ def main() -> int:
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="make ros2", description=__doc__)
     parser.add_argument("--only", action="append", choices=tuple(PARTS), metavar="PART", help=f"of {', '.join(PARTS)}")
+    parser.add_argument("--profile", choices=PROFILES, default="etsi_its", help="whose names; default: %(default)s")
     parser.add_argument("--short", action="store_true", help=f"with {' and '.join(packages.SHORT)} alone")
     parser.add_argument(
         "--message", action="append", metavar="NAME", help="with this edition: cam-1.4.1; again for more"

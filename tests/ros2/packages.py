@@ -36,7 +36,7 @@ def build(packages: Iterable[RosPackage]) -> list[Row]:
         ros.run(
             [
                 ros.ENV / "bin" / "colcon", "build", "--merge-install", "--packages-select", package.name,
-                "--cmake-args", "-GNinja", "-DBUILD_TESTING=OFF", "-DCMAKE_BUILD_TYPE=Release",
+                "--cmake-args", "-GNinja", "-DBUILD_TESTING=OFF", "-DCMAKE_C_FLAGS=-O0", "-DCMAKE_CXX_FLAGS=-O0",
                 f"-DPython3_EXECUTABLE={ros.ENV / 'bin' / 'python'}",
             ],
             cwd=ros.WORKSPACE, log=ros.MADE / f"{package.name}.log",
