@@ -57,8 +57,9 @@ def generate(args: argparse.Namespace) -> int:
 def write(schema: Schema, messages: tuple[str, ...], args: argparse.Namespace) -> int:
     """One form into its directory; the count of files that have changed."""
     steps = Steps(library.steps(schema, messages, args.form))
+    ros2 = library.Ros2(args.profile, args.distro, args.ros2)
     try:
-        return library.generate(schema, messages, args.form, args.to, steps, library.Ros2(args.profile, args.distro))
+        return library.generate(schema, messages, args.form, args.to, steps, ros2)
     except RosError as error:
         raise CommandError(str(error)) from error
     finally:

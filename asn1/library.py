@@ -43,10 +43,15 @@ NEXT = {
 
 
 class Ros2(NamedTuple):
-    """How the messages of the form ros2 are called, and for which ROS 2."""
+    """How the messages of the form ros2 are called, and for which ROS 2; and whether code goes to them and back.
+
+    with_cdr  of the forms with code: also from messages to serialised ROS 2 messages and back, in every profile. People
+              who have no ROS link none of it.
+    """
 
     profile: str = "etsi_its"
     distro: str = "jazzy"
+    with_cdr: bool = False
 
 
 PROFILES = {
@@ -64,11 +69,12 @@ def generate(
     Raises output.NotOursError where the directory belongs to somebody else, build.BuildError, and RosError where ROS 2
     cannot say a message.
     """
+    ros2 = ros2 or Ros2()
     if form in ("python", "wheel"):
-        return _python(schema, messages, form, folder, progress)
+        return _python(schema, messages, form, folder, progress, ros2.with_cdr)
     if form == "ros2":
-        return output.write(folder, lambda made: _ros2(schema, messages, ros2 or Ros2(), made, progress), form)
-    return output.write(folder, lambda made: _fill(schema, messages, form, made, progress), form)
+        return output.write(folder, lambda made: _ros2(schema, messages, ros2, made, progress), form)
+    return output.write(folder, lambda made: _fill(schema, messages, form, made, progress, ros2.with_cdr), form)
 
 
 def differences(left: Schema, right: Schema, messages: tuple[str, ...]) -> list[str]:
@@ -100,7 +106,9 @@ def steps(schema: Schema, messages: tuple[str, ...], form: str) -> int:
             return 1
 
 
-def _fill(schema: Schema, messages: tuple[str, ...], form: str, folder: Path, progress: Progress) -> None:
+def _fill(
+    schema: Schema, messages: tuple[str, ...], form: str, folder: Path, progress: Progress, with_cdr: bool
+) -> None:
     """One form into an empty directory."""
     match form:
         case "docs":
@@ -113,6 +121,8 @@ def _fill(schema: Schema, messages: tuple[str, ...], form: str, folder: Path, pr
         case _:
             progress("C sources")
             _sources(schema, messages, folder)
+            if with_cdr:
+                _cdr(schema, messages, folder)
     if form == "cmake":
         _package(folder)
 
@@ -127,15 +137,28 @@ def _ros2(schema: Schema, messages: tuple[str, ...], wish: Ros2, folder: Path, p
     package.write_access(schema, packages, folder, VERSION)
 
 
-def _python(schema: Schema, messages: tuple[str, ...], form: str, folder: Path, progress: Progress) -> int:
+def _cdr(schema: Schema, messages: tuple[str, ...], folder: Path) -> None:
+    """What goes to ROS 2 and back, beside the sources; a message that a profile cannot say is not in it."""
+    from asn1.ros2 import cdr, profiles
+
+    chosen = [schema.messages[name] for name in messages]
+    packages = [package for profile in PROFILES for package in profiles.packages(schema, chosen, profile)]
+    cdr.write(lay_out(schema, chosen), packages, folder)
+
+
+def _python(
+    schema: Schema, messages: tuple[str, ...], form: str, folder: Path, progress: Progress, with_cdr: bool
+) -> int:
     """The module and its stubs; the sources that it is made of lie in .sources, its objects in .objects."""
     chosen = lay_out(schema, [schema.messages[name] for name in messages])
-    changed = output.write(folder, lambda made: stubs.write(chosen, made), form)
+    changed = output.write(folder, lambda made: stubs.write(chosen, made, with_cdr), form)
     sources = folder / ".sources"
-    changed += output.write(sources, lambda made: _fill(schema, messages, "sources", made, progress), "sources")
+    changed += output.write(
+        sources, lambda made: _fill(schema, messages, "sources", made, progress, with_cdr), "sources"
+    )
     module = build.build_python(sources, folder, is_limited=form == "wheel", progress=progress)
     if form == "wheel":
-        wheel.write(folder, VERSION, module, stubs.text(chosen))
+        wheel.write(folder, VERSION, module, stubs.text(chosen, with_cdr))
     return changed
 
 

@@ -13,6 +13,7 @@ from asn1.layout import Field, Kind, Layout, Node
 from asn1.types import Message
 
 HEAD = Path(__file__).parent / "head.pyi.in"
+ROS2 = Path(__file__).parent / "ros2" / "ros2.pyi.in"  # classes, two blank lines, methods of Message
 INTEGERS = {Kind.INTEGER: "int", Kind.BOOLEAN: "bool", Kind.NULL: "None"}
 LEAVES = INTEGERS | {
     Kind.SMALL_BITS: "tuple[bytes, int]",
@@ -27,14 +28,21 @@ NAMED = (Kind.SEQUENCE, Kind.CHOICE, Kind.ENUMERATED)
 Around: TypeAlias = frozenset[Node]
 
 
-def write(layout: Layout, folder: Path) -> None:
+def write(layout: Layout, folder: Path, with_cdr: bool = False) -> None:
     """captain_messages.pyi, beside the module."""
-    (folder / "captain_messages.pyi").write_text(text(layout), encoding="utf-8")
+    (folder / "captain_messages.pyi").write_text(text(layout, with_cdr), encoding="utf-8")
 
 
-def text(layout: Layout) -> str:
-    """The stub, the same for the same layout."""
-    lines = [HEAD.read_text(encoding="utf-8")]
+def text(layout: Layout, with_cdr: bool = False) -> str:
+    """The stub, the same for the same layout; with_cdr: of a module that goes to ROS 2 and back."""
+    head = HEAD.read_text(encoding="utf-8")
+    if with_cdr:
+        classes, _, methods = ROS2.read_text(encoding="utf-8").partition("\n\n\n")
+        head = head.replace("class Message(", f"{classes}\n\nclass Message(")
+        head = head.replace(
+            "    def type_tree(self) -> Type: ...\n", f"    def type_tree(self) -> Type: ...\n{methods}"
+        )
+    lines = [head]
     for key in sorted(layout.nodes):
         for node in sorted(layout.nodes[key], key=lambda node: node.c_name):
             lines.extend(_definition(node))

@@ -1,5 +1,6 @@
 """Where in a C struct what a field of a ROS message is about lies: the way of a path through the layout."""
 
+from collections.abc import Set
 from typing import NamedTuple
 
 from asn1.c.names import member
@@ -47,20 +48,22 @@ class Place(NamedTuple):
         return " && ".join(step.condition for step in self.steps if step.condition)
 
 
-def follow(node: Node, place: str, path: Path) -> Place:
+def follow(node: Node, place: str, path: Path, flags: Set[Path] = frozenset()) -> Place:
     """Where a path leads from a value.
+
+    flags  paths of what a field says is there: among those with a DEFAULT these are asked, others are always there
 
     Raises KeyError where it leads to nothing.
     """
     steps = []
     for depth, name in enumerate(path, 1):
-        step = _step(node, place, name, path[:depth])
+        step = _step(node, place, name, path[:depth], flags)
         steps.append(step)
         node, place = step.child, step.place
     return Place(place, node, tuple(steps))
 
 
-def _step(node: Node, place: str, name: str, path: Path) -> Step:
+def _step(node: Node, place: str, name: str, path: Path, flags: Set[Path]) -> Step:
     if node.kind is Kind.OPEN:
         index = next(k for k, (number, _) in enumerate(node.rows) if str(number) == name)
         row = node.rows[index][1]
@@ -74,7 +77,8 @@ def _step(node: Node, place: str, name: str, path: Path) -> Step:
         inside, condition = f"{dot(place)}u.{member(name)}", f"{dot(place)}choice == {index + 1}"
     else:
         inside = f"{dot(place)}{member(name)}"
-        condition = f"{dot(place)}has_{member(name)}" if f.is_optional and f.default is None else ""
+        is_asked = f.is_optional and (f.default is None or path in flags)
+        condition = f"{dot(place)}has_{member(name)}" if is_asked else ""
     return Step(path, place, node, index, condition, f"(*{inside})" if f.is_pointer else inside)
 
 

@@ -15,7 +15,7 @@ from asn1.ros2.cdr.lines import Functions, Lines, shape_name
 from asn1.ros2.cdr.numbers import first_of, limits, memory_limits, numbers_of, outside, unknown
 from asn1.ros2.cdr.places import Place, Step, dot, follow, is_struct, pointer
 from asn1.ros2.cdr.shapes import SIZES
-from asn1.ros2.cdr.write import Guess, element, unflagged
+from asn1.ros2.cdr.write import Guess, element, is_alias, unflagged
 from asn1.ros2.model import Path, Role, RosField
 
 
@@ -48,12 +48,15 @@ class _Message:
     node: Node
     place: str
     names: str
-    flags: set[Path]
+    flags: frozenset[Path]
     guesses: list[Guess]
     told: set[Path] = field(default_factory=set)
     entered: set[Path] = field(default_factory=set)
     opens: dict[Path, Step] = field(default_factory=dict)
     looks: dict[int, str] = field(default_factory=dict)
+
+    def follow(self, path: Path) -> Place:
+        return follow(self.node, self.place, path, self.flags)
 
     def name(self, one: RosField) -> str:
         return f"{self.names}.{one.name}" if self.names else one.name
@@ -68,9 +71,9 @@ class _Reader(Lines):
 
     def message(self, name: str, node: Node, place: str, names: str) -> None:
         fields = self.shapes.fields(name)
-        flags = {one.source for one in fields if one.role is Role.PRESENT}
+        flags = frozenset(one.source for one in fields if one.role is Role.PRESENT)
         of = _Message(fields, node, place, names, flags, list(unflagged(fields, node, place)))
-        if is_struct(node):
+        if is_struct(node) and not is_alias(fields):
             self.begin(of, node, place, ())
         if node.recurs:
             with self.block("if (++r->depth > CAPTAIN_MAX_RECURSION)"):
@@ -131,9 +134,9 @@ class _Reader(Lines):
         if one.role is Role.PRESENT:
             self.flag(of, one)
             return
-        end = follow(of.node, of.place, one.source)
+        end = of.follow(one.source)
         for step in end.steps:
-            self.enter(of, index, step, follow(of.node, of.place, step.path))
+            self.enter(of, index, step, of.follow(step.path))
         if not end.condition:
             self.held(of, one, end)
             return
@@ -159,9 +162,9 @@ class _Reader(Lines):
                 self.default(end)
 
     def default(self, end: Place) -> None:
-        """What has a DEFAULT has no flag: an addition is there if it differs, and in the root encode leaves out what does not."""
+        """Without a flag an addition is there if it differs from its DEFAULT; in the root encode sees to that."""
         f = end.steps[-1].field if end.steps and end.steps[-1].node.kind is Kind.SEQUENCE else None
-        if f is not None and f.default is not None:
+        if f is not None and f.default is not None and not end.steps[-1].condition:
             flag = f"{dot(end.steps[-1].holder)}has_{member(f.name)}"
             self.put(f"{flag} = {differs(f.node, f.default, end.place) if f.addition else 'true'};")
 
@@ -187,7 +190,7 @@ class _Reader(Lines):
         if one.source in of.told:
             self.put("at++;")
             return
-        end = follow(of.node, of.place, one.source)
+        end = of.follow(one.source)
         outer = " && ".join(step.condition for step in end.steps[:-1] if step.condition)
         step = end.steps[-1]
         self.fail_if("CAPTAIN_UNLIKELY(at >= r->size)", f'captain_cdr_cut(r, at, "{of.name(one)}")')
@@ -337,7 +340,7 @@ class _Reader(Lines):
 
     def close(self, of: _Message, step: Step) -> None:
         """The identifier stands for nothing that the message has a field for."""
-        end = follow(of.node, of.place, step.path)
+        end = of.follow(step.path)
         first = next(one for one in of.fields if one.source[: len(step.path)] == step.path)
         selector = step.node.fields[step.child.selector].name
         conditions = [*(one.condition for one in end.steps if one.condition), f"{dot(step.place)}type == NULL"]
@@ -364,6 +367,8 @@ class _Reader(Lines):
     def array(self, one: RosField, node: Node, place: str, name: str) -> None:
         type_ = f"&{node.c_name}_type"
         match node.kind:
+            case Kind.OCTET_STRING | Kind.FIXED_OCTETS if SIZES[one.type] == 8:
+                self.wide(node, place, name)
             case Kind.OCTET_STRING:
                 self.call(f'captain_cdr_get_string(r, at, &{place}, {type_}, "{name}")')
             case Kind.FIXED_OCTETS:
@@ -382,6 +387,16 @@ class _Reader(Lines):
                 self.list_(one, node, place, name)
             case _:
                 self.single(one, node, place, name)
+
+    def wide(self, node: Node, place: str, name: str) -> None:
+        """Octets as numbers of 64 bits."""
+        with self.block():
+            self.put("captain_octets octets;")
+            self.call(f'captain_cdr_get_wide(r, at, &octets, &{node.c_name}_type, "{name}")')
+            if node.kind is Kind.OCTET_STRING:
+                self.put(f"{place} = octets;")
+            else:
+                self.put(f"memcpy({place}, octets.octets, sizeof {place});")
 
     def list_(self, one: RosField, node: Node, place: str, name: str) -> None:
         index, items = self.name("i"), f"{dot(place)}items"
@@ -422,10 +437,19 @@ class _Reader(Lines):
         if node.kind is Kind.NULL:
             self.put(f"{place} = false;")
             return
+        if node.kind is Kind.BIT_STRING:
+            self.call(f'captain_cdr_number_bits(r, at, &{place}, &{node.c_name}_type, "{name}")')
+            return
         with self.block():
             self.put(f"const {_c_type(one.type)} x = ({_c_type(one.type)})captain_cdr_load(r, at, {size});")
             if node.kind is Kind.ENUMERATED:
                 self.item_number(one, node, place, name)
+                return
+            if node.kind is Kind.SMALL_BITS:
+                if node.size < 64:
+                    bad = f'captain_cdr_bad_bits(r, at - {size}, x, &{node.c_name}_type, "{name}")'
+                    self.fail_if(f"(uint64_t)x >> {node.size} != 0", bad)
+                self.put(f"{place} = ({value_type(node)})captain_cdr_turn((uint64_t)x, {node.size});")
                 return
             wrong = outside(one.type, node, "x") if not node.is_extensible else ""
             if wrong:

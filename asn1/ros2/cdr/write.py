@@ -58,7 +58,7 @@ class _Writer(Lines):
             return
         end = follow(node, place, field.source)
         if field.role is Role.PRESENT:
-            self.put(f"at = captain_cdr_put(w, at, {end.condition or '1'}, 1);")
+            self.put(f"at = captain_cdr_put(w, at, {_is_there(end) or '1'}, 1);")
         elif not end.condition:
             self.held(field, end)
         else:
@@ -106,6 +106,10 @@ class _Writer(Lines):
 
     def array(self, field: RosField, node: Node, place: str) -> None:
         match node.kind:
+            case Kind.OCTET_STRING if SIZES[field.type] == 8:
+                self.put(f"at = captain_cdr_put_wide(w, at, {place}.octets, {place}.count);")
+            case Kind.FIXED_OCTETS if SIZES[field.type] == 8:
+                self.put(f"at = captain_cdr_put_wide(w, at, {place}, {node.size});")
             case Kind.OCTET_STRING:
                 self.put(f"at = captain_cdr_put_octets(w, at, {place}.octets, {place}.count);")
             case Kind.FIXED_OCTETS:
@@ -130,6 +134,10 @@ class _Writer(Lines):
             with self.block(f"if (CAPTAIN_UNLIKELY({x} >= CAPTAIN_UNKNOWN))"):
                 self.put(f"captain_cdr_leave(w, &{node.c_name}_type, &{place});", f"{x} = {unknown(field.type)};")
             return x
+        if node.kind is Kind.SMALL_BITS:
+            return f"captain_cdr_turn({place}, {node.size})"
+        if node.kind is Kind.BIT_STRING:
+            return f"captain_cdr_bits_number(w, &{node.c_name}_type, &{place})"
         if node.kind is not Kind.INTEGER:
             return place
         least, most = memory_limits(node)
@@ -161,6 +169,8 @@ class _Writer(Lines):
     # ------------------------------------------------------------ what has no place in the message
 
     def left_out(self, fields: tuple[RosField, ...], node: Node, place: str) -> None:
+        if is_alias(fields):
+            return
         sources = [field.source for field in fields if field.role is not Role.HEADER]
         for lost in losses(sources, node, place, ()):
             with self.block(f"if (CAPTAIN_UNLIKELY({lost[0]}))"):
@@ -176,6 +186,15 @@ class _Writer(Lines):
         with self.block(f"if ({' && '.join(conditions)})"):
             step = guess.place.steps[-1]
             self.put(f"captain_cdr_leave(w, &{step.child.c_name}_type, {pointer(step.place)});")
+
+
+def _is_there(end: Place) -> str:
+    """C: what has a DEFAULT is there if it differs from that."""
+    step = end.steps[-1]
+    conditions = [one.condition for one in end.steps if one.condition]
+    if step.node.kind is Kind.SEQUENCE and step.field.default is not None:
+        conditions.append(differs(step.child, step.field.default, step.place))
+    return " && ".join(conditions)
 
 
 def _unused(end: Place) -> str:
@@ -202,6 +221,11 @@ def unflagged(fields: tuple[RosField, ...], node: Node, place: str) -> Iterator[
                 guess = Guess(follow(node, place, step.path), inside, list(others_of(step)))
                 found[step.path] = guess
                 yield guess
+
+
+def is_alias(fields: tuple[RosField, ...]) -> bool:
+    """Whether the message is another name of a type: what stands behind its one field looks after the value."""
+    return any(field.role is Role.VALUE and not field.source and not field.is_array for field in fields)
 
 
 def others_of(step: Step) -> Iterator[str]:

@@ -79,6 +79,7 @@ CAPTAIN_COLD CAPTAIN_HIDDEN size_t captain_cdr_cut(captain_cdr_reader *r, size_t
 CAPTAIN_COLD CAPTAIN_HIDDEN size_t captain_cdr_bad_bool(captain_cdr_reader *r, size_t at, const char *name);
 CAPTAIN_COLD CAPTAIN_HIDDEN size_t captain_cdr_bad_number(captain_cdr_reader *r, size_t at, int64_t number, const captain_type *type, const char *name);
 CAPTAIN_COLD CAPTAIN_HIDDEN size_t captain_cdr_bad_item(captain_cdr_reader *r, size_t at, int64_t number, const captain_type *type, const char *name);
+CAPTAIN_COLD CAPTAIN_HIDDEN size_t captain_cdr_bad_octet(captain_cdr_reader *r, size_t at, int64_t number, const char *name);
 CAPTAIN_COLD CAPTAIN_HIDDEN size_t captain_cdr_bad_choice(captain_cdr_reader *r, size_t at, int64_t number, const char *name);
 CAPTAIN_COLD CAPTAIN_HIDDEN size_t captain_cdr_bad_row(captain_cdr_reader *r, size_t at, int64_t id, const char *selector, const char *name);
 CAPTAIN_COLD CAPTAIN_HIDDEN size_t captain_cdr_bad_count(captain_cdr_reader *r, size_t at, uint64_t count, const captain_type *type, const char *name);
@@ -183,6 +184,16 @@ CAPTAIN_HIDDEN size_t captain_cdr_put_oid(captain_cdr_writer *w, size_t at, cons
 CAPTAIN_HIDDEN size_t captain_cdr_put_small_bits(captain_cdr_writer *w, size_t at, uint64_t bits, unsigned size);
 /* What is larger or smaller than the field can hold becomes the nearest that it can, and is left out. */
 CAPTAIN_HIDDEN int64_t captain_cdr_fit(captain_cdr_writer *w, int64_t number, int64_t low, int64_t high, const captain_type *type, const void *value);
+
+/* Profiles in which every number has 64 bits: octets as such, and bit strings, whose bit i counts 2**i. */
+CAPTAIN_HIDDEN uint64_t captain_cdr_turn(uint64_t bits, unsigned size);
+CAPTAIN_HIDDEN size_t captain_cdr_put_wide(captain_cdr_writer *w, size_t at, const uint8_t *octets, uint32_t count);
+CAPTAIN_HIDDEN size_t captain_cdr_get_wide(captain_cdr_reader *r, size_t at, captain_octets *octets, const captain_type *type, const char *name);
+/* As many as a number holds; what it does not say of their length is left out. */
+CAPTAIN_HIDDEN uint64_t captain_cdr_bits_number(captain_cdr_writer *w, const captain_type *type, const captain_bits *bits);
+/* The number that ends at `at`: up to its highest bit that is set, or to the shortest string that is allowed. */
+CAPTAIN_HIDDEN size_t captain_cdr_number_bits(captain_cdr_reader *r, size_t at, captain_bits *bits, const captain_type *type, const char *name);
+CAPTAIN_COLD CAPTAIN_HIDDEN size_t captain_cdr_bad_bits(captain_cdr_reader *r, size_t at, int64_t number, const captain_type *type, const char *name);
 
 /* Octets of a list of uint8, in place. */
 CAPTAIN_HIDDEN size_t captain_cdr_get_octets(captain_cdr_reader *r, size_t at, captain_octets *octets, const char *name);

@@ -76,6 +76,21 @@ size_t captain_cdr_bad_choice(captain_cdr_reader *r, size_t at, int64_t number, 
     return refuse(r, at, CAPTAIN_ALTERNATIVE, name, text);
 }
 
+size_t captain_cdr_bad_octet(captain_cdr_reader *r, size_t at, int64_t number, const char *name)
+{
+    char text[64];
+    snprintf(text, sizeof text, "%lld is no octet: 0..255", (long long)number);
+    return refuse(r, at, CAPTAIN_RANGE, name, text);
+}
+
+size_t captain_cdr_bad_bits(captain_cdr_reader *r, size_t at, int64_t number, const captain_type *type, const char *name)
+{
+    char allowed[CAPTAIN_RANGE_TEXT], text[CAPTAIN_RANGE_TEXT + 80];
+    snprintf(text, sizeof text, "%lld has bits beyond those of the string: %s are allowed", (long long)number,
+             captain_size_text(type, allowed));
+    return refuse(r, at, CAPTAIN_SIZE, name, text);
+}
+
 size_t captain_cdr_bad_row(captain_cdr_reader *r, size_t at, int64_t id, const char *selector, const char *name)
 {
     char text[160];
