@@ -138,6 +138,7 @@ class _Fields(Fields):
     def __init__(self, schema: Schema, reference: Reference, older: Mapping[tuple[str, str], Older]) -> None:
         super().__init__(schema, reference)
         self.older = older
+        self.inlined = ""  # the component whose own components stand in its place
 
     def name_of(self, reference: Reference) -> str:
         return message_name(reference)
@@ -183,7 +184,7 @@ class _Fields(Fields):
         for component, source in self.parts(type_, path):
             index = indices[component.name]
             options.append((index, component.name))
-            constant = RosConstant("uint8", constant_name(joined("choice", prefix, component.name)), index)
+            constant = RosConstant("uint8", self.choice_name(prefix, component.name), index)
             found = self.alternative(component, source, prefix)
             if found:
                 found[0] = replace(found[0], constants=(*found[0].constants, constant))
@@ -193,6 +194,17 @@ class _Fields(Fields):
         name = f"{field_name(prefix)}_choice" if prefix else "choice"
         number = RosField("uint8", name, Role.CHOICE, path, options=tuple(options), constants=tuple(numbers))
         return [number, *fields]
+
+    def choice_name(self, prefix: str, alternative: str) -> str:
+        """CHOICE_, the name of the CHOICE, that of the alternative; behind the name of a component that is inlined."""
+        inside = prefix.removeprefix(self.inlined).lstrip("-")
+        return constant_name(joined(self.inlined, "choice", inside, alternative))
+
+    def inline(self, type_: Reference, source: Path, name: str) -> list[RosField]:
+        self.inlined = name
+        fields = super().inline(type_, source, name)
+        self.inlined = ""
+        return fields
 
     def alternative(self, component: Component, source: Path, prefix: str) -> list[RosField]:
         """As a component; what stands in a type without a name has that of the alternative in front."""

@@ -90,6 +90,10 @@ def test_a_component_that_would_hold_its_message_stands_by_its_own_components():
         "uint8[] dest_rs_code_country_code", Role.VALUE, "destRSCode.pictogramCode.countryCode",
     )  # fmt: skip
     assert message.unflagged == (("destRSCode",),)
+    [number] = [
+        one for field in message.fields for one in field.constants if one.name.endswith("_TRAFFIC_SIGN_PICTOGRAM")
+    ]
+    assert number.name == "DEST_RS_CODE_CHOICE_SERVICE_CATEGORY_CODE_TRAFFIC_SIGN_PICTOGRAM"
 
 
 def test_a_message_that_holds_itself_is_told():
