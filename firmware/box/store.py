@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from firmware.box.card import is_brokers
+from firmware.box.card import FOLDER, is_brokers
 from firmware.box.made import Made
 
 STATION = "captain"  # the user that the station runs as
@@ -60,10 +60,10 @@ class Store:
         new.mkdir(mode=0o755)
         _put(new / "authorized_keys", "".join(f"{line}\n" for line in keys).encode(), 0o644)
         for path, octets in files.items():
-            _put(_above(new / path, 0o750), octets, 0o600 if is_brokers(path) else 0o640)
+            _put(_above(new / path), octets, 0o600 if is_brokers(path) else 0o640)
             _give(new / path, is_own=is_brokers(path))
         for path, one in made.items():
-            place = _above(new / "made" / path, 0o700)
+            place = _above(new / "made" / path)
             if one.target:
                 place.symlink_to(one.target)
             else:
@@ -89,11 +89,11 @@ class Store:
                 shutil.rmtree(path, ignore_errors=True)
 
 
-def _above(path: Path, mode: int) -> Path:
+def _above(path: Path) -> Path:
     """The path, once its folders are there."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    if path.parent.name == "mqtt":
-        path.parent.chmod(mode)
+    if path.parent.name == FOLDER:
+        path.parent.chmod(0o750)
         _give(path.parent)
     return path
 
