@@ -35,13 +35,14 @@ MEMBERS = {"operator": ("captain", "adm", "systemd-journal", "dialout", "gpio", 
 def add(tree: Tree) -> None:
     """Debian's own users keep theirs; raises ImageError where a root has no such files."""
     passwd, shadow, group, gshadow = (_rows(tree, f"etc/{name}") for name in ("passwd", "shadow", "group", "gshadow"))
-    for user in USERS:
-        passwd[user.name] = [user.name, "x", str(user.number), str(user.number), "", user.home, user.shell]
-        shadow[user.name] = [user.name, "*", str(CHANGED), "0", "99999", "7", "", "", ""]
     for each in (*(Group(user.name, user.number) for user in USERS), *GROUPS):
         if each.name not in group:
             group[each.name] = [each.name, "x", str(each.number), ""]
             gshadow[each.name] = [each.name, "*", "", ""]
+    for user in USERS:
+        # Debian has a group operator of its own, 37: what is the group's has to be the user's.
+        passwd[user.name] = [user.name, "x", str(user.number), group[user.name][2], "", user.home, user.shell]
+        shadow[user.name] = [user.name, "*", str(CHANGED), "0", "99999", "7", "", "", ""]
     for user_name, names in MEMBERS.items():
         for name in names:
             for rows in (group, gshadow):
@@ -57,7 +58,7 @@ def add(tree: Tree) -> None:
         ("gshadow", gshadow, 0o640),
     ):
         tree.write(f"etc/{name}", "".join(":".join(row) + "\n" for row in rows.values()), mode)
-    tree.folder("home/operator", 0o750, (USERS[1].number, USERS[1].number))
+    tree.folder("home/operator", 0o750, (USERS[1].number, int(group["operator"][2])))
 
 
 def _rows(tree: Tree, path: str) -> dict[str, list[str]]:

@@ -135,6 +135,16 @@ def test_users_have_fixed_numbers_and_nobody_has_a_password():
     assert groups["gpio"] == "x:562:operator"
 
 
+def test_a_user_is_of_the_group_of_its_name_also_where_debian_has_one():
+    tree = debian()
+    tree.write("etc/group", tree.read("etc/group") + b"operator:x:37:\n")
+    tree.write("etc/gshadow", tree.read("etc/gshadow") + b"operator:*::\n")
+    accounts.add(tree)
+    passwd = dict(line.split(":", 1) for line in tree.read("etc/passwd").decode().splitlines())
+    assert passwd["operator"] == "x:561:37::/home/operator:/bin/bash"
+    assert b"operator:x:37:\n" in tree.read("etc/group")
+
+
 def test_no_number_is_given_twice():
     numbers = [user.number for user in accounts.USERS] + [group.number for group in accounts.GROUPS]
     assert len(set(numbers)) == len(numbers)
