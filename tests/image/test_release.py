@@ -1,11 +1,15 @@
 """What is told of things that are handed out and of a build, beside goals."""
 
+import io
+import tarfile
 from pathlib import Path
 
 import pytest
 
-from image import figures, release
+from image import description, figures, release
+from image.build import Card
 from image.figures import Figure
+from image.project import PROJECT
 from image.release import Artefact
 
 
@@ -52,6 +56,31 @@ def test_a_build_with_a_new_userland_has_the_time_of_a_cold_one(took: dict[str, 
     rows = list(figures.times(took, seconds))
     assert [row.what for row in rows] == [*took, "in all"]
     assert (rows[-1].most, rows[-1].is_ok) == (goal, True)
+
+
+def test_sizes_are_those_of_what_lies_in_a_builds_folder(tmp_path: Path):
+    for name in ("parts", "program/captain", "early"):
+        (tmp_path / name).mkdir(parents=True)
+    with tarfile.open(tmp_path / "parts/root.tar", "w") as tar:
+        for name, size in (("a", 1), ("b", 4097)):
+            head = tarfile.TarInfo(name)
+            head.size = size
+            tar.addfile(head, io.BytesIO(bytes(size)))
+    for name, size in (("program/captain/captain", 31_000_000), ("early/initrd", 1_500_000), ("x.img", 2_000_000)):
+        with (tmp_path / name).open("wb") as file:
+            file.truncate(size)
+    (tmp_path / "packages").write_text('[{"name": "a"}, {"name": "b"}]')
+    paths = [tmp_path / name for name in ("x.img", "slot", "early/initrd", "packages", "licences", "sums")]
+    rows = figures.sizes(description.read(PROJECT / "image/image.toml"), tmp_path, Card(*paths, {}))
+    found = {row.what: (round(row.value, 3), row.is_ok) for row in rows}
+    assert found == {
+        "card": (2.0, True),
+        "root": (0.012, True),  # in blocks of 4 KiB
+        "captain": (31.0, False),
+        "early boot": (1.5, True),
+        "update": (1.5, True),
+        "packages": (2, True),
+    }
 
 
 def test_a_figure_is_shown_beside_its_goal():
