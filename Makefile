@@ -26,7 +26,7 @@ import-check: setup-test ## do the modules of the standards in ASN1=DIR give the
 	@.venv/bin/captain-asn1 import-check "$(ASN1)"
 
 test: setup-test ## all tests, against the source
-	@$(PYTEST) --numprocesses 2 --dist loadgroup $(ARGS)
+	@.venv/bin/python -m tests $(ARGS)
 
 test-binary: setup-test binary ## the system tests against both forms of the binary
 	@CAPTAIN=build/binary/captain-dir/captain $(PYTEST) tests/system $(ARGS)

@@ -4,7 +4,6 @@ import os
 import select
 from collections.abc import Callable, Iterator
 from contextlib import closing
-from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -23,18 +22,6 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
 )
 settings.load_profile("captain")
-
-HERE = Path(__file__).parent
-# Tests of these only compute. All others start processes, open sockets, or wait for what others do: one at a time.
-COMPUTING = ("asn1", "pps", "image", "drivers/wire")
-
-
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """For `make test`: the tests of a file that computes stay together, and all that does not."""
-    for item in items:
-        place = item.path.relative_to(HERE)
-        computes = any(place.is_relative_to(folder) for folder in COMPUTING)
-        item.add_marker(pytest.mark.xdist_group(str(place) if computes else "waiting"))
 
 
 @pytest.fixture
