@@ -1,5 +1,6 @@
 """Message packages into a workspace: generated, and built by colcon with ROS's own generators."""
 
+import json
 import shutil
 import time
 from collections.abc import Iterable
@@ -8,6 +9,7 @@ from pathlib import Path
 from asn1 import library, text
 from asn1.ros2 import profiles
 from asn1.ros2.model import RosPackage
+from asn1.ros2.rihs import hash_of
 from asn1.types import Schema
 from tests.ros2 import ros
 from tests.ros2.rows import Row
@@ -44,7 +46,7 @@ def build(packages: Iterable[RosPackage]) -> list[Row]:
         took = time.monotonic() - began
         late = "" if took < LONGEST_S else f"more than {LONGEST_S:.0f} s"
         rows.append(Row(f"{package.name} built", f"{len(package.messages)} types, {took:.0f} s", late))
-        rows.append(_used(package))
+        rows += [_used(package), *(_heard(package, top) for top in package.tops.values())]
     return rows
 
 
@@ -59,3 +61,15 @@ def _used(package: RosPackage) -> Row:
     count, octets = int(said[0]), int(said[1])
     trouble = "" if count == len(package.messages) else f"{len(package.messages)} were made"
     return Row(f"{package.name} in rclpy", f"{count} types serialised and read again, {octets} octets", trouble)
+
+
+def _heard(package: RosPackage, top: str) -> Row:
+    """Octets of padding are what the writer's memory held: only the length is compared."""
+    said = json.loads(ros.inside("talk.py", package.name, top))
+    typed, raw = said["typed"], said["raw"]
+    trouble = ""
+    if said["hash"] != hash_of(package, top):
+        trouble = f"discovery tells {said['hash']}"
+    elif not typed or not raw or len(typed[0]) != len(raw[0]):
+        trouble = "a subscription heard nothing or something else"
+    return Row(f"{package.name}/{top} by Fast DDS", "typed and raw subscription, our hash in discovery", trouble)
