@@ -22,7 +22,7 @@ BLOCKS = {
 # Where a desktop mounts the card, and the box's name, which this machine's network does not tell: QEMU forwards ports.
 MOUNTED, NAME = "/media/$USER/BOOT", "captain-7.local"
 CARD_MIB = 4096
-PAGES = re.compile(r"page (\d+)/(\d+)")
+NEXT = re.compile(r"next page \((\d+)\)")
 
 IMAGER = {
     "user-data": """\
@@ -268,18 +268,14 @@ def _imager(card: Path, folder: Path, key: Key) -> Iterator[Row]:
 
 
 def _notes(guest: Guest) -> str:
-    """All pages of the serial console, without blanks: lines are folded. They are complete once the station is there."""
+    """All pages of the serial console. Its notes are complete once the station is there."""
     screen = Screen(guest)
     screen.wait(HEAD)
-    found = screen.wait(r"(?s)nobody is asked.*keys: ")
-    pages = PAGES.search(screen.text)
-    shown = [screen.text]
-    for number in range(2, int(pages[2]) + 1 if pages else 2):
+    shown = [screen.settle()]
+    while (following := NEXT.search(shown[-1])) and following[1] != "1":
         screen.type("n")
-        screen.wait(rf"page {number}/")
-        shown.append(screen.text)
-    screen.type("n")
-    assert found
+        screen.wait(rf"page {following[1]}/")
+        shown.append(screen.settle())
     return "\n".join(shown)
 
 

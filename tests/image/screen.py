@@ -43,6 +43,14 @@ class Screen:
             self._stream.feed(said)
         return found
 
+    def settle(self, quiet_s: float = 0.5) -> str:
+        """Its text once it has said nothing for a moment: the whole of a frame has come."""
+        while said := self._guest.more(self._at, quiet_s):
+            self._at += len(said)
+            self.sent += said
+            self._stream.feed(said)
+        return self.text
+
     def type(self, text: str) -> None:
         self._guest.type(text)
 
