@@ -9,8 +9,15 @@ import re
 
 from asn1.ros2 import RosError
 
-# Words that a field may not be called in C++, and what stands for them.
+# Words that a field may not be called in C++ or Python. etsi_its_messages has a name for two; ours follow a rule.
 _RESERVED = {"class": "cls", "long": "lon"}
+_WORDS = frozenset(
+    """and as asm assert async auto await bool break case catch char const continue def default del delete do double
+    elif else enum except explicit export extern finally float for friend from global goto if import in inline int is
+    lambda mutable namespace new nonlocal not operator or pass private protected public raise register return short
+    signed sizeof static struct switch template this throw try typedef typeid typename union unsigned using virtual void
+    volatile while with xor yield""".split()  # noqa: SIM905 a list of quoted words says it less well
+)
 _WORD_START = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Za-z0-9])(?=[A-Z][a-z])")
 _UNSIGNED = (("uint8", 2**8), ("uint16", 2**16), ("uint32", 2**32), ("uint64", 2**64))
 _SIGNED = (("int8", 2**7), ("int16", 2**15), ("int32", 2**31), ("int64", 2**63))
@@ -25,15 +32,19 @@ def type_name(name: str) -> str:
 
 def field_name(name: str) -> str:
     """Lower case, `_` where a word begins: referenceXYPosition -> reference_xy_position, alt-000-01 -> alt_000_01."""
-    words = _WORD_START.sub("_", name.replace("-", "_"))
-    snake = re.sub("_+", "_", words).lower()
-    return _RESERVED.get(snake, snake)
+    snake = _snake(name)
+    return _RESERVED.get(snake) or (f"{snake}_field" if snake in _WORDS else snake)
 
 
 def constant_name(name: str, prefix: str = "") -> str:
     """Upper case of the same; with a prefix, of the name that both make, so that CO2value of it becomes CO2_VALUE."""
-    upper = field_name(name).upper()
-    return field_name(f"{constant_name(prefix)}_{upper}").upper() if prefix else upper
+    upper = _snake(name).upper()
+    return _snake(f"{_snake(prefix).upper()}_{upper}").upper() if prefix else upper
+
+
+def _snake(name: str) -> str:
+    words = _WORD_START.sub("_", name.replace("-", "_"))
+    return re.sub("_+", "_", words).lower()
 
 
 def integer_type(low: int | None, high: int | None) -> str:

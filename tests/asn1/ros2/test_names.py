@@ -34,6 +34,8 @@ def test_a_message_is_called_without_dashes_and_with_a_capital(name, expected):
         ("cenDsrcTollingZone", "cen_dsrc_tolling_zone"),
         ("class", "cls"),
         ("long", "lon"),
+        ("default", "default_field"),
+        ("from", "from_field"),
         ("euVehicleCategoryL", "eu_vehicle_category_l"),
     ],
 )
