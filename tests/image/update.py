@@ -33,7 +33,10 @@ REFUSALS = {
 }
 CLOCK = "captain status --json"
 # The start is over, and the check of the slot has ended.
-ENDED = "systemctl is-system-running --wait >/dev/null; while systemctl is-active -q captain-good; do sleep 1; done"
+ENDED = (
+    "systemctl is-system-running --wait >/dev/null; "
+    "until systemctl show -P ActiveState captain-good | grep -Eqx 'inactive|failed'; do sleep 1; done"
+)
 
 
 class Ended(NamedTuple):
