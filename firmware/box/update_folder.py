@@ -31,7 +31,7 @@ class Folder:
     def locked(self) -> Iterator[None]:
         """For as long as one update lasts. Raises StationError where another one has it."""
         try:
-            lock = os.open(self.place / "lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+            lock = os.open(self.place / "lock", os.O_RDONLY | os.O_CREAT | os.O_CLOEXEC, 0o644)
         except OSError as error:
             why = f"{self.place}: {error.strerror}"
             raise StationError(
