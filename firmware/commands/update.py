@@ -1,7 +1,9 @@
 """captain update: another version of the box's software, into the slot that is not running."""
 
 import argparse
+import io
 import json
+import signal
 import sys
 import time
 from collections.abc import Callable, Mapping
@@ -91,6 +93,7 @@ def main(arguments: argparse.Namespace) -> int:
 
 
 def _install(arguments: argparse.Namespace) -> int:
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)  # what is begun ends, though whoever began it hangs up
     teller = Teller()
     progress = update.Progress(teller.step, teller.fetched, _shown)
     try:
@@ -111,10 +114,18 @@ def _install(arguments: argparse.Namespace) -> int:
 
 def _told(what: str, is_restarting: bool) -> None:
     if is_restarting:
-        print(f"{what}: restarting now", flush=True)
+        _say(f"{what}: restarting now")
         update.restart()
     else:
-        print(f"{what}: captain update --restart restarts the box", flush=True)
+        _say(f"{what}: captain update --restart restarts the box")
+
+
+def _say(line: str) -> None:
+    """Where nobody reads it any more, nothing is said from there on."""
+    try:
+        print(line, flush=True)
+    except OSError:
+        sys.stdout = io.StringIO()
 
 
 def _shown(bundle: Bundle, slots: list[Slot]) -> None:
@@ -145,14 +156,14 @@ class Teller:
         name = what.split(" ", 1)[0]
         if name != self._said[0] or percent >= self._said[1] + EVERY_PERCENT or percent == 100 != self._said[1]:
             self._said = (name, percent)
-            print(f"{percent:3d} %  {clean(what)}", flush=True)
+            _say(f"{percent:3d} %  {clean(what)}")
 
     def fetched(self, have: int, size: int) -> None:
         if size:
             self.step(100 * have // size, f"fetching, {have / 1e6:.0f} of {size / 1e6:.0f} MB")
         elif self._clock() >= self._at + EVERY_S:
             self._at = self._clock()
-            print(f"       fetching, {have / 1e6:.0f} MB", flush=True)
+            _say(f"       fetching, {have / 1e6:.0f} MB")
 
 
 def _status(is_json: bool) -> None:

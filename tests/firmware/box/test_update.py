@@ -1,5 +1,6 @@
 """The whole way of an update, and what is said on it, with a service that does as it is told."""
 
+import io
 import json
 import os
 import stat
@@ -142,6 +143,7 @@ def service(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Service:
     monkeypatch.setattr(update_bundle, "box", lambda: Box("captain trixie quad", "a release image"))
     monkeypatch.setattr(update_bundle, "read", lambda path: BUNDLE._replace(path=path))
     monkeypatch.setattr("firmware.box.update_verity.check", lambda path, tree, seen: seen(1.0))
+    monkeypatch.setattr("firmware.commands.update.signal.signal", lambda number, action: None)
     (tmp_path / "update").mkdir()
     monkeypatch.setattr(update, "Folder", lambda: Folder(tmp_path / "update"))
     monkeypatch.setattr("firmware.commands.update.Folder", lambda: Folder(tmp_path / "update"))
@@ -179,6 +181,20 @@ def test_an_update_shows_what_is_in_it_and_goes_on_line_by_line(service: Service
     assert "\r" not in out
     assert "\x1b" not in out
     assert service.asked == ["status --detailed --output-format=json", f"install {bundle}"]
+
+
+def test_an_update_goes_on_when_whoever_began_it_has_hung_up(
+    service: Service, bundle: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    class Gone(io.StringIO):
+        def flush(self) -> None:
+            raise BrokenPipeError
+
+    monkeypatch.setattr("sys.stdout", Gone())
+    monkeypatch.setattr("firmware.commands.update._shown", lambda found, slots: None)
+    assert main(["update", bundle]) == 0
+    assert service.asked[-1] == f"install {bundle}"
+    assert Folder(tmp_path / "update").last()["result"] == "installed"
 
 
 def test_looking_writes_nothing(service: Service, bundle: str, said: Said):
