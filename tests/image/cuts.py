@@ -96,6 +96,7 @@ def _cuts(power: Power, planned: Sequence[tuple[Kind, Fate]]) -> Iterator[Cut]:
             loss = power.drive.loss
             look = getattr(power, kind.look)()
         except NotSeenError as error:
+            power.off()
             during, loss, look = (), power.drive.loss, Look((str(error)[-500:],))
         yield Cut(kind, fate, during, loss, look, time.monotonic() - began)
 

@@ -62,17 +62,19 @@ class Power:
         self.ledger = Ledger()
         self._power = ExitStack()
         self._guest: Guest | None = None
+        self._looked: Callable[[], Look] | None = None  # what it was started for
+        self._is_slot_bad = False
         # Of its console: how much has been looked at, and what of that has not ended yet.
         self._heard = 0
         self._rest = ""
 
     def close(self) -> None:
-        self._off()
+        self.off()
         self._ending.close()
 
     def cut_work(self, fate: Fate) -> None:
         """In the middle of what the station writes: at a write, at a flush, or after something was acknowledged."""
-        guest = self._guest or self._after_a_look()
+        guest = self._ready(self.look_quick)
         random = self._random
         numbers = dict(self.ledger.begun)
         guest.type(f"go {json.dumps({'seed': random.getrandbits(32), 'numbers': numbers})}\n")
@@ -88,7 +90,7 @@ class Power:
 
     def cut_start(self, fate: Fate) -> None:
         """While the early boot makes the data partition larger, repairs it and mounts it."""
-        self._off()
+        self.off()
         self.drive.medium.grow(LARGER)
         self.drive.arm(self._random.randrange(1, 16), fate)
         guest = self._on(self._quick.machine())
@@ -97,8 +99,9 @@ class Power:
 
     def cut_loader(self, fate: Fate) -> None:
         """While U-Boot counts a try down."""
-        self._off()
+        self.off()
         self._refill()
+        self._settle_counters()
         first = offset(self._description, "state")
         self.drive.arm(1, fate, within=range(first, first + state.APART + state.SIZE))
         guest = self._on(virt)
@@ -107,7 +110,7 @@ class Power:
 
     def cut_full_start(self, fate: Fate) -> None:
         """Anywhere in a start of the whole system, whose data grow on the way."""
-        self._off()
+        self.off()
         self._refill()
         self.drive.medium.grow(LARGER)
         self.drive.arm(self._random.randrange(2, 400), fate)
@@ -119,12 +122,7 @@ class Power:
 
     def cut_full_run(self, fate: Fate) -> None:
         """While the whole system runs: its counters are put back, its journal and its clock are written."""
-        if self._guest is None or "@found" in self._guest.text:
-            look = self.look_full()
-            if look.troubles:
-                raise NotSeenError("; ".join(look.troubles))
-        guest = self._guest
-        assert guest is not None
+        guest = self._ready(self.look_full)
         self.drive.arm(self._random.randrange(1, 120), fate)
         ends = time.monotonic() + self._random.uniform(0, 20)
         self._listen(guest, lambda: time.monotonic() > ends, 30.0)
@@ -138,7 +136,7 @@ class Power:
         except NotSeenError as error:
             return Look((f"it does not start: {str(error)[-300:]}",))
         if told is None:
-            self._off()
+            self.off()
             return Look(("it does not start: the kernel panics",))
         kept = {**told["kept"], **self._kept_by_loader()}
         records = kept.pop("records")
@@ -149,6 +147,7 @@ class Power:
         if records["gaps"]:
             troubles.append(f"records: {records['gaps']} gaps")
         self.ledger.settle(kept)
+        self._looked = self.look_quick
         return Look(tuple(troubles), lost_s, bool(records["torn"]), tuple(told["notes"]))
 
     def look_loader(self) -> Look:
@@ -161,7 +160,7 @@ class Power:
         except NotSeenError as error:
             return Look((f"it does not start: {str(error)[-300:]}",))
         finally:
-            self._off()
+            self.off()
         expected = self.ledger.begun.get("counters")
         self._settle_counters()
         if copy == "none" or before is None:
@@ -178,11 +177,12 @@ class Power:
                 self._listen(guest, lambda: bool(reader.received.poll(0)), 900.0)
                 reader.heartbeat()
         except NotSeenError as error:
-            self._off()
+            self.off()
             return Look((f"it does not start: {str(error)[-300:]}",))
         troubles = ["neither copy of the counters is whole"] if copy == "none" else []
         troubles += [f"the console says: {MEMORY}"] if MEMORY in guest.text else []
-        self._settle_counters()
+        self._settle_counters(is_known=False)  # this system will change them
+        self._looked = self.look_full
         return Look(tuple(troubles))
 
     def counters(self) -> state.State | None:
@@ -195,10 +195,12 @@ class Power:
         size = self._description.disk.partition(name).size_mib
         return sum(octets for at, octets in self.drive.octets.items() if first <= at < first + size)
 
-    def _after_a_look(self) -> Guest:
-        look = self.look_quick()
-        if self._guest is None or look.troubles:
-            raise NotSeenError("; ".join(look.troubles))
+    def _ready(self, look: Callable[[], Look]) -> Guest:
+        """A machine that was started for a look and has been idle since; else one that is started for it."""
+        if self._guest is None or self._looked != look:
+            found = look()
+            if self._guest is None or found.troubles:
+                raise NotSeenError("; ".join(found.troubles))
         return self._guest
 
     def _kept_by_loader(self) -> dict[str, object]:
@@ -206,31 +208,33 @@ class Power:
         found = self.counters()
         if found is None:
             return {"counters": "neither copy is whole", "slot": "neither copy is whole"}
-        if found.b_left == 0:
-            is_begun = "slot" in self.ledger.in_progress
-            return {
-                "counters": found.a_left,
-                "slot": self.ledger.done.get("slot", 0) if is_begun else "counts as bad, and no update was begun",
-            }
-        if "slot" not in self.ledger.begun:
-            return {"counters": found.a_left, "slot": found.b_left}
+        return {"counters": found.a_left, "slot": self._kept_slot(found.b_left)}
+
+    def _kept_slot(self, b_left: int) -> object:
+        before = self.ledger.done.get("slot", 0)
+        if b_left == 0:
+            self._is_slot_bad |= "slot" in self.ledger.in_progress
+            return before if self._is_slot_bad else "counts as bad, and no update was begun"
+        self._is_slot_bad = False
         size = self._description.disk.partition("root-b").size_mib * MIB
         octets = self.drive.medium.read(offset(self._description, "root-b") + size - SLOT_OCTETS, SLOT_OCTETS)
         is_whole = octets == octets[:8] * (SLOT_OCTETS // 8)
-        number = int.from_bytes(octets[:8], "big")
-        is_fine = (is_whole and number == found.b_left) or not self.ledger.done.get("slot")
-        return {"counters": found.a_left, "slot": found.b_left if is_fine else "counts as good, and is written in part"}
+        if is_whole and int.from_bytes(octets[:8], "big") == b_left:
+            return b_left
+        return "counts as good, and is not written whole" if before else 0
 
-    def _settle_counters(self) -> None:
-        found = self.counters()
+    def _settle_counters(self, is_known: bool = True) -> None:
+        """They are what they are now, or nobody knows what they will be."""
+        found = self.counters() if is_known else None
         for numbers in (self.ledger.begun, self.ledger.done):
-            numbers.pop("slot", None)
+            numbers.pop("counters", None)
             if found is not None:
                 numbers["counters"] = found.a_left
 
     def _on(self, machine: Machine) -> Guest:
-        self._off()
+        self.off()
         self._heard, self._rest = 0, ""
+        self._looked = None
         self._guest = self._power.enter_context(powered(self.drive.url, self._folder, machine=machine))
         if not self.drive.is_powered.wait(ON_S):
             raise NotSeenError("QEMU does not come to its drive")
@@ -245,7 +249,7 @@ class Power:
                 self.drive.medium.write(first + at, state.packed(found._replace(a_left=MANY), number), is_durable=True)
             self._settle_counters()
 
-    def _off(self) -> None:
+    def off(self) -> None:
         """Of a machine that does nothing: no cut that counts."""
         if self._guest is not None:
             self.drive.cut(Fate.DROP)
