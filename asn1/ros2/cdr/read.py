@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-from asn1.c.defaults import differs
+from asn1.c.defaults import default_lines, differs
 from asn1.c.names import contiguous, literal, member, value_type
 from asn1.nodes import Kind, Node
 from asn1.ros2.cdr.lines import Functions, Lines, shape_name
@@ -132,7 +132,7 @@ class _Reader(Lines):
             self.skip(of, one)
             return
         if one.role is Role.PRESENT:
-            self.flag(of, one)
+            self.flag(of, index, one)
             return
         end = of.follow(one.source)
         for step in end.steps:
@@ -147,6 +147,16 @@ class _Reader(Lines):
                 self.put(f"at = {of.looks[index]};")
             else:
                 self.skip(of, one)
+            self.absent(end)
+
+    def absent(self, end: Place) -> None:
+        """What has a DEFAULT holds it where a flag says that it is not there."""
+        step = end.steps[-1]
+        if step.node.kind is not Kind.SEQUENCE or step.field.default is None:
+            return
+        outer = " && ".join(one.condition for one in end.steps[:-1] if one.condition)
+        with self.block(f"if ({outer})" if outer else ""):
+            self.put(*default_lines(step.child, step.field.default, step.place))
 
     def held(self, of: _Message, one: RosField, end: Place) -> None:
         name = of.name(one)
@@ -185,12 +195,14 @@ class _Reader(Lines):
 
     # ------------------------------------------------------------ what may be absent
 
-    def flag(self, of: _Message, one: RosField) -> None:
+    def flag(self, of: _Message, index: int, one: RosField) -> None:
         """Whether something is there; looked at before, it is only passed."""
         if one.source in of.told:
             self.put("at++;")
             return
         end = of.follow(one.source)
+        for step in end.steps[:-1]:
+            self.enter(of, index, step, of.follow(step.path))
         outer = " && ".join(step.condition for step in end.steps[:-1] if step.condition)
         step = end.steps[-1]
         self.fail_if("CAPTAIN_UNLIKELY(at >= r->size)", f'captain_cdr_cut(r, at, "{of.name(one)}")')

@@ -48,7 +48,7 @@ class Reference:
     def field(self, field: RosField, type_: t.Type, value: Any) -> Any:
         found, at = self.at(type_, value, field.source)
         if field.role is Role.PRESENT:
-            return found is not ABSENT
+            return found is not ABSENT and found != self.default(type_, field.source)
         if field.role is Role.CHOICE:
             numbers = {name: number for number, name in field.options}
             return 0 if found is ABSENT else numbers.get(found[0], unknown(field.type))
@@ -82,6 +82,10 @@ class Reference:
         base = self.base(type_)
         if isinstance(base, t.Enumerated):
             return next(item.value for item in (*base.root, *base.additions) if item.name == value)
+        if isinstance(base, t.BitString):
+            octets, count = value
+            number = sum((octets[bit // 8] >> 7 - bit % 8 & 1) << bit for bit in range(min(count, 64)))
+            return number - (number >> 63 << 64)
         limits = numpy.iinfo(ros_type)
         return min(max(int(value), int(limits.min)), int(limits.max))
 
@@ -110,6 +114,15 @@ class Reference:
                 case _:
                     raise TypeError(f"{name} of {type(base).__name__}")
         return value, type_
+
+    def default(self, type_: t.Type, path: Path) -> Any:
+        """Of the component that a path ends in; ABSENT where it has none."""
+        _, holder = self.at(type_, ABSENT, path[:-1])
+        base = self.base(holder)
+        if not isinstance(base, t.Sequence):
+            return ABSENT
+        default = next(one.default for one in _components(base) if one.name == path[-1])
+        return ABSENT if default is None else default
 
     def base(self, type_: t.Type) -> t.Type:
         while isinstance(type_, t.Reference):

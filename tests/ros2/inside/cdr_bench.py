@@ -1,0 +1,148 @@
+"""UPER -> CDR -> UPER of one message in this process: ours, rclpy's typed messages, asn1tools with rosbags. JSON on stdout.
+
+    cdr_bench.py FOLDER EDITION OCTETS ROUNDS PEERS
+
+FOLDER holds captain_messages, OCTETS is the message in hexadecimal, PEERS the site-packages that hold asn1tools. Times
+are processor time of the thread in ns, medians of ROUNDS that alternate. The peers get what they would have to work out
+for nothing: the typed message is one expression of constructors and numbers that is already compiled, so that neither
+reading a dict nor choosing fields is counted, and on the way back nobody reads the message that has been made.
+"""
+
+import json
+import statistics
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from timeit import Timer
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[3]
+sys.path[:0] = [sys.argv[1], str(ROOT)]
+sys.path.append(sys.argv[5])
+
+import captain_messages  # noqa: E402
+import numpy  # noqa: E402
+
+from asn1.ros2 import profiles  # noqa: E402
+from asn1.text import load_schema  # noqa: E402
+from tests.asn1.oracles import texts  # noqa: E402
+from tests.asn1.reach import pruned  # noqa: E402
+from tests.asn1.ros2.cdr_reference import Reference  # noqa: E402
+
+PROFILE = "etsi_its"
+REPETITION_S = 0.01
+
+
+class Bench:
+    def __init__(self, edition: str, octets: bytes) -> None:
+        self.schema = load_schema()
+        self.message = captain_messages.find(edition)
+        self.octets = octets
+        [self.package] = profiles.packages(self.schema, [self.schema.messages[edition]], PROFILE)
+        self.reference = Reference(self.schema, self.package)
+        self.top = self.package.top(edition)
+        self.value = self.message.decode(octets)
+        self.object = self.reference.object(self.top, self.top.definition.type, self.value)
+        self.cdr, self.left_out = self.message.to_cdr(octets)
+        self.type = self.reference.type_of(self.top.name)
+
+    def timers(self) -> dict[str, Timer]:
+        made = {
+            "ours_to": _timer("f(octets)", f=self.message.to_cdr, octets=self.octets),
+            "ours_from": _timer("f(cdr)", f=self.message.from_cdr, cdr=self.cdr),
+        }
+        for name, add in (("rclpy", self.rclpy), ("asn1tools", self.asn1tools)):
+            try:
+                made |= add()
+            except Exception as error:  # noqa: BLE001 - a peer that is not there, or cannot, has no figures
+                print(f"{name}: {error!r:.200}", file=sys.stderr)
+        return made
+
+    def rclpy(self) -> dict[str, Timer]:
+        import importlib
+
+        from rclpy.serialization import deserialize_message, serialize_message
+
+        module = importlib.import_module(f"{self.package.name}.msg")
+        text = _expression(self.object, lambda name: f"m.{name}", numpy_arrays=False)
+        build = eval(f"lambda: {text}", {"m": module})
+        top = getattr(module, self.top.name)
+        # Octets of padding are what the writer's memory held, so that messages are compared and not CDR.
+        for made in (build(), deserialize_message(self.cdr, top)):
+            if self.message.from_cdr(bytes(serialize_message(made)), original=self.octets) != self.octets:
+                raise ValueError("rclpy says another message")
+        return {
+            "rclpy_build": _timer("build()", build=build),
+            "rclpy_to": _timer("f(build())", f=serialize_message, build=build),
+            "rclpy_from": _timer("f(cdr, top)", f=deserialize_message, cdr=self.cdr, top=top),
+        }
+
+    def asn1tools(self) -> dict[str, Timer]:
+        import asn1tools
+
+        pdu = self.schema.messages[self.message.name].pdu
+        specification = asn1tools.compile_string(texts(pruned(self.schema, pdu), "asn1tools"), "uper")
+        value = specification.decode(pdu.name, self.octets)
+        specification.encode(pdu.name, value)
+        types = {f"t{k}": type_ for k, type_ in enumerate(self.reference.store.types.values())}
+        names = {type_: name for name, type_ in types.items()}
+        text = _expression(self.object, lambda name: name, True, lambda one: names[type(one)])
+        build = eval(f"lambda: {text}", {**types, "array": numpy.array})
+        store = self.reference.store
+        if bytes(store.serialize_cdr(build(), self.type)) != self.cdr:
+            raise ValueError("serialised otherwise")
+        names_of = {
+            "decode": specification.decode, "encode": specification.encode, "write": store.serialize_cdr,
+            "read": store.deserialize_cdr, "build": build, "pdu": pdu.name, "type_": self.type, "value": value,
+            "octets": self.octets, "cdr": self.cdr,
+        }  # fmt: skip
+        return {
+            "asn1tools_to": _timer("decode(pdu, octets); write(build(), type_)", **names_of),
+            "asn1tools_from": _timer("read(cdr, type_); encode(pdu, value)", **names_of),
+        }
+
+
+def _expression(
+    value: Any, named: Callable[[str], str], numpy_arrays: bool, class_of: Callable[[Any], str] | None = None
+) -> str:
+    """Constructors and constants that make a message again."""
+    if isinstance(value, numpy.ndarray):
+        return f"array({value.tolist()}, dtype={value.dtype.name!r})" if numpy_arrays else repr(value.tolist())
+    if isinstance(value, list):
+        return f"[{', '.join(_expression(one, named, numpy_arrays, class_of) for one in value)}]"
+    if isinstance(value, bool | int | str):
+        return repr(value)
+    name = class_of(value) if class_of else named(type(value).__name__.rpartition("__")[2])
+    fields = vars(value) if hasattr(value, "__dict__") else {one: getattr(value, one) for one in value.__slots__}
+    words = (
+        f"{key}={_expression(one, named, numpy_arrays, class_of)}"
+        for key, one in fields.items()
+        if not key.startswith("__")
+    )
+    return f"{name}({', '.join(words)})"
+
+
+def _timer(statement: str, **names: Any) -> Timer:
+    return Timer(statement, "import gc; gc.enable()", timer=time.thread_time, globals=names)
+
+
+def _time_ns(timer: Timer) -> float:
+    loops = 1
+    while (taken := timer.timeit(loops)) < REPETITION_S:
+        loops *= 2
+    return taken / loops * 1e9
+
+
+def main(edition: str, octets: str, rounds: int) -> dict[str, Any]:
+    bench = Bench(edition, bytes.fromhex(octets))
+    times: dict[str, list[float]] = {}
+    timers = bench.timers()
+    for _ in range(rounds):
+        for name, timer in timers.items():
+            times.setdefault(name, []).append(_time_ns(timer))
+    return {"cdr": len(bench.cdr), **{name: statistics.median(taken) for name, taken in times.items()}}
+
+
+if __name__ == "__main__":
+    print(json.dumps(main(sys.argv[2], sys.argv[3], int(sys.argv[4]))))
