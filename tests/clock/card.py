@@ -34,7 +34,7 @@ ExecStartPre=/bin/mount -t 9p -o {_SHARE} bench {INSIDE}
 ExecStart=/bin/sh {INSIDE}/tests/clock/guest/on_card
 """
 _CREDENTIAL = "systemd.set_credential_binary=systemd.extra-unit.bench.service"
-WORDS = f"{_CREDENTIAL}:{base64.b64encode(_UNIT.encode()).decode()} systemd.wants=bench.service"
+WORDS = f"{_CREDENTIAL}:{base64.b64encode(_UNIT.encode()).decode()} systemd.wants=bench.service systemd.default_device_timeout_sec=600"
 
 
 def prepare() -> None:

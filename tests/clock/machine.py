@@ -197,7 +197,9 @@ class Guest:
     def pulse(self, answered: Callable[[Pulse], None]) -> None:
         """The kernel's last pulse: not called where there was none yet."""
 
-        def parsed(answer: tuple[str, Any]) -> None:
+        def parsed(answer: tuple[str, Any] | None) -> None:
+            if answer is None:
+                return
             text, clocks = answer
             stamp, is_there, sequence = text.strip().partition("#")
             if is_there:

@@ -20,12 +20,12 @@ def rows(card: Path, folder: Path, options: Options) -> Iterator[Row]:
     own = folder / "card.img"
     subprocess.run(["cp", "--sparse=always", card, own], check=True)
     with _running(own, folder, "1970-01-01T00:00:00") as root:
-        built_s = int(root.run("stat -c %Y /usr/lib/clock-epoch"))
+        built_s = _number(root, "stat -c %Y /usr/lib/clock-epoch")
         yield _begins("power-on in 1970", _now(root), built_s, "the build's date")
         kept_s = built_s + 40 * DAY
         _set(root, kept_s)
         _set(root, kept_s - 10 * DAY)
-        found_s = int(root.run(f"stat -c %Y {KEPT}; sync"))
+        found_s = _number(root, f"sync; stat -c %Y {KEPT}")
         yield Row("the time that is kept, once the clock was set back by 10 days", _days(found_s - kept_s, ""),
                   "not before", 0 <= found_s - kept_s < START_S)  # fmt: skip
     with _running(own, folder, "1970-01-01T00:00:00") as root:  # its power was cut
@@ -48,7 +48,12 @@ def _running(card: Path, folder: Path, date: str) -> Iterator[RootShell]:
 
 
 def _now(root: RootShell) -> int:
-    return int(root.run("date +%s"))
+    return _number(root, "date +%s")
+
+
+def _number(root: RootShell, command: str) -> int:
+    """Behind it there is nothing; before it may be what a shell asks with."""
+    return int(root.run(command).split()[-1])
 
 
 def _set(root: RootShell, at_s: int) -> None:
