@@ -4,6 +4,8 @@ from board.leaps import LIST
 from pps.chrony import SOCKET, check_path
 from pps.model import LATENCY_NS, unseen_latency_ns
 
+SOURCES = "/etc/chrony/sources.d"
+
 # Figures: python -m tests.pps.chronyd_check.
 _REFCLOCK = """\
 # A complete sample of each second that the receiver has confirmed.
@@ -18,6 +20,9 @@ refclock SOCK {path} refid PPS poll 2 filter 4 delay {delay_s:.1e} prefer
 _WHOLE = """\
 # Written by captain for the image.
 {refclock}
+# Servers that the owner names, for a box without a receiver, or until it sees the sky: {sources}/*.sources.
+sourcedir {sources}
+
 # Without a battery the clock starts anywhere: it is stepped while nobody leans on it, and slewed from then on.
 makestep 0.1 3
 maxupdateskew 100
@@ -59,15 +64,22 @@ def refclock(path: str = SOCKET, latency_ns: int = LATENCY_NS) -> str:
 
 
 def configuration(
-    path: str = SOCKET, latency_ns: int = LATENCY_NS, leaps: str = LIST, state: str = "/var/lib/chrony"
+    path: str = SOCKET,
+    latency_ns: int = LATENCY_NS,
+    leaps: str = LIST,
+    state: str = "/var/lib/chrony",
+    sources: str = SOURCES,
 ) -> str:
     """The whole chrony.conf of the image.
 
-    leaps  a leap-seconds.list (chronyd 4.6 and later), or a timezone that holds leap seconds, such as right/UTC.
-    state  directory of chronyd's user: what it has learned of the oscillator.
+    leaps    a leap-seconds.list (chronyd 4.6 and later), or a timezone that holds leap seconds, such as right/UTC.
+    state    directory of chronyd's user: what it has learned of the oscillator.
+    sources  directory of files with servers, a `server HOST iburst` a line; it need not be there.
     """
     directive = "leapseclist" if leaps.startswith("/") else "leapsectz"
-    return _WHOLE.format(refclock=refclock(path, latency_ns), leaps=f"{directive} {leaps}", state=state)
+    return _WHOLE.format(
+        refclock=refclock(path, latency_ns), leaps=f"{directive} {leaps}", state=state, sources=sources
+    )
 
 
 def access(group: str, path: str = SOCKET) -> str:

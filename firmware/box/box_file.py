@@ -87,6 +87,14 @@ def check_plain_address(text: str) -> None:
         raise ConfigurationError(f'"{text}" is no address', 'write for example "192.168.1.1"') from error
 
 
+def check_server(text: str) -> None:
+    """A host by its name or its address."""
+    if re.fullmatch(r"[0-9.]+|.*:.*", text):
+        check_plain_address(text)
+    elif len(text) > 253 or not all(NAME.fullmatch(label) for label in text.removesuffix(".").split(".")):
+        raise ConfigurationError(f'"{text}" is no host', 'write for example "ptbtime1.ptb.de"')
+
+
 def _each(check: Callable[[str], None]) -> Callable[[Iterable[str]], None]:
     def look(values: Iterable[str]) -> None:
         for value in values:
@@ -139,13 +147,17 @@ class Ethernet:
 
 @dataclass(frozen=True)
 class BoxOptions:
-    """All of box.toml; what is left out stays as the image has it."""
+    """All of box.toml; what is left out stays as the image has it.
+
+    time_servers  by NTP, beside the pulses: without a receiver nobody else sets the clock.
+    """
 
     host_name: Annotated[str, Check(check_host_name)] | None = None
     time_zone: Annotated[str, Check(check_time_zone)] | None = None
     wifi: Wifi | None = None
     console: ConsoleOptions = ConsoleOptions()
     eth0: Ethernet | None = None
+    time_servers: Annotated[tuple[str, ...], Check(_each(check_server))] = ()
 
 
 def _countries() -> frozenset[str]:

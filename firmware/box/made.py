@@ -25,6 +25,9 @@ def made(options: BoxOptions, files: set[str]) -> dict[str, Made]:
         found["etc/hosts"] = Made(f"127.0.0.1 localhost\n127.0.1.1 {name}\n::1 localhost ip6-localhost\n")
     if options.time_zone:
         found["etc/localtime"] = Made(target=f"/usr/share/zoneinfo/{options.time_zone}")
+    if options.time_servers:  # chrony.conf(5), sourcedir
+        lines = (f"server {server} iburst\n" for server in options.time_servers)
+        found["etc/chrony/sources.d/owner.sources"] = Made("".join(lines))
     if options.wifi:
         found["etc/wpa_supplicant/wpa_supplicant-wlan0.conf"] = Made(_wifi(options.wifi), 0o600)
     if options.eth0:
