@@ -58,7 +58,7 @@ static size_t write(const captain_ros2 *ros2, const void *value, int which, size
     require(status == CAPTAIN_OK, "a value cannot be written as CDR");
     require(captain_to_cdr(ros2, value, cdr[1 - which], count - 1, &again, &left_again) == CAPTAIN_NO_SPACE && again == count,
             "a buffer too small is not refused");
-    require(captain_cdr_left_out(ros2, value, count_left, &told) == CAPTAIN_OK, "what is left out cannot be told");
+    require(captain_cdr_left_out(ros2, value, cdr[which], count, count_left, &told) == CAPTAIN_OK, "what is left out cannot be told");
     require((told == 0) == (*left == 0), "what is left out is counted, and not told");
     return count;
 }

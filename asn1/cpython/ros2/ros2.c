@@ -150,14 +150,14 @@ static bool add_left_out(void *context, const char *path, const captain_type *ty
     return is_good;
 }
 
-static PyObject *left_out_of(const captain_ros2 *ros2, const void *value, size_t count)
+static PyObject *left_out_of(const captain_ros2 *ros2, const void *value, PyObject *cdr, size_t count)
 {
     if (count == 0)
         return PyTuple_New(0);
     PyObject *list = PyList_New(0);
     if (list == NULL)
         return NULL;
-    captain_cdr_left_out(ros2, value, add_left_out, list);
+    captain_cdr_left_out(ros2, value, PyBytes_AsString(cdr), (size_t)PyBytes_Size(cdr), add_left_out, list);
     PyObject *tuple = PyErr_Occurred() ? NULL : PyList_AsTuple(list);
     Py_DECREF(list);
     return tuple;
@@ -179,7 +179,7 @@ PyObject *message_to_cdr(PyObject *self, PyObject *const *arguments, Py_ssize_t 
     if (ros2 == NULL || !decoded_open(&decoded, message_of(self)->message, values[0]))
         return NULL;
     PyObject *cdr = cdr_of(ros2, decoded.value, decoded.octets.count > LARGE, &left_count);
-    PyObject *left_out = cdr == NULL ? NULL : left_out_of(ros2, decoded.value, left_count);
+    PyObject *left_out = cdr == NULL ? NULL : left_out_of(ros2, decoded.value, cdr, left_count);
     decoded_close(&decoded);
     PyObject *both = left_out == NULL ? NULL : PyTuple_Pack(2, cdr, left_out);
     Py_XDECREF(cdr);

@@ -2,6 +2,8 @@
 #include "cdr.h"
 #include "walk.h"
 
+enum { HEADER = 4 };
+
 typedef struct search {
     const captain_left *left;
     size_t count;
@@ -99,10 +101,11 @@ static bool find(search *in, const captain_type *type, const void *value)
     return goes_on;
 }
 
-captain_status captain_cdr_left_out(const captain_ros2 *ros2, const void *value, captain_on_left_out on_left_out, void *context)
+captain_status captain_cdr_left_out(const captain_ros2 *ros2, const void *value, void *cdr, size_t octets,
+                                    captain_on_left_out on_left_out, void *context)
 {
     captain_left left[CAPTAIN_LEFT_MAX];
-    captain_cdr_writer writer = {.left = left};
+    captain_cdr_writer writer = {.octets = (uint8_t *)cdr + HEADER, .size = octets - HEADER, .left = left};
     ros2->write(&writer, 0, value);
     search in = {.left = left, .on_left_out = on_left_out, .context = context};
     in.count = writer.left_count < CAPTAIN_LEFT_MAX ? writer.left_count : CAPTAIN_LEFT_MAX;
