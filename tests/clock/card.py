@@ -75,10 +75,9 @@ class Card:
 
     def has_power(self, folder: Path, name: str) -> None:
         """Talk to its boot loader. Raises LateError."""
-        pieces = [WORDS[at : at + LINE] for at in range(0, len(WORDS), LINE)]
         with _Dialog(folder / f"{name}.con") as dialog:
             dialog.wait("Hit any key")
-            for line in (" ", *(f'setenv extra_args "${{extra_args}}{piece}"\n' for piece in pieces)):
+            for line in (" ", *typed(WORDS)):
                 dialog.say(line)
                 dialog.wait("=> ")
             dialog.say("boot\n")
@@ -97,6 +96,12 @@ class Card:
         guest.run(["systemctl", "start", "--no-block", *STATION], _nobody)
         units = (word for unit in STATION for word in ("-u", unit))
         guest.start("captain", "journalctl", "--follow", "--lines=0", "--output=cat", *units)
+
+
+def typed(words: str) -> list[str]:
+    """Lines for the boot loader, which add words to those of the kernel's command line."""
+    pieces = [words[at : at + LINE] for at in range(0, len(words), LINE)]
+    return [f'setenv extra_args "${{extra_args}}{piece}"\n' for piece in pieces]
 
 
 class _Dialog:
