@@ -1,4 +1,4 @@
-"""`make fuzz`: coverage-guided fuzzing of every message, in C under ASan and UBSan, and of the Python module.
+"""`make fuzz`: coverage-guided fuzzing of every message in C under ASan and UBSan, of CDR, and of the Python module.
 
 A finding ends its target; the input that shows it lies in build/fuzz/findings, and `build/fuzz/bin/MESSAGE FILE` shows it again.
 Exit status 1 where there is one.
@@ -23,6 +23,7 @@ def main() -> int:
         messages = selection.named(schema, args.messages) if args.messages else tuple(schema.messages)
         programs = build.programs(schema, messages, FOLDER, args.jobs)
         module = build.python_module(FOLDER) if args.python or not args.messages else None
+        cdr = build.cdr_program(schema, FOLDER, args.jobs) if args.cdr or not args.messages else None
     except (selection.UnknownMessageError, build.BuildError) as error:
         print(f"fuzz: {error}", file=sys.stderr)
         return 1
@@ -31,10 +32,12 @@ def main() -> int:
         jobs = []
         if module is not None:  # first: it takes longest, and both processors should end at about the same time
             jobs.append(pool.submit(run.python_target, module, FOLDER, list(schema.messages), args))
+        if cdr is not None:
+            jobs.append(pool.submit(run.cdr_target, cdr, FOLDER, list(schema.messages), args))
         jobs += [pool.submit(run.target, name, program, FOLDER, args) for name, program in programs.items()]
         for done, job in enumerate(as_completed(jobs), 1):
             run.progress(job.result(), done, len(jobs))
-    outcomes = sorted((job.result() for job in jobs), key=lambda one: one.name == run.PYTHON)
+    outcomes = sorted((job.result() for job in jobs), key=lambda one: one.name in (run.CDR, run.PYTHON))
     return run.report(outcomes, args.runs, time.monotonic() - started)
 
 
@@ -56,6 +59,7 @@ def _arguments() -> argparse.Namespace:
         "--jobs", type=int, default=processors, help="targets at once; default: %(default)s, as processors"
     )
     parser.add_argument("--python", action="store_true", help="the Python module beside the named messages")
+    parser.add_argument("--cdr", action="store_true", help="ROS 2's CDR of all messages beside the named ones")
     parser.add_argument("--keep", action="store_true", help="write what reached new code into tests/asn1/corpus")
     return parser.parse_args()
 

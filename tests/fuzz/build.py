@@ -22,6 +22,7 @@ FLAGS = (
 )  # fmt: skip
 FLAGS_NS = Path(__file__).stat().st_mtime_ns
 TARGET = Path(__file__).with_name("target.c")
+CDR_TARGET = Path(__file__).with_name("cdr.c")
 
 
 class BuildError(RuntimeError):
@@ -36,18 +37,39 @@ def programs(schema: Schema, messages: tuple[str, ...], folder: Path, jobs: int)
     # All messages, so that a selection does not make the next run compile everything again.
     everything = tuple(schema.messages)
     sources = folder / "sources"
-    library.generate(schema, everything, "sources", sources, lambda what: None)
+    library.generate(schema, everything, "sources", sources, lambda what: None, library.Ros2(with_cdr=True))
     flags = [*FLAGS, f"-I{sources / 'include'}"]
     newest = max(path.stat().st_mtime_ns for path in sources.rglob("*.h"))
     chosen = layout.lay_out(schema, [schema.messages[name] for name in messages])
     others = set(schema.modules) - selection.reached(schema, set(chosen.nodes))
     needed = [path for path in sorted((sources / "src").glob("*.c")) if path.stem.removesuffix("_tables") not in others]
+    needed = [path for path in needed if not _is_ros2(path)]
     with ThreadPoolExecutor(jobs) as pool:
         objects = list(pool.map(lambda path: _object(clang, flags, path, folder / "objects", newest), needed))
         pdus = [chosen.pdus[name] for name in messages]
         link = [(name, pdu.module, pdu.c_name) for name, pdu in zip(messages, pdus, strict=True)]
         made = list(pool.map(lambda one: _program(clang, flags, one, objects, folder / "bin"), link))
     return dict(zip(messages, made, strict=True))
+
+
+def cdr_program(schema: Schema, folder: Path, jobs: int) -> Path:
+    """The program of all messages as CDR, after `programs`, which writes the sources. Raises BuildError."""
+    clang = shutil.which("clang") or "clang"
+    sources = folder / "sources"
+    flags = [*FLAGS, f"-I{sources / 'include'}"]
+    newest = max(path.stat().st_mtime_ns for path in sources.rglob("*.h"))
+    with ThreadPoolExecutor(jobs) as pool:
+        paths = sorted((sources / "src").glob("*.c"))
+        objects = list(pool.map(lambda path: _object(clang, flags, path, folder / "objects", newest), paths))
+    made = folder / "bin" / "cdr"
+    if not _is_newer(made, max(path.stat().st_mtime_ns for path in (*objects, CDR_TARGET))):
+        _run([clang, *flags, f"-fsanitize=fuzzer,{SANITIZERS}", str(CDR_TARGET), *map(str, objects), "-o", str(made)])
+    return made
+
+
+def _is_ros2(path: Path) -> bool:
+    """What goes to ROS 2 and back; the programs of the messages have nothing of it."""
+    return path.stem.startswith(("cdr", "ros2_"))
 
 
 def python_module(folder: Path) -> Path:

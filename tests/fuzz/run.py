@@ -11,9 +11,11 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
+from asn1.library import PROFILES
 from tests.fuzz import build, corpus
 
-PYTHON = "python"  # the name of the target that is no message
+PYTHON = "python"  # the names of the targets that are no message
+CDR = "cdr"
 MAX_LEN = 1400  # octets: what fits a packet of ITS-G5; longer inputs reach no other code
 TIMEOUT_S = 10  # for one input: a hang
 MEMORY_MB = 2048
@@ -48,6 +50,23 @@ def target(name: str, program: Path, folder: Path, args: argparse.Namespace) -> 
     if args.keep and not outcome.finding:
         _keep(name, program, learned, folder / "merged" / name)
     return outcome
+
+
+def cdr_target(program: Path, folder: Path, names: list[str], args: argparse.Namespace) -> Outcome:
+    """Every message as CDR; it starts with cdr.hex, and with the corpora of the messages in every profile.
+
+    The first octet of an input says which message and profile, the second whether CDR follows or a message: see cdr.c.
+    """
+    findings = folder / "findings"
+    findings.mkdir(parents=True, exist_ok=True)
+    learned = folder / "corpus" / CDR
+    learned.mkdir(parents=True, exist_ok=True)
+    seeds = [bytes.fromhex(line) for line in Path(__file__).with_name("cdr.hex").read_text().split()]
+    for number, name in enumerate(name for name in sorted(names) for _ in PROFILES):
+        seeds += [bytes([number, 1]) + octets for octets in corpus.read(name)]
+    for seed in seeds:
+        (learned / hashlib.sha1(seed).hexdigest()).write_bytes(seed)
+    return _run(CDR, [str(program)], [learned], findings, args, ASAN_OPTIONS=ASAN_OPTIONS)
 
 
 def python_target(module: Path, folder: Path, names: list[str], args: argparse.Namespace) -> Outcome:
