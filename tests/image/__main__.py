@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import traceback
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -74,7 +75,7 @@ def _rows(part: str, card: Path, options: Options) -> Iterator[Row]:
         try:
             yield from measure(card, folder, options)
         except (NotSeenError, subprocess.SubprocessError, OSError) as error:
-            print(error, file=sys.stderr)
+            traceback.print_exc()
             yield Row(f"{part} comes to its end", str(error).splitlines()[0], "its end", False)
         finally:
             _keep_logs(folder, LOGS / part)

@@ -33,7 +33,7 @@ class RootShell:
         ends = time.monotonic() + LIMIT_S
         while time.monotonic() < ends:
             # What came before may have begun a word in quotes.
-            self._socket.sendall(
+            self._send(
                 b"\x03\nexec env -i PATH=/usr/sbin:/usr/bin PS1= PS2= sh\nstty -echo -onlcr\necho here$((6 * 7))\n"
             )
             if self._has(r"here42\n", 5.0):
@@ -45,13 +45,17 @@ class RootShell:
         """What a command prints, to either output, which is no terminal. Raises NotSeenError when it does not end."""
         self._count += 1
         self._said = ""
-        self._socket.sendall(f"{{ {command}\n}} 2>&1 | cat; echo ended-{self._count}''.\n".encode())
+        self._send(f"{{ {command}\n}} 2>&1 | cat; echo ended-{self._count}''.\n".encode())
         if not self._has(rf"ended-{self._count}\.\n", limit_s):
             raise NotSeenError(f"{command!r} does not end: {self._said[-500:]!r}")
         return self._said.partition(f"ended-{self._count}.")[0].strip()
 
     def close(self) -> None:
         self._socket.close()
+
+    def _send(self, octets: bytes) -> None:
+        self._socket.settimeout(None)
+        self._socket.sendall(octets)
 
     def _has(self, pattern: str, limit_s: float) -> bool:
         ends = time.monotonic() + limit_s
