@@ -52,11 +52,12 @@ def _verify(arguments: argparse.Namespace, described: description.Description) -
 
 
 def _twice(arguments: argparse.Namespace, described: description.Description) -> int:
-    card = build.Build(described, arguments.to).card()
+    first = arguments.to.resolve()
+    card = build.Build(described, first).card()
     began = time.monotonic()
-    second, other = twice.again(arguments.to.resolve(), described)
-    _tell(second, described, other, time.monotonic() - began)
-    rows = list(twice.compared(arguments.to.resolve(), card, second, other))
+    second, took = twice.again(first, described)
+    print(*figures.times(took, time.monotonic() - began), sep="\n")
+    rows = list(twice.compared(first, card.image, second))
     print(*rows, sep="\n")
     return 1 if any(row.differing for row in rows) else 0
 

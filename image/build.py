@@ -45,8 +45,12 @@ class Build:
 
     def card(self, upgrade: bool = False) -> Card:
         """Everything. upgrade: newest packages, even where there is a kept set. Raises ImageError."""
-        chosen = self._packages(upgrade)
-        lists = {name: read_list(chosen / f"{name}.json") for name in GROUPS}
+        parts = self.parts(upgrade)
+        return self._card(parts, self._lists(upgrade=False))
+
+    def parts(self, upgrade: bool = False) -> Path:
+        """The file systems of a card, which depend on nobody's signature; returns their folder. Raises ImageError."""
+        lists = self._lists(upgrade)
         tools = self._tools(lists["tools"])
         # It is emulated, takes longer than all else, and keeps one processor busy: the other does the rest meanwhile.
         with ThreadPoolExecutor(1) as pool:
@@ -56,9 +60,23 @@ class Build:
             freezer = self._freezer(lists["freezer"], lists["here"])
             messages = self._messages(freezer)
             program = self._program(freezer, self._foreign(freezer), messages)
-        userland = emulated.result()
-        parts = self._parts(tools, userland, unpacked, early, program)
-        return self._card(parts, lists)
+        return self._parts(tools, emulated.result(), unpacked, early, program)
+
+    def assemble(self, parts: Path, target: Path) -> None:
+        """The card of these file systems. Raises ImageError."""
+        slot = parts / "root.ext4"
+        files = {
+            "boot": parts / "boot.fat",
+            "root-a": slot,
+            "root-b": slot,
+            "state": parts / "state.raw",
+            "data": parts / "data.ext4",
+        }
+        disk.make(self.description.disk, files, target)
+
+    def _lists(self, upgrade: bool) -> dict[str, list[Package]]:
+        chosen = self._packages(upgrade)
+        return {name: read_list(chosen / f"{name}.json") for name in GROUPS}
 
     def _packages(self, upgrade: bool) -> Path:
         """Which packages of which version: a list of each group, and the files, compared with the lists' hashes."""
@@ -204,17 +222,9 @@ class Build:
 
     def _card(self, parts: Path, lists: dict[str, list[Package]]) -> Card:
         card = self.planned()
-        slot = parts / "root.ext4"
-        files = {
-            "boot": parts / "boot.fat",
-            "root-a": slot,
-            "root-b": slot,
-            "state": parts / "state.raw",
-            "data": parts / "data.ext4",
-        }
 
         def make(_: Path) -> None:
-            disk.make(self.description.disk, files, card.image)
+            self.assemble(parts, card.image)
             write_list(card.packages, [*lists["userland"], *lists["unpacked"]])
             licences.pack(parts / "root.tar", card.licences)
             kept = (card.image, card.bundle, card.packages, card.licences)

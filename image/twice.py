@@ -7,11 +7,12 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from image.build import Build, Card
+from image.build import Build
 from image.description import Description
 
 # What a build begins with, and what is the owner's: everything else is made again.
 KEPT = ("archive", "native", "packages", "keys")
+CARD = "card.img"
 SHOWN = 20  # of what differs; a card that differs at all differs in few files
 
 
@@ -30,19 +31,24 @@ class Compared(NamedTuple):
         return f"DIFFER  {self.what}: {len(self.differing)} of {self.files} files{shown}{more}"
 
 
-def again(first: Path, description: Description) -> tuple[Path, Card]:
-    """A second build beside the first one's folder; returns where. Raises ImageError."""
-    folder = first.with_name(f"{first.name}-twice") / first.name
-    shutil.rmtree(folder.parent, ignore_errors=True)
+def again(first: Path, description: Description) -> tuple[Path, dict[str, float]]:
+    """A second build beside the first one's folder, but for its update, whose signature has a time and a salt in it.
+
+    Returns its folder, the card in it as CARD, and seconds by step. Raises ImageError.
+    """
+    folder = first.with_name(f"{first.name}-twice")
+    shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     for name in KEPT:
         if (first / name).exists():
             (folder / name).symlink_to((first / name).resolve())
-    return folder, Build(description, folder).card()
+    made = Build(description, folder)
+    made.assemble(made.parts(), folder / CARD)
+    return folder, made.steps.took
 
 
-def compared(first: Path, one: Card, second: Path, other: Card) -> Iterator[Compared]:
-    """Step by step, in the order that they are made in; the card itself last."""
+def compared(first: Path, card: Path, second: Path) -> Iterator[Compared]:
+    """Step by step, in the order that they are made in; the card itself last. card: the first one."""
     for name, files in (
         ("foreign", "captain/**/*"),
         ("messages", "*.so"),
@@ -53,8 +59,7 @@ def compared(first: Path, one: Card, second: Path, other: Card) -> Iterator[Comp
         yield _compared(f"{name}/{files}", _digests(first / name, files), _digests(second / name, files))
     for tar in ("userland/root.tar", "parts/root.tar"):
         yield _compared(f"{tar}, its files", _members(first / tar), _members(second / tar))
-    for path, twin in ((one.image, other.image), (one.packages, other.packages), (one.licences, other.licences)):
-        yield _compared(path.name, {path.name: _digest(path)}, {path.name: _digest(twin)})
+    yield _compared("the card", {card.name: _digest(card)}, {card.name: _digest(second / CARD)})
 
 
 def _compared(what: str, one: Mapping[str, str], other: Mapping[str, str]) -> Compared:
