@@ -75,7 +75,9 @@ def rows(card: Path, folder: Path, options: Options) -> Iterator[Row]:
         _name(shell, wires)
         for one in NETWORKS:
             yield _lease(shell, one, neighbours[one.name])
-        shell.run("until systemctl is-active -q captain.service ssh.service; do sleep 1; done", 600)
+        shell.run(
+            "until systemctl is-active -q captain.service && systemctl is-active -q ssh.service; do sleep 1; done", 600
+        )
         for one in NETWORKS:
             yield from _scanned(one, neighbours[one.name], ports)
             yield from _spoken(one, neighbours[one.name], shell)
