@@ -16,7 +16,7 @@ MOST = {"captain.service": 2.7}
 
 # Why a test of systemd-analyze is left open, by unit; "" holds for all. The names are its own.
 ANYWHERE = {
-    "RootDirectory_Or_RootImage": "the root is read-only, and most of it hidden: a second one would be a copy",
+    "RootDirectoryOrRootImage": "the root is read-only, and most of it hidden: a second one would be a copy",
 }
 REASONS: Mapping[str, Mapping[str, str]] = {
     "captain.service": {
@@ -26,7 +26,7 @@ REASONS: Mapping[str, Mapping[str, str]] = {
         "RestrictAddressFamilies_AF_NETLINK": "links that come and go, and devices at USB",
         "RestrictAddressFamilies_AF_PACKET": "ITS-G5 is frames, EtherType 0x8947",
         "IPAddressDeny": "users, brokers and neighbours have any address",
-        "CapabilityBoundingSet_CAP_NET_BIND_SERVICE_CAP_NET_BROADCAST_CAP_NET_RAW": "CAP_NET_RAW: the same frames",
+        "CapabilityBoundingSet_CAP_NET_BIND_SERVICE_BROADCAST_RAW)": "CAP_NET_RAW: the same frames",
         "CapabilityBoundingSet_CAP_NET_ADMIN": "address and route of the 5G module; the queue of a radio",
         "AmbientCapabilities": "those two, for a user who is not root",
         "PrivateUsers": "they would be of another world's network",
@@ -56,6 +56,9 @@ def rows(card: Path, folder: Path, _options: Options) -> Iterator[Row]:
     own = owned(card, folder, {"authorized_keys": key.line})
     with powered(own, folder) as guest:
         wait_for_ssh(guest)
+        said(guest, key, "systemctl is-system-running --wait", 600.0)
+        failed = said(guest, key, "systemctl --failed --plain --no-legend | cut -d ' ' -f 1")
+        yield Row("units that have failed", failed or "none", "none", not failed)
         names = [*said(guest, key, UNITS).split(), CONSOLE]
         for name in names:
             found = json.loads(said(guest, key, f"systemd-analyze security --json=short {name}"))
