@@ -143,7 +143,7 @@ def _forbidden(shell: RootShell) -> Iterator[Row]:
 
 def _good(guest: Guest, key: Key, site: Site, made: Bundles) -> Iterator[Row]:
     site.breaks[made.good.name] = made.good.stat().st_size // 2
-    ended = update(guest, key, f"--restart {site.url(made.good.name)}", INSTALL_S)
+    ended = update(guest, key, f"--restart {site.url(made.good.name)}")
     yield Row("a good update, in 1970, broken off once", ended.last, "restarting now",
               ended.code == 0 and ended.last.endswith("restarting now"))  # fmt: skip
     parts = [wanted for name, wanted in site.asked if name == made.good.name][-2:]
@@ -161,7 +161,7 @@ def _good(guest: Guest, key: Key, site: Site, made: Bundles) -> Iterator[Row]:
 
 
 def _broken(guest: Guest, key: Key, site: Site, made: Bundles) -> Iterator[Row]:
-    ended = update(guest, key, f"--restart {site.url(made.broken.name)}", INSTALL_S)
+    ended = update(guest, key, f"--restart {site.url(made.broken.name)}")
     yield Row("an update whose station fails", ended.last, "restarting now", ended.code == 0)
     began = time.monotonic()
     for left in (2, 1, 0):
@@ -181,7 +181,7 @@ def _back(guest: Guest, key: Key, site: Site, made: Bundles) -> Iterator[Row]:
     words = "slot A was updated and did not get well"
     yield Row("--back to a slot that did not get well", _words(ended, words), words,
               ended.code == 1 and words in ended.words)  # fmt: skip
-    ended = update(guest, key, site.url(made.good.name), INSTALL_S)
+    ended = update(guest, key, site.url(made.good.name))
     yield Row("another update, without a restart", ended.last, "is installed", ended.code == 0)
     ended = update(guest, key, "--restart")
     guest.wait("slots: trying A, 2 tries left")
@@ -200,7 +200,7 @@ def _after_power_cut(card: Path, folder: Path, key: Key) -> Iterator[Row]:
         yield _well(guest, key, "B", "the same after its power was cut")
 
 
-def update(guest: Guest, key: Key, words: str, limit_s: float = 300.0) -> Ended:
+def update(guest: Guest, key: Key, words: str, limit_s: float = INSTALL_S) -> Ended:
     """captain update, by operator over ssh."""
     began = time.monotonic()
     ended = ssh(guest, key.path, f"captain update {words}", limit_s)
