@@ -100,6 +100,7 @@ class Box:
         date = time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(time.time() - 86_400))  # a day late, until pulses come
         self.guest = Guest(on.loop, made, "board", folder, date, [*words, *self._usb.words])
         on.boot(self.guest)
+        self.guest.hurry()
         self._made = made
         self._statuses: list[dict[str, Any]] = []
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
@@ -142,7 +143,6 @@ class Box:
         self._on.pulser = Pulser(self._on.loop, self._on.truth, [self.guest.monitor], lambda struck: None)
         self._on.pulser.is_on = False
         self._follow_receiver()
-        self.guest.hurry()
         self._made.start(self.guest, "board", "")
 
     def _follow_receiver(self) -> None:
