@@ -10,6 +10,7 @@ from board.errors import ConfigurationError
 
 MAX_FILE = 1 << 20  # octets; a description is written by hand: what is longer is another file by mistake
 MAX_SHOWN = 60  # characters of a wrong value
+MAX_DEPTH = 3  # of tables and arrays that a message shows
 
 # A boolean is also an int and must be asked for first; so must a datetime, which is a date.
 NAMES: dict[type, str] = {
@@ -67,17 +68,30 @@ def override(table: dict[str, Any], assignment: str, where: str = "--set") -> No
     holder[_index(holder, last, place)] = _parse(text.strip(), place)
 
 
-def show(value: object) -> str:
+def show(value: object, depth: int = MAX_DEPTH) -> str:
     """A value nearly as TOML writes it, shortened."""
-    if value is None:
-        return "null"  # as JSON has it; TOML has none
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    try:
-        text = '"' + repr(value)[1:-1] + '"' if isinstance(value, str) else str(value)
-    except ValueError:  # an integer of more digits than Python writes
-        text = "the value"
+    text = _written(value, depth)
     return text if len(text) <= MAX_SHOWN else text[: MAX_SHOWN - 3] + "..."
+
+
+def _written(value: object, depth: int) -> str:
+    match value:
+        case None:
+            return "null"  # as JSON has it; TOML has none
+        case bool():
+            return "true" if value else "false"
+        case str():
+            return '"' + repr(value)[1:-1] + '"'
+        case dict() | list() if depth == 0:
+            return "..."
+        case dict():
+            return "{" + ", ".join(f"{key} = {show(item, depth - 1)}" for key, item in value.items()) + "}"
+        case list():
+            return "[" + ", ".join(show(item, depth - 1) for item in value) + "]"
+    try:
+        return str(value)
+    except ValueError:  # an integer of more digits than Python writes
+        return "the value"
 
 
 def kind_name(value: object) -> str:
