@@ -55,6 +55,7 @@ class Card:
     device_tree: Path = MADE / "pps.dtb"
     owned: dict[str, str] = field(default_factory=dict)
     boot_s: float = 400.0  # 50 on a quiet machine
+    lead_s: int = 330
     python: tuple[str, ...] = (f"{INSIDE}/build/clock/root/usr/bin/python3.13",)
 
     def words(self, folder: Path, name: str, date: str, console: Path) -> list[str]:

@@ -34,11 +34,14 @@ class LateError(Exception):
 class Kind(Protocol):
     """What a guest is made of.
 
-    boot_s  until its agent answers, at most. python: the words that a program of the bench is started with.
+    boot_s  until its agent answers, at most. lead_s: from power until its clock has settled, for sure.
+    python  the words that a program of the bench is started with.
     """
 
     @property
     def boot_s(self) -> float: ...
+    @property
+    def lead_s(self) -> int: ...
     @property
     def python(self) -> Sequence[str]: ...
 
@@ -74,6 +77,10 @@ class Made:
     @property
     def boot_s(self) -> float:
         return 120.0  # 6 s on a quiet machine
+
+    @property
+    def lead_s(self) -> int:
+        return 150
 
     @property
     def python(self) -> Sequence[str]:
