@@ -5,8 +5,7 @@ The program runs by the image's own Python, which lies with our sources on a sec
 
 import base64
 import json
-import subprocess
-import sys
+import platform
 from pathlib import Path
 
 from image import disk
@@ -22,16 +21,15 @@ WORKLOAD = "tests.image.workload"
 # Of the root that the freezer works in: Python, and the libraries that it is linked with.
 LIBRARIES = "usr/lib/aarch64-linux-gnu"
 PYTHON = "usr/lib/python3.13"
-# What the workload imports, said by an interpreter of this machine.
-IMPORTS = "import sys, {workload}; print(*(name for name in sys.modules if name != '__main__'))"
-OURS = ("board", "drivers", "firmware", "tests")
-# Compiling takes an emulated machine longer than all else of a start: it is done once, by the image's own interpreter.
-COMPILE = """
-import base64, importlib._bootstrap_external as external, json, sys
-def octets(name, text):
-    return bytes(external._code_to_timestamp_pyc(compile(text, name, "exec")))
-given = json.load(sys.stdin)
-print(json.dumps({name: base64.b64encode(octets(name, text)).decode() for name, text in given.items()}))
+# Compiling takes an emulated machine longer than all else of a start: it is done once, by the same Python of this machine's
+# processor. What it has imported for the workload is what the guest needs; bytecode is the same for every processor.
+COMPILED = """
+import base64, importlib._bootstrap_external as external, json, runpy, sys, {workload}
+def octets(path):
+    with open(path, encoding="utf-8") as file:
+        return bytes(external._code_to_timestamp_pyc(compile(file.read(), path, "exec")))
+paths = {{getattr(module, "__file__", None) or "" for module in sys.modules.values()}}
+print(json.dumps({{path: base64.b64encode(octets(path)).decode() for path in paths if path.endswith(".py")}}))
 """
 SIZE_MIB = 96
 # By the shell of the root; the program is process 1.
@@ -85,10 +83,7 @@ def _drive(folder: Path) -> Path:
     """The second drive: the image's Python and our modules, compiled."""
     root = MADE / "freezer/root"
     tree = Tree()
-    for path in sorted((root / PYTHON).rglob("__pycache__/*.cpython-313.pyc")):
-        module = path.parents[1].relative_to(root) / path.name.partition(".")[0]
-        tree.write(f"{module}.pyc", path.read_bytes())
-    for place, octets in _compiled(root).items():
+    for place, octets in _compiled(MADE / "freezer/here").items():
         tree.write(place, octets)
     for path in [*(root / LIBRARIES).glob("*.so*"), *(root / PYTHON / "lib-dynload").glob("*.so")]:
         tree.write(str(path.relative_to(root)), path.read_bytes(), 0o755)
@@ -102,23 +97,16 @@ def _drive(folder: Path) -> Path:
     return target
 
 
-def _compiled(root: Path) -> dict[str, bytes]:
-    """Our modules, and those of Python that the freezer has not used, by their places."""
-    words = IMPORTS.format(workload=WORKLOAD)
-    said = subprocess.run([sys.executable, "-c", words], cwd=PROJECT, capture_output=True, text=True, check=True).stdout
-    sources: dict[str, str] = {}
-    for name in said.split():
-        is_ours = name.partition(".")[0] in OURS
-        source = _source((PROJECT if is_ours else root / PYTHON) / name.replace(".", "/"))
-        if source is not None and (
-            is_ours or not (source.parent / f"__pycache__/{source.stem}.cpython-313.pyc").exists()
-        ):
-            place = Path("src") / source.relative_to(PROJECT) if is_ours else source.relative_to(root)
-            sources[str(place.with_suffix(".pyc"))] = source.read_text()
-    its: list[str | Path] = ["qemu-aarch64-static", "-L", root, root / "usr/bin/python3.13", "-S", "-c", COMPILE]
-    made = run(its, given=json.dumps(sources), environment={"PYTHONHOME": str(root / "usr")})
-    return {place: base64.b64decode(text) for place, text in json.loads(made).items()}
+def _compiled(here: Path) -> dict[str, bytes]:
+    """Our modules and Python's own, as far as the workload takes them, by their places on the drive."""
+    libraries = here / f"usr/lib/{platform.machine()}-linux-gnu"
+    loader = next(libraries.glob("ld-linux-*.so.*"))
+    words: list[str | Path] = [loader, "--library-path", libraries, here / "usr/bin/python3.13"]
+    words += ["-S", "-B", "-c", COMPILED.format(workload=WORKLOAD)]
+    made = json.loads(run(words, folder=PROJECT, environment={"PYTHONHOME": str(here / "usr")}))
+    return {_place(Path(path), here): base64.b64decode(octets) for path, octets in made.items()}
 
 
-def _source(module: Path) -> Path | None:
-    return next((path for path in (module.with_suffix(".py"), module / "__init__.py") if path.exists()), None)
+def _place(source: Path, here: Path) -> str:
+    is_pythons = source.is_relative_to(here)
+    return str((source.relative_to(here) if is_pythons else "src" / source.relative_to(PROJECT)).with_suffix(".pyc"))
