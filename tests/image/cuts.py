@@ -7,6 +7,7 @@ writes by the station's own code (workload.py). U-Boot and the whole system have
 import itertools
 import json
 import statistics
+import sys
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -27,20 +28,25 @@ FATES = (Fate.DROP, Fate.SHUFFLE, Fate.TEAR, Fate.DROP, Fate.SHUFFLE, Fate.TEAR,
 
 
 class Kind(NamedTuple):
-    """Where a cut comes, and by which start it is looked at. share: of 100."""
+    """Where a cut comes, and by which start it is looked at.
+
+    share     of 100.
+    is_quick  a matter of seconds, emulated: the short form has these alone.
+    """
 
     what: str
     cut: str
     look: str
     share: int
+    is_quick: bool = True
 
 
 KINDS = (
     Kind("while the station writes", "cut_work", "look_quick", 74),
     Kind("while the early boot repairs", "cut_start", "look_quick", 10),
     Kind("while U-Boot counts", "cut_loader", "look_loader", 10),
-    Kind("while the whole system starts", "cut_full_start", "look_full", 3),
-    Kind("while the whole system runs", "cut_full_run", "look_full", 3),
+    Kind("while the whole system starts", "cut_full_start", "look_full", 3, is_quick=False),
+    Kind("while the whole system runs", "cut_full_run", "look_full", 3, is_quick=False),
 )
 ALWAYS = "recording"  # goes on in every cut of the workload
 NAMES = {"owner": "configuration", "state": "configuration", "session": "state", "counters": "update", "slot": "update"}
@@ -56,6 +62,11 @@ class Cut(NamedTuple):
     look: Look
     took_s: float
 
+    @property
+    def words(self) -> str:
+        found = "; ".join(self.look.troubles) or "clean"
+        return f"{self.kind.what}, a drive that {self.fate}: {found} ({self.took_s:.0f} s)"
+
 
 def rows(card: Path, folder: Path, options: Options) -> Iterator[Row]:
     count = options.count or (SHORT if options.is_short else COUNT)
@@ -63,10 +74,13 @@ def rows(card: Path, folder: Path, options: Options) -> Iterator[Row]:
     cuts: list[Cut] = []
     power = Power(card, folder, SEED)
     try:
-        power.look_quick()
-        for cut in _cuts(power, plan(count)):
+        first = power.look_quick()
+        if first.troubles:
+            raise NotSeenError(f"before any cut: {'; '.join(first.troubles)}")
+        for cut in _cuts(power, plan(count, options.is_short)):
             cuts.append(cut)
             _keep(folder / "cuts.log", cut)
+            print(f"        cut {len(cuts)} of {count}, {cut.words}", file=sys.stderr, flush=True)
     finally:
         power.close()
     yield from _clean(cuts)
@@ -77,11 +91,12 @@ def rows(card: Path, folder: Path, options: Options) -> Iterator[Row]:
         yield _liar(card, folder)
 
 
-def plan(count: int) -> list[tuple[Kind, Fate]]:
+def plan(count: int, is_short: bool = False) -> list[tuple[Kind, Fate]]:
     """Every kind by its share, one of each at least, in a mixed order that is always the same."""
-    shares = [max(1, round(kind.share * count / 100)) for kind in KINDS]
+    taken = [kind for kind in KINDS if kind.is_quick or not is_short]
+    shares = [max(1, round(kind.share * count / 100)) for kind in taken]
     shares[0] = max(1, count - sum(shares[1:]))
-    kinds = [kind for kind, share in zip(KINDS, shares, strict=True) for _ in range(share)][:count]
+    kinds = [kind for kind, share in zip(taken, shares, strict=True) for _ in range(share)][:count]
     Random(SEED).shuffle(kinds)
     fates = {kind: itertools.cycle(FATES) for kind in KINDS}
     return [(kind, next(fates[kind])) for kind in kinds]
@@ -103,10 +118,9 @@ def _cuts(power: Power, planned: Sequence[tuple[Kind, Fate]]) -> Iterator[Cut]:
 
 def _clean(cuts: Sequence[Cut]) -> Iterator[Row]:
     yield _share("power cuts, and clean starts after them", cuts)
-    for kind in KINDS:
-        yield _share(kind.what, [cut for cut in cuts if cut.kind is kind])
-    for fate in Fate:
-        yield _share(f"a drive that {fate}", [cut for cut in cuts if cut.fate is fate])
+    shares = [(kind.what, [cut for cut in cuts if cut.kind is kind]) for kind in KINDS]
+    shares += [(f"a drive that {fate}", [cut for cut in cuts if cut.fate is fate]) for fate in Fate]
+    yield from (_share(what, its) for what, its in shares if its)
     work = [cut for cut in cuts if cut.kind is KINDS[0]]
     during = Counter(NAMES[name.partition("-")[0]] for cut in work for name in set(cut.during))
     seen = ", ".join(f"{what} {number}" for what, number in sorted(during.items()))

@@ -29,6 +29,12 @@ def test_a_hundred_cuts_meet_every_kind_of_drive_and_few_only_a_dying_machine():
     assert fates[Fate.KEEP] <= 10
 
 
+def test_the_short_form_has_no_start_of_the_whole_system():
+    kinds = Counter(kind for kind, _ in plan(10, is_short=True))
+    assert kinds == dict(zip(KINDS, (8, 1, 1), strict=False))
+    assert all(kind.is_quick for kind in kinds)
+
+
 def test_one_start_that_is_not_clean_misses_the_goal_where_it_was():
     rows = {row.what: row for row in _clean([cut(), cut(Look(("session: torn",)), Fate.TEAR)])}
     assert rows["power cuts, and clean starts after them"].seen == "2 cuts, 1 clean"
