@@ -80,3 +80,13 @@ class Compiled:
         if status:
             raise RefusedError(report.path.decode(), report.bit // 8, report.text.decode())
         return json.loads(text.value)
+
+    def again(self, name: str, octets: bytes) -> bytes:
+        """Read, and written from what was read."""
+        made, count = ctypes.create_string_buffer(ROOM), ctypes.c_size_t()
+        status = self._library.test_again(
+            name.encode(), octets, ctypes.c_size_t(len(octets)), made, ctypes.c_size_t(ROOM), ctypes.byref(count)
+        )
+        if status:
+            raise ValueError(f"status {status}")
+        return made.raw[: count.value]

@@ -200,6 +200,20 @@ static size_t get_text(captain_cdr_reader *r, size_t at, captain_text *text, con
     return at;
 }
 
+/* Most text: then every character of UTF-8, and of an IA5String without an alphabet of its own, is one. */
+static bool is_ascii(const captain_text *text)
+{
+    uint64_t all = 0, word;
+    uint32_t i = 0;
+    for (; i + 8 <= text->count; i += 8) {
+        memcpy(&word, text->text + i, 8);
+        all |= word;
+    }
+    for (; i < text->count; i++)
+        all |= (uint8_t)text->text[i];
+    return (all & UINT64_C(0x8080808080808080)) == 0;
+}
+
 size_t captain_cdr_get_text(captain_cdr_reader *r, size_t at, captain_text *text, const captain_type *type, const char *name)
 {
     captain_report found = {.status = CAPTAIN_OK};
@@ -211,7 +225,8 @@ size_t captain_cdr_get_text(captain_cdr_reader *r, size_t at, captain_text *text
     captain_status status = CAPTAIN_OK;
     if (type->kind != CAPTAIN_UTF8)
         status = captain_check_size(type, text->count, &found, &path);
-    if (status == CAPTAIN_OK)
+    bool is_any = type->kind == CAPTAIN_UTF8 || (type->kind == CAPTAIN_IA5 && type->alphabet == NULL);
+    if (status == CAPTAIN_OK && !(is_any && is_ascii(text)))
         status = captain_check_text(type, captain_walk_in_size(type, text->count), text->text, text->count, &found, &path);
     return status == CAPTAIN_OK ? at : refuse(r, start, status, name, found.text);
 }

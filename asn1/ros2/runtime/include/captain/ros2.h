@@ -35,7 +35,8 @@ const captain_ros2 *captain_find_ros2(const char *message, const char *profile);
  * message with a long list in it could become any size. */
 enum { CAPTAIN_CDR_MAX = 1 << 24 };
 
-/* octets: how many were written. With CAPTAIN_NO_SPACE it is how many the value takes, and what the buffer holds is nothing.
+/* cdr: memory that the value does not point into, as one that was read from CDR points into that.
+ * octets: how many were written. With CAPTAIN_NO_SPACE it is how many the value takes, and what the buffer holds is nothing.
  * left_out: how many parts of the value have no place in the ROS message; captain_cdr_left_out tells which. */
 captain_status captain_to_cdr(const captain_ros2 *ros2, const void *value, void *cdr, size_t size, size_t *octets, size_t *left_out);
 
@@ -50,8 +51,8 @@ captain_status captain_from_cdr(const captain_ros2 *ros2, void *value, const voi
  * value its captain_addition; else value points to a value of the type. Strings are valid only during the call; false ends it.
  * cdr: the octets that captain_to_cdr has written of this value, which are written once more. */
 typedef bool (*captain_on_left_out)(void *context, const char *path, const captain_type *type, const void *value);
-captain_status captain_cdr_left_out(const captain_ros2 *ros2, const void *value, void *cdr, size_t octets,
-                                    captain_on_left_out on_left_out, void *context);
+void captain_cdr_left_out(const captain_ros2 *ros2, const void *value, void *cdr, size_t octets,
+                          captain_on_left_out on_left_out, void *context);
 
 #ifdef __cplusplus
 }
