@@ -1,7 +1,7 @@
 """UPER to CDR and back: made values of every message, octet for octet against rosbags, and back to the same UPER."""
 
 import json
-from typing import Any
+from pathlib import Path
 
 from asn1.ros2.model import RosPackage
 from tests.ros2 import codec, ros
@@ -16,7 +16,7 @@ def compare(packages: list[RosPackage]) -> list[Row]:
     return [_row(package, edition, folder) for package in packages for edition in package.tops]
 
 
-def _row(package: RosPackage, edition: str, folder: Any) -> Row:
+def _row(package: RosPackage, edition: str, folder: Path) -> Row:
     said = json.loads(ros.inside("cdr.py", folder, edition, package.profile, str(VALUES)))
     found = (
         f"{said['same']} of {said['values']} as rosbags writes them, {said['back']} back to the same UPER, "
