@@ -2,11 +2,13 @@
 
 import os
 import re
+import shutil
 import subprocess
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from firmware.lab.certificates import Authority
+from tests.image import led
 from tests.image.login import Key, new_key, said, wait_for_ssh
 from tests.image.machine import Guest, Ports, partition_offset, powered, put
 from tests.image.rows import Options, Row
@@ -22,6 +24,7 @@ BLOCKS = {
 # Where a desktop mounts the card, and the box's name, which this machine's network does not tell: QEMU forwards ports.
 MOUNTED, NAME = "/media/$USER/BOOT", "captain-7.local"
 CARD_MIB = 4096
+HEARTBEAT = "[b'hb.counter'"
 NEXT = re.compile(r"next page \((\d+)\)")
 
 IMAGER = {
@@ -90,7 +93,7 @@ def _first_set_with_mistakes(card: Path, folder: Path, key: Key) -> Iterator[Row
         "board.toml": 'name = "mine"\n[identity]\nbus = "main"\naddress = 80\n',
         "user-data": "#cloud-config\nusers:\n\t- default\n",
     })  # fmt: skip
-    with powered(card, folder) as guest:
+    with powered(card, folder, machine=led.machine(folder)) as guest:
         shown = _notes(guest)
         yield _told(
             shown, "nothing is taken", "the owner's files are NOT taken, for 8 mistakes; the box runs as it was made"
@@ -114,6 +117,9 @@ def _first_set_with_mistakes(card: Path, folder: Path, key: Key) -> Iterator[Row
             "12345678" not in shown,
         )
         yield from _reachable(guest, key, "captain", "its first files refused")
+        seen = led.blinks(guest, key)
+        is_two = len(seen) > 1 and set(seen) == {2}
+        yield Row("blinks of the ACT LED, from pause to pause", " ".join(map(str, seen)) or "none", "2", is_two)
         yield _grown(guest, key)
 
 
@@ -187,7 +193,7 @@ def _page(card: Path, folder: Path, key: Key) -> Iterator[Row]:
     for path in (home / ".ssh", mounted, desk):
         path.mkdir(parents=True)
     for name in ("id_ed25519", "id_ed25519.pub"):
-        (home / ".ssh" / name).write_bytes((folder / name).read_bytes())
+        shutil.copy(folder / name, home / ".ssh" / name)  # with its mode: ssh takes no key that others may read
     (desk / "box.toml").write_text(BLOCKS["toml"][0])
     (desk / "captain.toml").write_text('[station]\nname = "captain-7"\n')
     prepare, connect = BLOCKS["sh"]
@@ -207,7 +213,7 @@ def _page(card: Path, folder: Path, key: Key) -> Iterator[Row]:
         found = _run(status, desk, home, guest.ports).stdout.splitlines()[:1]
         yield Row("README: ssh, captain status", found[0][:40] if found else "nothing", "it answers", bool(found))
         found = _run(_local(heartbeat, guest.ports), desk, home).stdout.split(",")[:1]
-        yield Row("README: a heartbeat by pyzmq", found[0] if found else "nothing", "[b'hb.'", found == ["[b'hb.'"])
+        yield Row("README: a heartbeat by pyzmq", found[0] if found else "nothing", HEARTBEAT, found == [HEARTBEAT])
         yield from _as_written(guest, key)
 
 
@@ -247,8 +253,8 @@ def _imager(card: Path, folder: Path, key: Key) -> Iterator[Row]:
         yield _told(
             shown, "Imager's settings", "the owner's files are in force: box.toml, network-config, user-data; 1 ssh key"
         )
-        yield _told(shown, "a password", "user-data:15: passwd is refused: no password exists on this box")
-        yield _told(shown, "another user", 'user-data:11: no user "pi" is made; its ssh keys are operator')
+        yield _told(shown, "a password", "user-data:16: passwd is refused: no password exists on this box")
+        yield _told(shown, "another user", 'user-data:12: no user "pi" is made; its ssh keys are operator')
         yield _told(shown, "packages", "user-data:4: packages is not taken: nothing is run or installed")
         yield _told(shown, "a keyboard", "user-data: not taken: keyboard (line 7)")
         yield Row(
@@ -257,7 +263,7 @@ def _imager(card: Path, folder: Path, key: Key) -> Iterator[Row]:
         yield from _reachable(guest, key, "depot-3", "with Imager's settings")
         for what, command, goal in (
             ("Wi-Fi", "systemctl is-active wpa_supplicant@wlan0.service", "active"),
-            ("country", "iw reg get | sed -n 's/^country \\(..\\).*/\\1/p' | sort -u | head -n 1", "DE"),
+            ("country", "/usr/sbin/iw reg get | sed -n 's/^country \\(..\\).*/\\1/p' | head -n 1", "DE"),
             ("firstrun.sh", "test -e /data/firstrun && echo run || echo not run", "not run"),
         ):
             found = said(guest, key, command)
