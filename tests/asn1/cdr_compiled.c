@@ -65,12 +65,13 @@ captain_status test_from_cdr(const char *name, const unsigned char *cdr, size_t 
 }
 
 /* What was read, written into other memory: strings in it are those of the octets, which have to stay. */
-captain_status test_again(const char *name, const unsigned char *cdr, size_t size, unsigned char *again, size_t room, size_t *count)
+captain_status test_again(const char *name, const unsigned char *cdr, size_t size, bool takes_unknown, unsigned char *again, size_t room,
+                          size_t *count)
 {
     const captain_ros2 *ros2 = captain_find_ros2(name, "etsi_its");
     captain_arena arena;
     size_t left_count;
     captain_arena_init(&arena, memory, sizeof memory);
-    captain_status status = captain_from_cdr(ros2, value_, cdr, size, false, &arena, NULL);
+    captain_status status = captain_from_cdr(ros2, value_, cdr, size, takes_unknown, &arena, NULL);
     return status == CAPTAIN_OK ? captain_to_cdr(ros2, value_, again, room, count, &left_count) : status;
 }

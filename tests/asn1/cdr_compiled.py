@@ -81,12 +81,13 @@ class Compiled:
             raise RefusedError(report.path.decode(), report.bit // 8, report.text.decode())
         return json.loads(text.value)
 
-    def again(self, name: str, octets: bytes) -> bytes:
+    def again(self, name: str, octets: bytes, takes_unknown: bool = False) -> bytes:
         """Read, and written from what was read."""
         made, count = ctypes.create_string_buffer(ROOM), ctypes.c_size_t()
         status = self._library.test_again(
-            name.encode(), octets, ctypes.c_size_t(len(octets)), made, ctypes.c_size_t(ROOM), ctypes.byref(count)
-        )
+            name.encode(), octets, ctypes.c_size_t(len(octets)), ctypes.c_bool(takes_unknown), made,
+            ctypes.c_size_t(ROOM), ctypes.byref(count),
+        )  # fmt: skip
         if status:
             raise ValueError(f"status {status}")
         return made.raw[: count.value]

@@ -29,8 +29,11 @@ SCHEMA = schema_of(
     Later ::= SEQUENCE {first Small, ..., [[second Small, third Wide OPTIONAL]]}
     Always ::= SEQUENCE {first Small DEFAULT 7, second Small}
     Beyond ::= SEQUENCE {number INTEGER (0..100, ...)}
+    Where ::= SEQUENCE {place Place, behind Small}
+    Place ::= CHOICE {near Small, regional RegionalExtension}
+    RegionalExtension ::= SEQUENCE {regionId Small}
     """,
-    "All", "Points", "Either", "Later", "Always", "Beyond",
+    "All", "Points", "Either", "Later", "Always", "Beyond", "Where",
 )  # fmt: skip
 HEAD = "00010000"
 ALL = {
@@ -178,6 +181,28 @@ def test_up_to_three_octets_may_fill_the_end(library):
 def test_what_was_read_is_written_as_it_was(library):
     # Its strings lie in the octets that were read: written over those, a string of three octets lost its first.
     assert library.again("All", octets(ALL_CDR)) == octets(ALL_CDR)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("Either", {"kind": "[0]", "what": {"[1]": "C0FFEE"}, "behind": 6}),
+        ("Where", {"place": {"regional": {"regionId": 4}}, "behind": 6}),
+        ("Beyond", {"number": 300}),
+    ],
+)
+def test_what_something_was_left_out_of_is_written_as_it_was(library, name, value):
+    made, left = library.to_cdr(name, value)
+    assert left
+    assert library.again(name, made, takes_unknown=True) == made
+
+
+def test_what_has_no_number_is_refused_where_a_message_is_wanted(library):
+    made, left = library.to_cdr("Where", {"place": {"regional": {"regionId": 4}}, "behind": 6})
+    assert (made, left) == (octets(HEAD + "ff 00 06"), ["place"])
+    assert refused(library, "Where", made.hex()).text == "255 is no alternative"
+    with pytest.raises(ValueError, match="status"):  # neither known nor what stands for something left out
+        library.again("Where", octets(HEAD + "01 00 06"), takes_unknown=True)
 
 
 def test_a_buffer_too_small_is_refused_with_what_it_takes(library):

@@ -5,6 +5,7 @@ import shutil
 import subprocess
 import sys
 import sysconfig
+from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -39,7 +40,7 @@ def programs(schema: Schema, messages: tuple[str, ...], folder: Path, jobs: int)
     sources = folder / "sources"
     library.generate(schema, everything, "sources", sources, lambda what: None, library.Ros2(with_cdr=True))
     flags = [*FLAGS, f"-I{sources / 'include'}"]
-    newest = max(path.stat().st_mtime_ns for path in sources.rglob("*.h"))
+    newest = _newest_ns(path for path in sources.rglob("*.h") if not _is_ros2(path))
     chosen = layout.lay_out(schema, [schema.messages[name] for name in messages])
     others = set(schema.modules) - selection.reached(schema, set(chosen.nodes))
     needed = [path for path in sorted((sources / "src").glob("*.c")) if path.stem.removesuffix("_tables") not in others]
@@ -57,19 +58,24 @@ def cdr_program(schema: Schema, folder: Path, jobs: int) -> Path:
     clang = shutil.which("clang") or "clang"
     sources = folder / "sources"
     flags = [*FLAGS, f"-I{sources / 'include'}"]
-    newest = max(path.stat().st_mtime_ns for path in sources.rglob("*.h"))
+    headers = sorted(sources.rglob("*.h"))
+    newest = {
+        is_ros2: _newest_ns(path for path in headers if is_ros2 or not _is_ros2(path)) for is_ros2 in (False, True)
+    }
     with ThreadPoolExecutor(jobs) as pool:
         paths = sorted((sources / "src").glob("*.c"))
-        objects = list(pool.map(lambda path: _object(clang, flags, path, folder / "objects", newest), paths))
+        objects = list(
+            pool.map(lambda path: _object(clang, flags, path, folder / "objects", newest[_is_ros2(path)]), paths)
+        )
     made = folder / "bin" / "cdr"
-    if not _is_newer(made, max(path.stat().st_mtime_ns for path in (*objects, CDR_TARGET))):
+    if not _is_newer(made, _newest_ns((*objects, CDR_TARGET))):
         _run([clang, *flags, f"-fsanitize=fuzzer,{SANITIZERS}", str(CDR_TARGET), *map(str, objects), "-o", str(made)])
     return made
 
 
 def _is_ros2(path: Path) -> bool:
     """What goes to ROS 2 and back; the programs of the messages have nothing of it."""
-    return path.stem.startswith(("cdr", "ros2_"))
+    return path.stem == "ros2" or path.stem.startswith(("cdr", "ros2_"))
 
 
 def python_module(folder: Path) -> Path:
@@ -99,7 +105,7 @@ def _program(clang: str, flags: list[str], of: tuple[str, str, str], objects: li
     """Linked from an archive, so that a program holds, and counts the coverage of, only the modules of its message."""
     name, module, pdu = of
     made = folder / name
-    if not _is_newer(made, max(path.stat().st_mtime_ns for path in (*objects, TARGET))):
+    if not _is_newer(made, _newest_ns((*objects, TARGET))):
         folder.mkdir(parents=True, exist_ok=True)
         of_target = [f'-DFUZZ_HEADER="captain/{module}.h"', f"-DFUZZ_TYPE={pdu}_type"]
         library = folder / f"{name}.a"
@@ -107,6 +113,10 @@ def _program(clang: str, flags: list[str], of: tuple[str, str, str], objects: li
         _run(["ar", "rcsDT", str(library), *map(str, objects)])
         _run([clang, *flags, *of_target, f"-fsanitize=fuzzer,{SANITIZERS}", str(TARGET), str(library), "-o", str(made)])
     return made
+
+
+def _newest_ns(paths: Iterable[Path]) -> int:
+    return max(path.stat().st_mtime_ns for path in paths)
 
 
 def _is_newer(made: Path, than_ns: int) -> bool:

@@ -237,11 +237,11 @@ static bool read_cdr(readable *into, const captain_ros2 *ros2, const octets *cdr
 }
 
 /* NULL and an exception: CdrError, or EncodeError where a value is refused that no field of the ROS message is. */
-static PyObject *octets_from_cdr(const captain_ros2 *ros2, const octets *cdr, bool takes_unknown)
+static PyObject *octets_from_cdr(const captain_ros2 *ros2, const octets *cdr)
 {
     readable readable;
     PyObject *result = NULL;
-    if (read_cdr(&readable, ros2, cdr, takes_unknown))
+    if (read_cdr(&readable, ros2, cdr, false))
         result = encoded(ros2->pdu, readable.value);
     else if (!PyErr_Occurred())
         raise_cdr(&readable.report);
@@ -249,14 +249,25 @@ static PyObject *octets_from_cdr(const captain_ros2 *ros2, const octets *cdr, bo
     return result;
 }
 
-static bool are_equal(PyObject *left, PyObject *right)
+/* Read and written again: what lies between numbers, and in fields of what is absent, is zero then. NULL without an exception: it is no such
+ * message, which is told by who reads it for good. */
+static PyObject *written_again(const captain_ros2 *ros2, const octets *cdr)
 {
-    size_t count = (size_t)BYTES_COUNT(left);
-    return count == (size_t)BYTES_COUNT(right) && memcmp(BYTES_DATA(left), BYTES_DATA(right), count) == 0;
+    readable readable;
+    size_t left_count;
+    PyObject *result = NULL;
+    if (read_cdr(&readable, ros2, cdr, true))
+        result = cdr_of(ros2, readable.value, cdr->is_constant && cdr->count > LARGE, &left_count);
+    memory_close(&readable.memory);
+    return result;
 }
 
-/* Whether a CDR says the same as the one that was made of a message: the same octets, or others that mean the same, because what lies
- * between numbers, and in fields of what is absent, means nothing. -1 and an exception: the message is none. */
+static bool are_equal(PyObject *bytes, const octets *octets)
+{
+    return (size_t)BYTES_COUNT(bytes) == octets->count && memcmp(BYTES_DATA(bytes), octets->data, octets->count) == 0;
+}
+
+/* Whether a CDR says the same as the one that is made of a message. -1 and an exception: the message is none. */
 static int says_the_same(const captain_message *message, const captain_ros2 *ros2, const octets *cdr, PyObject *original)
 {
     decoded decoded;
@@ -267,24 +278,14 @@ static int says_the_same(const captain_message *message, const captain_ros2 *ros
     decoded_close(&decoded);
     if (before == NULL)
         return -1;
-    octets octets_before;
-    if (!octets_open(&octets_before, before)) {
-        Py_DECREF(before);
-        return -1;
-    }
-    int is_same = octets_before.count == cdr->count && memcmp(octets_before.data, cdr->data, cdr->count) == 0;
-    if (!is_same) {
-        PyObject *left = octets_from_cdr(ros2, &octets_before, true);
-        PyObject *right = left == NULL ? NULL : octets_from_cdr(ros2, cdr, true);
-        is_same = right != NULL && are_equal(left, right);
-        if (PyErr_Occurred() && PyErr_ExceptionMatches(PyExc_ValueError))
-            PyErr_Clear(); /* what is wrong with it is told by who reads it for good */
-        else if (PyErr_Occurred())
-            is_same = -1;
-        Py_XDECREF(left);
-        Py_XDECREF(right);
-    }
-    octets_close(&octets_before);
+    int is_same = are_equal(before, cdr);
+    PyObject *again = is_same ? NULL : written_again(ros2, cdr);
+    if (again != NULL)
+        is_same = BYTES_COUNT(again) == BYTES_COUNT(before)
+               && memcmp(BYTES_DATA(again), BYTES_DATA(before), (size_t)BYTES_COUNT(again)) == 0;
+    else if (PyErr_Occurred())
+        is_same = -1;
+    Py_XDECREF(again);
     Py_DECREF(before);
     return is_same;
 }
@@ -307,7 +308,7 @@ PyObject *message_from_cdr(PyObject *self, PyObject *const *arguments, Py_ssize_
     if (values[2] != NULL && values[2] != Py_None)
         is_same = says_the_same(message_of(self)->message, ros2, &cdr, values[2]);
     if (is_same == 0)
-        result = octets_from_cdr(ros2, &cdr, false);
+        result = octets_from_cdr(ros2, &cdr);
     else if (is_same > 0)
         result = PyBytes_FromObject(values[2]);
     octets_close(&cdr);

@@ -507,14 +507,13 @@ class _Reader(Lines):
                 self.put(f"default: {chosen} = 0;", "}")
             with self.block(f"if (CAPTAIN_UNLIKELY({chosen} == 0))"):
                 bad = f'captain_cdr_bad_choice(r, at - {size}, x, "{name}")'
+                is_kept = end.node.is_extensible or None in numbers
+                wrong = f"!r->takes_unknown || x != {literal(unknown(one.type))}" if is_kept else "true"
+                self.fail_if(wrong, bad)
                 if end.node.is_extensible:
-                    self.fail_if(f"!r->takes_unknown || x != {literal(unknown(one.type))}", bad)
                     self.put(
                         f"{chosen} = CAPTAIN_UNKNOWN;", f"{dot(end.place)}u.unknown = (captain_octets){{.count = 0}};"
                     )
-                else:
-                    self.put("if (true)")
-                    self.fail(bad)
         for k, f in enumerate(end.node.fields, 1):
             if f.node.kind is Kind.NULL and not f.is_pointer:
                 self.put(f"if ({chosen} == {k})", f"    {dot(end.place)}u.{member(f.name)} = false;")

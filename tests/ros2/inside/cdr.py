@@ -3,7 +3,8 @@
     cdr.py FOLDER EDITION PROFILE COUNT
 
 FOLDER holds captain_messages. Counted: CDR as rosbags writes it; UPER that comes back; UPER that comes back with the
-original, because something has no place in the ROS message, which has to be said.
+original, because something has no place in the ROS message, which has to be said. What lies between the numbers of the
+CDR that comes back is not what was written there.
 """
 
 import json
@@ -19,6 +20,7 @@ import captain_messages  # noqa: E402
 
 from asn1.ros2 import profiles  # noqa: E402
 from asn1.text import load_schema  # noqa: E402
+from tests.asn1.ros2 import cdr_padding  # noqa: E402
 from tests.asn1.ros2.cdr_reference import Reference  # noqa: E402
 from tests.asn1.values import Values  # noqa: E402
 
@@ -41,7 +43,8 @@ def main(edition: str, profile: str, count: int) -> dict[str, Any]:
                 is_same = cdr == reference.cdr(edition, message.decode(octets))
                 counts["same"] += is_same
                 trouble = trouble or ("" if is_same else f"rosbags writes {octets.hex()} in another way")
-            how = _back(message, octets, cdr, left_out, profile)
+            filled = cdr_padding.filled(package, package.top(edition).name, cdr)
+            how = _back(message, octets, filled, left_out, profile)
             counts[f"{'newer_' if is_newer else ''}{how}"] += 1
             if how == "lost":
                 trouble = trouble or f"{octets.hex()} does not come back"

@@ -42,7 +42,8 @@ captain_status captain_to_cdr(const captain_ros2 *ros2, const void *value, void 
 
 /* value: pdu->size octets; need not be cleared. Strings in it point into cdr. report, which may be NULL, has the names of the ROS message in
  * its path, eight times the offset of the octet in `bit`, and the value and what is allowed in its text. What is read is what captain_encode
- * takes. With takes_unknown a choice or item that no edition knows is taken from what captain_to_cdr has written of it. */
+ * takes. With takes_unknown it may be more, which only captain_to_cdr takes, to write the same CDR again: a choice or item that has no
+ * number in the ROS message, as captain_to_cdr has written it. */
 captain_status captain_from_cdr(const captain_ros2 *ros2, void *value, const void *cdr, size_t size, bool takes_unknown,
                                 captain_arena *arena, captain_report *report);
 
