@@ -12,7 +12,7 @@ VALUES = 2000  # of each message, and as many of what a newer sender may write
 
 def compare(packages: list[RosPackage]) -> list[Row]:
     """A row for each message."""
-    folder = codec.made()
+    folder = codec.made(packages)
     return [_row(package, edition, folder) for package in packages for edition in package.tops]
 
 

@@ -1,16 +1,23 @@
-"""The Python module of the messages with to_cdr and from_cdr, in build/ros2/codec: all messages, every profile."""
+"""The Python module of the messages with to_cdr and from_cdr, every profile, in build/ros2/codec*."""
 
+from collections.abc import Iterable
 from pathlib import Path
 
 from asn1 import library, text
+from asn1.ros2.model import RosPackage
 from tests.ros2 import ros
 
-FOLDER = ros.MADE / "codec"
+FEW = 2  # up to so many messages have a module of their own, which is compiled within seconds
 
 
-def made() -> Path:
-    """Its folder; only what has changed is compiled."""
+def made(packages: Iterable[RosPackage] = ()) -> Path:
+    """Its folder: of these packages' messages where they are few, of all otherwise; only what has changed is compiled."""
     schema = text.load_schema()
+    chosen = tuple(edition for package in packages for edition in package.tops)
+    if 0 < len(chosen) <= FEW:
+        folder = ros.MADE / "-".join(("codec", *chosen))
+    else:
+        folder, chosen = ros.MADE / "codec", tuple(schema.messages)
     ros.MADE.mkdir(parents=True, exist_ok=True)
-    library.generate(schema, tuple(schema.messages), "python", FOLDER, lambda name: None, library.Ros2(with_cdr=True))
-    return FOLDER
+    library.generate(schema, chosen, "python", folder, lambda name: None, library.Ros2(with_cdr=True))
+    return folder

@@ -17,29 +17,29 @@ class RosError(RuntimeError):
     """A program of ROS failed; str() is the end of what it said."""
 
 
-def environment() -> dict[str, str]:
-    """As if ROS and the workspace were sourced, and nothing of whoever calls."""
+def environment(prefix: Path = INSTALLED) -> dict[str, str]:
+    """As if ROS and the workspace, or what else is installed at prefix, were sourced, and nothing of whoever calls."""
     [site] = (ENV / "lib").glob("python3.*")
     return {
         "HOME": os.environ.get("HOME", "/"),
         "PATH": f"{ENV / 'bin'}:/usr/local/bin:/usr/bin:/bin",
         "LANG": "C.UTF-8",
-        "AMENT_PREFIX_PATH": f"{INSTALLED}:{ENV}",
+        "AMENT_PREFIX_PATH": f"{prefix}:{ENV}",
         "CMAKE_PREFIX_PATH": str(ENV),
-        "LD_LIBRARY_PATH": f"{INSTALLED / 'lib'}:{ENV / 'lib'}",
-        "PYTHONPATH": str(INSTALLED / "lib" / site.name / "site-packages"),
+        "LD_LIBRARY_PATH": f"{prefix / 'lib'}:{ENV / 'lib'}",
+        "PYTHONPATH": str(prefix / "lib" / site.name / "site-packages"),
         "ROS_DISTRO": "jazzy",
         "ROS_VERSION": "2",
-        "ROS_LOG_DIR": str(MADE / "log"),
+        "ROS_LOG_DIR": str(MADE / "logs"),  # log is a file, of .ci/ros2
+        "MAKEFLAGS": f"-j{os.cpu_count()}",  # colcon would wait for a machine that does nothing else
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
     }
 
 
-def run(command: Sequence[str | Path], cwd: Path = MADE, log: Path | None = None) -> str:
+def run(command: Sequence[str | Path], cwd: Path = MADE, log: Path | None = None, prefix: Path = INSTALLED) -> str:
     """What a program printed. Raises RosError."""
-    ended = subprocess.run(
-        [str(word) for word in command], cwd=cwd, env=environment(), text=True, capture_output=True, check=False
-    )
+    words = [str(word) for word in command]
+    ended = subprocess.run(words, cwd=cwd, env=environment(prefix), text=True, capture_output=True, check=False)
     if log is not None:
         log.write_text(ended.stdout + ended.stderr)
     if ended.returncode:
@@ -47,6 +47,6 @@ def run(command: Sequence[str | Path], cwd: Path = MADE, log: Path | None = None
     return ended.stdout
 
 
-def inside(script: str, *words: str | Path) -> str:
+def inside(script: str, *words: str | Path, prefix: Path = INSTALLED) -> str:
     """A script of tests/ros2/inside, by the Python that has rclpy."""
-    return run([ENV / "bin" / "python", INSIDE / script, *words])
+    return run([ENV / "bin" / "python", INSIDE / script, *words], prefix=prefix)
