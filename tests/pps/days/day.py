@@ -274,15 +274,21 @@ class Day:
                 account.acquired += 1
 
     def _feed(self, fed: Fed, second: Second, clocks: Clocks) -> None:
-        """A sample for chronyd, which it takes for one of the clock that it has now."""
+        """A sample for chronyd, which it takes for one of the clock that it has now.
+
+        An edge that is not the receiver's (Account.false) is off by itself; a clock that is slewed goes on since the edge.
+        """
         offset_ns = fed.second(second, BUILT_IN.unix_ns(second.its_s * SECOND_NS), clocks)
         if offset_ns is None:
             return
         self.account.fed += 1
-        is_slewed = any(one.kind is Kind.SLEW for one in self._troubles)
-        within_ns = (600_000 if self.plan.loads else 100_000) + 100_000_000 * is_slewed
+        pulse = second.pulse
+        slewed_ppb = sum(abs(one.amount) for one in self._troubles if one.kind is Kind.SLEW)
+        slewed_ns = slewed_ppb * (clocks.raw_ns - pulse.raw_ns) / 1e9
+        within_ns = (600_000 if self.plan.loads else 100_000) + slewed_ns
         true_ns = self._machine.system_offset_ns(self._oscillator.its_ns(clocks.raw_ns))
-        self.account.misled += abs(offset_ns - true_ns) > within_ns
+        off_ns = self._truth[pulse.sequence] - second.its_s * SECOND_NS
+        self.account.misled += abs(offset_ns + off_ns - true_ns) > within_ns
 
     def _sample(self, second: int) -> None:
         account, its_ns = self.account, self._its_ns(second + END_S)
