@@ -143,6 +143,7 @@ Priority: optional
 Maintainer: {MAINTAINER}
 Build-Depends: debhelper-compat (= 13), ros-{distro}-ament-cmake, ros-{distro}-rosidl-default-generators{foreign}
 Standards-Version: 4.6.2
+Rules-Requires-Root: no
 
 Package: {name}
 Architecture: any

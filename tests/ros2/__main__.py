@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from asn1.library import PROFILES
 from asn1.ros2.model import RosPackage
-from tests.ros2 import cdr, hashes, packages, typed
+from tests.ros2 import cdr, debian, hashes, packages, typed, wheel
 from tests.ros2.ros import RosError
 from tests.ros2.rows import Row
 
@@ -20,8 +20,10 @@ def _packages(made: list[RosPackage]) -> list[Row]:
 PARTS: dict[str, Callable[[list[RosPackage]], list[Row]]] = {
     "hashes": hashes.compare,
     "cdr": cdr.compare,
+    "wheel": wheel.install,
     "packages": _packages,
     "typed": typed.travel,
+    "debian": debian.build,
 }
 
 

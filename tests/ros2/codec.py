@@ -1,4 +1,4 @@
-"""The Python module of the messages with to_cdr and from_cdr, every profile, in build/ros2/codec*."""
+"""The Python module of the messages with to_cdr and from_cdr, every profile, as its wheel has it: in build/ros2/wheel*."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -15,9 +15,9 @@ def made(packages: Iterable[RosPackage] = ()) -> Path:
     schema = text.load_schema()
     chosen = tuple(edition for package in packages for edition in package.tops)
     if 0 < len(chosen) <= FEW:
-        folder = ros.MADE / "-".join(("codec", *chosen))
+        folder = ros.MADE / "-".join(("wheel", *chosen))
     else:
-        folder, chosen = ros.MADE / "codec", tuple(schema.messages)
+        folder, chosen = ros.MADE / "wheel", tuple(schema.messages)
     ros.MADE.mkdir(parents=True, exist_ok=True)
-    library.generate(schema, chosen, "python", folder, lambda name: None, library.Ros2(with_cdr=True))
+    library.generate(schema, chosen, "wheel", folder, lambda name: None, library.Ros2(with_cdr=True))
     return folder

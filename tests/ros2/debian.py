@@ -1,0 +1,95 @@
+"""A Debian package of messages: built as its README says, looked at, unpacked, and used by rclpy from there.
+
+There are no Debian packages of ROS here, so that the ROS of the bench stands at /opt/ros/jazzy for the time of the
+build, in a mount namespace of its own. Build-Depends are not asked for, and nothing is installed on this machine.
+"""
+
+import shutil
+import subprocess
+from pathlib import Path
+
+from asn1 import library
+from asn1.ros2 import profiles
+from asn1.ros2.model import RosPackage
+from asn1.ros2.package import debian_name
+from tests.ros2 import ros
+from tests.ros2.packages import SCHEMA
+from tests.ros2.rows import Row
+
+EDITION = "rawrx-1"  # of seven types: how it is built does not depend on how many there are
+DISTRO = "jazzy"
+PREFIX = f"opt/ros/{DISTRO}"
+FOLDER = ros.MADE / "debian"
+
+BUILD = """\
+mount -t tmpfs none /opt
+mkdir -p "/$PREFIX"
+for one in "$ENV"/*; do
+    if [ -d "$one" ]; then mkdir "/$PREFIX/${one##*/}" && mount --bind "$one" "/$PREFIX/${one##*/}"
+    else cp "$one" "/$PREFIX"
+    fi
+done
+cat >"/$PREFIX/setup.sh" <<END
+export PATH=/$PREFIX/bin:\\$PATH VIRTUAL_ENV=/$PREFIX AMENT_PREFIX_PATH=/$PREFIX LD_LIBRARY_PATH=/$PREFIX/lib
+END
+exec dpkg-buildpackage -us -uc -b -d
+"""
+
+
+def build(_: list[RosPackage]) -> list[Row]:
+    """Rows: the packages that are built, what the binary one holds, and that rclpy takes it."""
+    [package] = profiles.packages(SCHEMA, [SCHEMA.messages[EDITION]])
+    name = debian_name(package, DISTRO)
+    shutil.rmtree(FOLDER, ignore_errors=True)
+    library.generate(SCHEMA, (EDITION,), "ros2", FOLDER, lambda _: None)
+    _run(["dpkg-source", "-b", package.name], FOLDER)
+    _run(
+        ["unshare", "--map-root-user", "--mount", "sh", "-ec", BUILD], FOLDER / package.name, ENV=ros.ENV, PREFIX=PREFIX
+    )
+    [described], [binary] = FOLDER.glob(f"{name}_*.dsc"), FOLDER.glob(f"{name}_*.deb")
+    held = _run(["dpkg-deb", "-c", binary.name], FOLDER).splitlines()
+    paths = {line.split()[5] for line in held}
+    missing = sorted(_wanted(package) - paths)
+    elsewhere = sorted(
+        one for one in paths if not one.startswith((f"./{PREFIX}/", "./usr/share/doc/")) and one[-1] != "/"
+    )
+    _run(["dpkg-deb", "-x", binary.name, "root"], FOLDER)
+    return [
+        Row(f"{package.name} as source", described.name),
+        Row(f"{package.name} as Debian package", f"{binary.name}: {len(paths)} paths, {binary.stat().st_size // 1000} kB"),
+        Row("what it holds", "libraries, headers, Python, .msg, .idl, package.xml, mark of the ament index",
+            "; ".join(f"{word}: {', '.join(some)}" for word, some in (("missing", missing), ("elsewhere", elsewhere)) if some)),
+        Row("what it needs", _run(["dpkg-deb", "-f", binary.name, "Depends"], FOLDER).strip()),
+        Row("unpacked and used by rclpy", ros.inside("use.py", package.name, prefix=FOLDER / "root" / PREFIX).strip()),
+    ]  # fmt: skip
+
+
+def _wanted(package: RosPackage) -> set[str]:
+    """What users of C, C++, Python and of the ament index look for."""
+    [site] = (ros.ENV / "lib").glob("python3.*")
+    root, share = f"./{PREFIX}", f"./{PREFIX}/share/{package.name}"
+    libraries = (
+        "rosidl_generator_c",
+        "rosidl_typesupport_c",
+        "rosidl_typesupport_cpp",
+        "rosidl_typesupport_fastrtps_cpp",
+    )
+    return {
+        f"{share}/package.xml", f"{share}/cmake/{package.name}Config.cmake",
+        f"{root}/share/ament_index/resource_index/packages/{package.name}",
+        f"{root}/lib/{site.name}/site-packages/{package.name}/msg/__init__.py",
+        *(f"{root}/lib/lib{package.name}__{one}.so" for one in libraries),
+        *(f"{share}/msg/{one}.{ending}" for one in package.messages for ending in ("msg", "idl")),
+    }  # fmt: skip
+
+
+def _run(command: list[str], folder: Path, **variables: Path | str) -> str:
+    """What it prints. Raises RosError."""
+    environment = {
+        "PATH": "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin", "LANG": "C.UTF-8",
+        "DEB_BUILD_OPTIONS": "noopt nodbg parallel=2", **{name: str(value) for name, value in variables.items()},
+    }  # fmt: skip
+    ended = subprocess.run(command, cwd=folder, env=environment, text=True, capture_output=True, check=False)
+    if ended.returncode:
+        raise ros.RosError(f"{command[0]}: {(ended.stdout + ended.stderr)[-2000:]}")
+    return ended.stdout
