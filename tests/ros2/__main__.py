@@ -1,6 +1,7 @@
 """make ros2: message packages in a real ROS 2, and what other parts find there."""
 
 import argparse
+import fcntl
 import sys
 import time
 from collections.abc import Callable
@@ -29,6 +30,12 @@ PARTS: dict[str, Callable[[list[RosPackage]], list[Row]]] = {
 
 def main() -> int:
     arguments = _arguments()
+    with (ros.MADE / "run.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)  # there is one workspace
+        return _run(arguments)
+
+
+def _run(arguments: argparse.Namespace) -> int:
     editions = packages.SHORT if arguments.short else tuple(arguments.message or packages.SCHEMA.messages)
     made = packages.made(editions, arguments.profile)
     rows: list[Row] = []
