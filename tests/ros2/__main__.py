@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 from asn1.library import PROFILES
 from asn1.ros2.model import RosPackage
-from tests.ros2 import cdr, debian, hashes, packages, typed, wheel
+from tests.ros2 import cdr, debian, hashes, packages, ros, typed, wheel
 from tests.ros2.ros import RosError
 from tests.ros2.rows import Row
 

@@ -31,7 +31,8 @@ def environment(prefix: Path = INSTALLED) -> dict[str, str]:
         "ROS_DISTRO": "jazzy",
         "ROS_VERSION": "2",
         "ROS_LOG_DIR": str(MADE / "logs"),  # log is a file, of .ci/ros2
-        "MAKEFLAGS": f"-j{os.cpu_count()}",  # colcon would wait for a machine that does nothing else
+        "MAKEFLAGS": "-j",  # without it colcon waits for a machine that does nothing else
+        "CMAKE_BUILD_PARALLEL_LEVEL": os.environ.get("CMAKE_BUILD_PARALLEL_LEVEL", str(os.cpu_count())),
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
     }
 
