@@ -13,6 +13,8 @@ from typing import NamedTuple
 FOLDERS = ("board", "drivers", "firmware", "pps")
 # What our modules read beside themselves.
 DATA = ("board/boards/*.toml", "drivers/profiles/*.toml", "firmware/*.json")
+# Packages for where ROS is, which are installed there; nothing of captain imports them.
+GATEWAY = "firmware/gateway"
 SCRIPT = "firmware/__main__.py"
 OPTIMIZATION = 2  # without docstrings and assertions
 
@@ -35,7 +37,8 @@ class Compiled(NamedTuple):
 def sources(root: Path) -> Iterator[Path]:
     """Files of our modules, sorted: the order has a part in what marshal writes."""
     for folder in FOLDERS:
-        yield from sorted((root / folder).rglob("*.py"))
+        found = sorted((root / folder).rglob("*.py"))
+        yield from (path for path in found if root / GATEWAY not in path.parents)
 
 
 def name(place: Path) -> str:

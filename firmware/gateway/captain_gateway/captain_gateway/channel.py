@@ -1,0 +1,187 @@
+"""One handler at work: its topics, what it passes on to either side, and what it counts."""
+
+import math
+import time
+from typing import Any, Protocol
+
+from . import filters, metadata
+from .buffer import Buffer
+from .codec import Edition, Made
+from .counts import Complaints, Counts
+from .errors import RefusedError
+from .filters import Place
+from .handlers.kind import Kind
+from .pairing import Arrival
+from .settings import Receive, Transmit
+
+STATION_ID = slice(2, 6)  # of the ITS PDU header
+
+
+class Sends(Protocol):
+    """Hands a message to the station; label is the user's. Raises RefusedError."""
+
+    def __call__(self, channel: "Channel", pdu: bytes, asked: dict[str, object], label: str) -> None: ...
+
+
+class Logs(Protocol):
+    def __call__(self, line: str) -> None: ...
+
+
+class Surroundings(Protocol):
+    """What a channel asks for: own position in degrees, and the leap seconds since 2004."""
+
+    @property
+    def place(self) -> Place | None: ...
+    @property
+    def leap_seconds(self) -> int: ...
+
+
+class Channel:
+    """A handler's edition, settings, counters, and the way in both directions.
+
+    values                   of its parameters as ROS has them; receiving and transmitting are made of them
+    publisher, subscription  and what else is of rclpy: the node puts it here
+
+    receive() belongs to the thread that receives, all others to the one that spins. Settings are swapped whole.
+    """
+
+    def __init__(
+        self, kind: Kind, edition: Edition, receiving: Receive, transmitting: Transmit, around: Surroundings,
+        complaints: Complaints, warn: Logs,
+    ) -> None:  # fmt: skip
+        self.kind = kind
+        self.edition = edition
+        self.values: dict[str, Any] = {}
+        self.receiving = receiving
+        self.transmitting = transmitting
+        self.counts = Counts()
+        self.station_id = 0
+        self.publisher: Any = None
+        self.metadata: Any = None
+        self.send: Sends | None = None
+        self.subscription: Any = None
+        self.timer: Any = None
+        self._around = around
+        self._buffer: Buffer[bytes] = Buffer()
+        self._complaints = complaints
+        self._warn = warn
+        self._sequence = 0
+
+    # -- from the station
+
+    def receive(self, arrival: Arrival) -> metadata.Note | None:
+        """Publish a received message. Returns what is known of it, where somebody wants to know."""
+        self.counts.received += 1
+        try:
+            made = self._made(arrival.pdu)
+        except RefusedError as error:
+            self.counts.not_published[error.cause] += 1
+            if error.cause == "undecodable":
+                self.counts.why_not_published = f"{error}: {arrival.pdu[:16].hex()}..."
+                self._complain("received", error.cause, f"not published: {error}")
+            return None
+        published_ns = time.time_ns()
+        self.publisher.publish(made.cdr)
+        self.counts.published += 1
+        self.counts.left_out += bool(made.left_out)
+        self._sequence += 1
+        if self.metadata is None or not self.metadata.get_subscription_count():
+            return None
+        return metadata.Note(
+            self._sequence, arrival.pdu, arrival.reception, self.edition.name, made.left_out, published_ns
+        )
+
+    def _made(self, pdu: bytes) -> Made:
+        settings = self.receiving
+        if not settings.active:
+            raise RefusedError("inactive", "receive.active is false")
+        try:
+            why = filters.refusal(pdu, self.edition, settings, self._around.place)
+            if why is None and settings.max_age_s:
+                now = filters.its_ms(time.time(), self._around.leap_seconds)
+                why = "age" if filters.is_old(pdu, self.edition, self.kind.clock, settings.max_age_s, now) else None
+        except (ValueError, MemoryError) as error:
+            raise RefusedError("undecodable", str(error)) from error
+        if why is not None:
+            raise RefusedError(why, why)
+        return self.edition.to_cdr(pdu)
+
+    # -- from ROS
+
+    def transmit(self, cdr: bytes) -> None:
+        """What a subscription has brought: to the station, or into the buffer; explained where it is not sent."""
+        self.counts.taken += 1
+        settings = self.transmitting
+        if not settings.active:
+            self.counts.not_sent["inactive"] += 1
+            return
+        try:
+            pdu = self.octets(cdr)
+            if not settings.rate_hz:
+                self.hand_over(pdu)
+                return
+            for _ in self._buffer.put(self._key(pdu), pdu, time.monotonic(), settings):
+                self.counts.not_sent["replaced" if settings.buffer == "latest" else "buffer-full"] += 1
+        except RefusedError as error:
+            self.refused(error)
+
+    def octets(self, cdr: bytes) -> bytes:
+        """As they go on the air. Raises RefusedError, which names field, value and range."""
+        return self.checked(self.edition.from_cdr(cdr))
+
+    def checked(self, pdu: bytes) -> bytes:
+        """With own stationID where one is configured. Raises RefusedError where it is another message."""
+        self.edition.check(pdu)
+        if self.station_id:
+            pdu = pdu[: STATION_ID.start] + self.station_id.to_bytes(4, "big") + pdu[STATION_ID.stop :]
+        return pdu
+
+    def hand_over(self, pdu: bytes, asked: dict[str, object] | None = None, label: str = "") -> None:
+        """To the station, with what the parameters ask for it and what `asked` does. Raises RefusedError."""
+        assert self.send is not None
+        self.send(self, pdu, self.transmitting.options() | (asked or {}), label)
+        self.counts.sent += 1
+
+    def refused(self, error: RefusedError) -> None:
+        self.counts.not_sent[error.cause] += 1
+        self.counts.why_not_sent = str(error)
+        self._complain("transmitted", error.cause, f"not sent: {error}")
+
+    def period(self) -> None:
+        """What is due is sent; called once in 1 / rate_hz."""
+        for pdu in self._buffer.due(time.monotonic(), self.transmitting):
+            try:
+                self.hand_over(pdu)
+            except RefusedError as error:
+                self.refused(error)
+
+    def set_transmitting(self, settings: Transmit) -> None:
+        """What waits in a buffer that is no more is told as not sent."""
+        before, self.transmitting = self.transmitting, settings
+        if not settings.rate_hz or settings.buffer != before.buffer or not settings.active:
+            for _ in self._buffer.clear():
+                self.counts.not_sent["settings"] += 1
+
+    def confirmed(self, told: dict[str, object]) -> None:
+        """What the station says of a message of this handler."""
+        outcome = str(told.get("outcome", ""))
+        self.counts.outcomes[outcome] += 1
+        if outcome not in ("refused", "dropped"):
+            return
+        where = f" by {told['interface']}" if told.get("interface") else " by the station"
+        words = told.get("detail") or told.get("meaning") or ""
+        self.counts.why_refused = f"{outcome}{where}: {told.get('reason')} ({words})"
+        self._complain("transmitted", f"{outcome} {told.get('reason')}", self.counts.why_refused)
+
+    def _key(self, pdu: bytes) -> object:
+        return pdu[STATION_ID] if self.edition.key is None else (pdu[STATION_ID], *self.edition.key(pdu))
+
+    def _complain(self, way: str, cause: str, text: str) -> None:
+        line = self._complaints.say(f"{self.kind.name}/{way}", cause, text, time.monotonic())
+        if line is not None:
+            self._warn(line)
+
+
+def period_s(settings: Transmit) -> float:
+    """Between two sendings; infinite without a rate."""
+    return 1.0 / settings.rate_hz if settings.rate_hz else math.inf

@@ -1,0 +1,160 @@
+"""The message library as the gateway uses it: an edition of a message with its ROS type, and what stays beside."""
+
+from collections import OrderedDict, deque
+from types import ModuleType
+from typing import Any, NamedTuple
+
+from .errors import GatewayError, RefusedError
+from .handlers.kind import Kind
+
+ITS_HEADER = 6  # octets: protocolVersion, messageID, stationID (TS 102 894-2, ItsPduHeader)
+MAX_PDU = 1500  # octets, what a station takes
+# Of a station's messages of a type; one that relays messages returns each before so many others have come.
+KEPT_OF_A_STATION = 16
+KEPT_STATIONS = 256
+
+INSTALL = (
+    "install its wheel: captain-asn1 generate --all --form wheel --ros2 --to DIR, then "
+    "python3 -m pip install DIR/*.whl in the environment of ROS"
+)
+
+
+def load() -> ModuleType:
+    """captain_messages. Raises GatewayError where it is not there, or knows nothing of ROS."""
+    try:
+        import captain_messages
+    except ImportError as error:
+        raise GatewayError(f"there is no message library, captain_messages: {error}; {INSTALL}") from error
+    if not hasattr(captain_messages, "CdrError"):
+        raise GatewayError(f"{captain_messages.__file__} was generated without --ros2; {INSTALL}")
+    library: ModuleType = captain_messages
+    return library
+
+
+class Made(NamedTuple):
+    """A message as ROS has it. left_out: paths of what has no field there."""
+
+    cdr: bytes
+    left_out: tuple[str, ...]
+
+
+class Edition:
+    """One edition of a message in one profile.
+
+    kind     whose paths are read, as far as this edition has them.
+    Raises GatewayError for a name that the library does not have, or that the profile cannot say.
+    """
+
+    def __init__(self, library: ModuleType, name: str, profile: str, kind: Kind) -> None:
+        try:
+            self.message: Any = library.find(name)
+            self.ros_type: str = self.message.ros2_type(profile)
+        except LookupError as error:
+            raise GatewayError(f"{kind.name}.edition: {error.args[0] if error.args else error}") from error
+        self.name: str = self.message.name
+        self.profile = profile
+        self.position = self._reader(next((pair for pair in kind.position if self._has(*pair)), ()))
+        self.generated = self._reader(next(((path,) for path in kind.generated if self._has(path)), ()))
+        self.key = self._reader(tuple(path for path in kind.key if self._has(path)))
+        self._kept = Kept()
+
+    def to_cdr(self, pdu: bytes) -> Made:
+        """Octets of the air as a serialised ROS message. Raises RefusedError."""
+        try:
+            cdr, left_out = self.message.to_cdr(pdu, self.profile)
+        except (ValueError, MemoryError) as error:
+            raise RefusedError("undecodable", str(error)) from error
+        if not left_out:
+            return Made(cdr, ())
+        self._kept.keep(pdu)
+        return Made(cdr, tuple(part.path for part in left_out))
+
+    def from_cdr(self, cdr: bytes) -> bytes:
+        """A serialised ROS message as octets of the air: those that it was made of, where it still says the same.
+
+        Raises RefusedError, which names the field, its value and what is allowed.
+        """
+        try:
+            pdu: bytes = self.message.from_cdr(cdr, self.profile)
+        except (ValueError, MemoryError) as error:
+            # What no edition knows cannot be said in ROS: unless it is a message that came like this.
+            for original in self._kept.newest():
+                if self._is_made_of(cdr, original):
+                    return original
+            cause = "foreign" if type(error).__name__ == "CdrError" and _is_broken(error) else "out-of-range"
+            raise RefusedError(cause, str(error)) from error
+        for original in self._kept.of(pdu):
+            if self._is_made_of(cdr, original):
+                return original
+        return pdu
+
+    def check(self, pdu: bytes) -> None:
+        """Raise RefusedError for what a station would take for another message, or not at all."""
+        if pdu[1] not in self.message.ids:
+            expected = " or ".join(map(str, self.message.ids))
+            raise RefusedError("header", f"header.message_id: {pdu[1]} is not that of {self.message.type}: {expected}")
+        if pdu[0] not in self.message.versions:
+            expected = " or ".join(map(str, self.message.versions))
+            raise RefusedError("header", f"header.protocol_version: {pdu[0]} is not that of {self.name}: {expected}")
+        if len(pdu) > MAX_PDU:
+            raise RefusedError("too-long", f"the message has {len(pdu)} octets; a station takes {MAX_PDU}")
+
+    def is_exact(self, pdu: bytes) -> bool | None:
+        """Whether encoding it again gives the same octets; None where it does not decode."""
+        try:
+            return bool(self.message.encode(self.message.view(pdu)) == pdu)
+        except (ValueError, MemoryError):
+            return None
+
+    def _is_made_of(self, cdr: bytes, original: bytes) -> bool:
+        try:
+            return bool(self.message.from_cdr(cdr, self.profile, original) == original)
+        except (ValueError, MemoryError):
+            return False
+
+    def _has(self, *paths: str) -> bool:
+        try:
+            self.message.reader(*paths)
+        except ValueError:
+            return False
+        return True
+
+    def _reader(self, paths: tuple[str, ...]) -> Any:
+        return self.message.reader(*paths) if paths else None
+
+
+class Kept:
+    """Messages of which something has no place in ROS, by their station: the most recent of the most recent.
+
+    The thread that receives writes, the one that sends reads: what it reads is a copy.
+    """
+
+    def __init__(self) -> None:
+        self._stations: OrderedDict[bytes, deque[bytes]] = OrderedDict()
+
+    def keep(self, pdu: bytes) -> None:
+        station = pdu[:ITS_HEADER]
+        own = self._stations.get(station)
+        if own is None:
+            own = self._stations[station] = deque(maxlen=KEPT_OF_A_STATION)
+            if len(self._stations) > KEPT_STATIONS:
+                self._stations.popitem(last=False)
+        else:
+            self._stations.move_to_end(station)
+        if pdu not in own:
+            own.append(pdu)
+
+    def of(self, pdu: bytes) -> list[bytes]:
+        """Those with this header, the newest first."""
+        return list(self._stations.get(pdu[:ITS_HEADER], ()))[::-1]
+
+    def newest(self) -> list[bytes]:
+        """The newest of each of the stations heard last."""
+        recent = list(self._stations.values())[-KEPT_OF_A_STATION:]
+        return [pdu for own in recent for pdu in list(own)[::-1]]
+
+
+def _is_broken(error: BaseException) -> bool:
+    """Whether octets are no message of the type at all, in contrast to one with a value that is not allowed."""
+    reason = str(getattr(error, "reason", ""))
+    return not getattr(error, "path", "") or reason.startswith(("truncated", "octets behind"))

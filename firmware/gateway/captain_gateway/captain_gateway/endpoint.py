@@ -1,0 +1,165 @@
+"""Both ways between the gateway and a station's endpoint: a thread that receives, and a socket that sends."""
+
+import json
+import threading
+import time
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
+
+import zmq
+
+from .errors import RefusedError
+from .pairing import Arrival, How, Joining, Key, indication
+
+# A heartbeat comes once a second: three of them lost is nobody there.
+SILENT_S = 3.0
+# How long the thread may not look at whether it is to end, and at what has waited long enough while there is some.
+IDLE_MS, BUSY_MS = 200, 10
+# A status of a station with a hundred interfaces has 100 KB; a peer that sends more is not a station.
+MOST_OCTETS = 1 << 20
+# Messages that libzmq keeps for a thread that is late: 10 s at 1,000 a second.
+HIGH_WATER = 10_000
+BATCH = 64
+
+
+class Address(NamedTuple):
+    """A host and its ports; pull and report are 0 where the box has none."""
+
+    host: str
+    to_users: int
+    pull: int
+    from_users: int
+    report: int
+
+    def url(self, port: int) -> str:
+        return f"tcp://[{self.host}]:{port}" if ":" in self.host else f"tcp://{self.host}:{port}"
+
+
+class Listener(Protocol):
+    """Who is told; all in the thread that receives."""
+
+    def arrived(self, arrival: Arrival) -> None: ...
+    def indicated(self, key: Key, how: How) -> None: ...
+    def reported(self, topic: str, told: dict[str, object]) -> None: ...
+    def present(self, is_there: bool) -> None: ...
+    def passed(self) -> bool:
+        """Called after each turn. Whether something waits for what may come within milliseconds."""
+
+
+class Receiving(threading.Thread):
+    """Owns the sockets to 5556 and 5558, and tells the listener of what comes."""
+
+    def __init__(
+        self, context: "zmq.Context[zmq.Socket[bytes]]", address: Address, joining: Joining, listener: Listener
+    ) -> None:
+        super().__init__(name="receiving", daemon=True)
+        self._context = context
+        self._address = address
+        self._joining = joining
+        self._listener = listener
+        self._is_ending = threading.Event()
+        self.error: BaseException | None = None
+
+    def run(self) -> None:
+        try:
+            self._run()
+        except BaseException as error:  # noqa: BLE001 told by the main thread, which ends with it
+            self.error = error
+
+    def end(self) -> None:
+        self._is_ending.set()
+        if self.is_alive():
+            self.join()
+
+    def _run(self) -> None:
+        users = self._subscriber(self._address.to_users, b"")
+        sockets = [users]
+        if self._address.report:
+            sockets.append(self._subscriber(self._address.report, b"indication.", b"confirm.", b"status.", b"time."))
+        poller = zmq.Poller()
+        for one in sockets:
+            poller.register(one, zmq.POLLIN)
+        heard, is_there = time.monotonic(), None
+        is_busy = False
+        while not self._is_ending.is_set():
+            ready = dict(poller.poll(BUSY_MS if is_busy else IDLE_MS))
+            now = time.monotonic()
+            if users in ready:
+                heard = now
+                self._take(users, self._user_message)
+            if len(sockets) > 1 and sockets[1] in ready:
+                self._take(sockets[1], self._report)
+            if is_there is not (now - heard < SILENT_S) and (heard == now or now - heard >= SILENT_S):
+                is_there = now - heard < SILENT_S
+                self._listener.present(is_there)
+            is_busy = self._listener.passed()
+        for one in sockets:
+            one.close(0)
+
+    def _subscriber(self, port: int, *topics: bytes) -> "zmq.Socket[bytes]":
+        socket = self._context.socket(zmq.SUB)
+        socket.set(zmq.RCVHWM, HIGH_WATER)
+        socket.set(zmq.MAXMSGSIZE, MOST_OCTETS)
+        socket.set(zmq.IPV6, 1)
+        socket.set(zmq.RECONNECT_IVL_MAX, 1000)
+        for topic in topics:
+            socket.set(zmq.SUBSCRIBE, topic)
+        socket.connect(self._address.url(port))
+        return socket
+
+    @staticmethod
+    def _take(socket: "zmq.Socket[bytes]", take: Callable[[list[bytes]], None]) -> None:
+        for _ in range(BATCH):
+            try:
+                take(socket.recv_multipart(zmq.NOBLOCK))
+            except zmq.Again:
+                return
+
+    def _user_message(self, frames: list[bytes]) -> None:
+        arrival = self._joining.feed(frames)
+        if arrival is not None:
+            self._listener.arrived(arrival)
+
+    def _report(self, frames: list[bytes]) -> None:
+        if len(frames) != 2:
+            return
+        topic, octets = frames
+        if topic.startswith(b"indication."):
+            found = indication(octets)
+            if found is not None:
+                self._listener.indicated(*found)
+            return
+        try:
+            told = json.loads(octets)
+        except (ValueError, RecursionError):
+            return
+        if isinstance(told, dict):
+            self._listener.reported(topic.decode("ascii", "backslashreplace"), told)
+
+
+class Sending:
+    """The socket that messages leave by: PUSH, or where the box has no PULL a PUB. Used by one thread."""
+
+    def __init__(self, context: "zmq.Context[zmq.Socket[bytes]]", address: Address) -> None:
+        self._has_pull = bool(address.pull)
+        self._socket = context.socket(zmq.PUSH if self._has_pull else zmq.PUB)
+        self._socket.set(zmq.SNDHWM, HIGH_WATER)
+        self._socket.set(zmq.LINGER, 200)
+        self._socket.set(zmq.IPV6, 1)
+        self._socket.set(zmq.IMMEDIATE, 1)  # what is sent to nobody is refused, not kept for whoever comes
+        self._socket.set(zmq.RECONNECT_IVL_MAX, 1000)
+        self._where = address.url(address.pull or address.from_users)
+        self._socket.connect(self._where)
+
+    def send(self, pdu: bytes, options: dict[str, object]) -> None:
+        """Hand a message to the station. Raises RefusedError where there is none; a PUB never knows."""
+        frames = [b"v2x.", pdu]
+        if options and self._has_pull:
+            frames.append(json.dumps(options).encode())
+        try:
+            self._socket.send_multipart(frames, zmq.NOBLOCK)
+        except zmq.Again as error:
+            raise RefusedError("no-station", f"no station takes messages at {self._where}") from error
+
+    def close(self) -> None:
+        self._socket.close()

@@ -1,0 +1,25 @@
+"""The handlers, by name: a new one is a file beside this one and a line here."""
+
+from .cam import CAM, CAM_TS
+from .charging import EV_RSR, EVCSN, TISTPG
+from .cpm import CPM, CPM_TR
+from .denm import DENM, DENM_TS
+from .imzm import IMZM
+from .ivim import IVIM
+from .kind import Kind
+from .mapem import MAPEM
+from .mcm import MCM
+from .poi import POI
+from .rtcmem import RTCMEM
+from .spatem import SPATEM
+from .srem import SREM
+from .ssem import SSEM
+from .vam import VAM
+
+KINDS: dict[str, Kind] = {
+    kind.name: kind
+    for kind in (
+        CAM, CAM_TS, DENM, DENM_TS, CPM, CPM_TR, VAM, IVIM, MAPEM, SPATEM, SREM, SSEM, RTCMEM, POI, IMZM, EVCSN, EV_RSR,
+        TISTPG, MCM,
+    )
+}  # fmt: skip

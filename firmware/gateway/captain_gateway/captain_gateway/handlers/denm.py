@@ -1,0 +1,19 @@
+"""Events: EN 302 637-3 as `denm`, TS 103 831 as `denm_ts`."""
+
+from .kind import Kind, place
+
+DENM = Kind(
+    name="denm",
+    editions=("denm-1.3.1", "denm-2.3.1", "denm-2.2.1"),
+    position=(place("denm.management.eventPosition"),),
+    generated=("denm.management.referenceTime",),
+    clock="its",
+    # Two spellings of one field: originatingStationID until TS 103 831, originatingStationId since.
+    key=(
+        "denm.management.actionID.originatingStationID",
+        "denm.management.actionId.originatingStationId",
+        "denm.management.actionID.sequenceNumber",
+        "denm.management.actionId.sequenceNumber",
+    ),
+)
+DENM_TS = DENM._replace(name="denm_ts", editions=("denm-2.2.1", "denm-2.3.1", "denm-1.3.1"), is_usual=False)

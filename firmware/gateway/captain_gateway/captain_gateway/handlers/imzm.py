@@ -1,0 +1,5 @@
+"""Zones in which a station's radio is to be quiet: TS 103 724."""
+
+from .kind import Kind
+
+IMZM = Kind(name="imzm", editions=("imzm-2.1.1",))

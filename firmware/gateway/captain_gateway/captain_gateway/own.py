@@ -1,0 +1,97 @@
+"""Where the own station is and what time it has, out of what it reports: numbers for ROS, without ROS."""
+
+import math
+from typing import Any, NamedTuple
+
+from .filters import ITS_EPOCH_S, Place
+
+# WGS84 (NIMA TR8350.2): semi-major axis in m, first eccentricity squared.
+AXIS_M = 6_378_137.0
+ECCENTRICITY_2 = 6.69437999014e-3
+
+
+class Pose(NamedTuple):
+    """Degrees, m, m/s; None is not known. source: an interface or `configured`. carrier: none, float, fixed."""
+
+    latitude: float
+    longitude: float
+    altitude_m: float | None
+    horizontal_m: float | None
+    vertical_m: float | None
+    heading_deg: float | None
+    speed_m_s: float | None
+    source: str
+    carrier: str
+
+
+def pose(status: dict[str, Any]) -> Pose | None:
+    """Of a status of the station; None where it does not know its place."""
+    told = status.get("position")
+    if not isinstance(told, dict):
+        return None
+    latitude, longitude = _number(told, "latitude"), _number(told, "longitude")
+    source = str(told.get("source") or "")
+    if latitude is None or longitude is None or not source:
+        return None
+    names = ("altitude_m", "horizontal_m", "vertical_m", "heading_deg", "speed_m_s")
+    altitude_m, horizontal_m, vertical_m, heading_deg, speed_m_s = (_number(told, name) for name in names)
+    return Pose(
+        latitude, longitude, altitude_m, horizontal_m, vertical_m, heading_deg, speed_m_s, source,
+        str(told.get("carrier") or ""),
+    )  # fmt: skip
+
+
+class Clock(NamedTuple):
+    """The station's own time.
+
+    unix_ns  when it said so; None where it does not know.
+    """
+
+    unix_ns: int | None
+    source: str
+    leap_seconds: int | None
+
+
+def clock(time: dict[str, Any]) -> Clock:
+    """Of what the station reports under `time.`."""
+    leap = time.get("leap")
+    seconds = leap.get("seconds") if isinstance(leap, dict) else None
+    leap_seconds = seconds if isinstance(seconds, int) and 0 <= seconds < 100 else None
+    its_ms = time.get("its_ms")
+    unix_ns = None
+    if isinstance(its_ms, int) and leap_seconds is not None:
+        unix_ns = (its_ms - leap_seconds * 1000 + ITS_EPOCH_S * 1000) * 1_000_000
+    return Clock(unix_ns, f"{time.get('receiver') or 'system'}, {time.get('state') or 'unknown'}", leap_seconds)
+
+
+def east_north_up(origin: tuple[float, float, float], place: Place, altitude_m: float) -> tuple[float, float, float]:
+    """A place in m from an origin (latitude, longitude in degrees, altitude in m): REP 103's axes."""
+    latitude, longitude = math.radians(origin[0]), math.radians(origin[1])
+    away = tuple(a - b for a, b in zip(_ecef(*place, altitude_m), _ecef(*origin), strict=True))
+    east = -math.sin(longitude) * away[0] + math.cos(longitude) * away[1]
+    outward = math.cos(longitude) * away[0] + math.sin(longitude) * away[1]
+    return (
+        east,
+        -math.sin(latitude) * outward + math.cos(latitude) * away[2],
+        math.cos(latitude) * outward + math.sin(latitude) * away[2],
+    )
+
+
+def quaternion(heading_deg: float) -> tuple[float, float]:
+    """z and w of the rotation about the vertical; heading from north, clockwise, as yaw from east (REP 103)."""
+    yaw = math.radians(90.0 - heading_deg)
+    return math.sin(yaw / 2), math.cos(yaw / 2)
+
+
+def _ecef(latitude_deg: float, longitude_deg: float, altitude_m: float) -> tuple[float, float, float]:
+    latitude, longitude = math.radians(latitude_deg), math.radians(longitude_deg)
+    radius = AXIS_M / math.sqrt(1 - ECCENTRICITY_2 * math.sin(latitude) ** 2)
+    across = (radius + altitude_m) * math.cos(latitude)
+    upward = (radius * (1 - ECCENTRICITY_2) + altitude_m) * math.sin(latitude)
+    return across * math.cos(longitude), across * math.sin(longitude), upward
+
+
+def _number(table: dict[str, Any], name: str) -> float | None:
+    value = table.get(name)
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+    return float(value) if is_number else None  # type: ignore[arg-type]

@@ -1,0 +1,117 @@
+"""Own station as ROS knows positions and clocks: NavSatFix, TimeReference, a pose in the map, a transform."""
+
+from typing import Any
+
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import PoseStamped, TransformStamped
+from sensor_msgs.msg import NavSatFix, NavSatStatus, TimeReference
+
+from . import own
+from .filters import Place
+from .own import Clock, Pose
+
+# Where a receiver says how far off it is at most: its word is two standard deviations (95 %).
+WORDS_PER_DEVIATION = 2.0
+CARRIER = ("float", "fixed")  # phases of it are used, with corrections from a base
+
+
+class OwnTopics:
+    """Publishes what the station reports of itself, once a second. It is told by the thread that receives.
+
+    origin  of the map: latitude, longitude, altitude_m; None: the first own position.
+    """
+
+    def __init__(
+        self,
+        node: Any,
+        frames: tuple[str, str],
+        origin: tuple[float, float, float] | None,
+        has_transform: bool,
+        qos: Any,
+    ) -> None:
+        self.place: Place | None = None
+        self.leap_seconds = 5  # since 2017; the station knows better once it has said so
+        self.pose: Pose | None = None
+        self.clock: Clock | None = None
+        self._node = node
+        self._map, self._station = frames
+        self._origin = origin
+        self._fix = qos(NavSatFix, "own/fix")
+        self._pose = qos(PoseStamped, "own/pose")
+        self._time = qos(TimeReference, "own/time_reference")
+        self._transform, self._transforms = None, None
+        self.why_no_transform = "" if has_transform else "own.transform is false"
+        if has_transform:
+            try:
+                from tf2_msgs.msg import TFMessage
+            except ImportError as error:
+                self.why_no_transform = f"tf2_msgs is not installed: {error}"
+            else:
+                self._transforms = TFMessage
+                self._transform = qos(TFMessage, "/tf")
+
+    def status(self, told: dict[str, Any]) -> None:
+        """A status of the station."""
+        pose = self.pose = own.pose(told)
+        if pose is None:
+            self.place = None
+            return
+        self.place = (pose.latitude, pose.longitude)
+        stamp = self._node.get_clock().now().to_msg()
+        self._fix.publish(self._nav_sat_fix(pose, stamp))
+        if self._origin is None:
+            self._origin = (*self.place, pose.altitude_m or 0.0)
+        east, north, up = own.east_north_up(self._origin, self.place, self._altitude(pose))
+        z, w = (0.0, 1.0) if pose.heading_deg is None else own.quaternion(pose.heading_deg)
+        self._publish_pose(stamp, (east, north, up), (z, w))
+
+    def time(self, told: dict[str, Any]) -> None:
+        """What the station says of its time."""
+        clock = self.clock = own.clock(told)
+        if clock.leap_seconds is not None:
+            self.leap_seconds = clock.leap_seconds
+        if clock.unix_ns is None:
+            return
+        message = TimeReference()
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        message.header.frame_id = self._station
+        message.time_ref = Time(sec=clock.unix_ns // 10**9, nanosec=clock.unix_ns % 10**9)
+        message.source = clock.source
+        self._time.publish(message)
+
+    def _altitude(self, pose: Pose) -> float:
+        """That of the origin where the receiver has none: then the map is flat."""
+        if pose.altitude_m is not None:
+            return pose.altitude_m
+        return 0.0 if self._origin is None else self._origin[2]
+
+    def _nav_sat_fix(self, pose: Pose, stamp: Time) -> NavSatFix:
+        message = NavSatFix()
+        message.header.stamp, message.header.frame_id = stamp, self._station
+        is_exact = pose.carrier in CARRIER
+        message.status.status = NavSatStatus.STATUS_GBAS_FIX if is_exact else NavSatStatus.STATUS_FIX
+        message.status.service = NavSatStatus.SERVICE_GPS
+        message.latitude, message.longitude = pose.latitude, pose.longitude
+        message.altitude = float("nan") if pose.altitude_m is None else pose.altitude_m
+        if pose.horizontal_m is not None:
+            across = (pose.horizontal_m / WORDS_PER_DEVIATION) ** 2
+            upward = across if pose.vertical_m is None else (pose.vertical_m / WORDS_PER_DEVIATION) ** 2
+            message.position_covariance = [across, 0.0, 0.0, 0.0, across, 0.0, 0.0, 0.0, upward]
+            message.position_covariance_type = NavSatFix.COVARIANCE_TYPE_APPROXIMATED
+        return message
+
+    def _publish_pose(self, stamp: Time, place: tuple[float, float, float], turn: tuple[float, float]) -> None:
+        message = PoseStamped()
+        message.header.stamp, message.header.frame_id = stamp, self._map
+        position, orientation = message.pose.position, message.pose.orientation
+        position.x, position.y, position.z = place
+        orientation.z, orientation.w = turn
+        self._pose.publish(message)
+        if self._transform is None or self._transforms is None:
+            return
+        transform = TransformStamped()
+        transform.header, transform.child_frame_id = message.header, self._station
+        move = transform.transform.translation
+        move.x, move.y, move.z = place
+        transform.transform.rotation = orientation
+        self._transform.publish(self._transforms(transforms=[transform]))

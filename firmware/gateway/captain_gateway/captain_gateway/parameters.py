@@ -1,0 +1,70 @@
+"""The parameters of a node: declared, read, and changed while it runs."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+
+from .errors import GatewayError
+from .settings import GATEWAY, HANDLER, Option
+
+Values = Mapping[str, Any]
+
+
+class Parameters:
+    """Values of a node's parameters as ROS has them; all have been read once and were allowed."""
+
+    def __init__(self, node: Any) -> None:
+        self._node = node
+        self._options: dict[str, Option] = {}
+
+    def gateway(self) -> dict[str, Any]:
+        """Declares those of the gateway. Returns what they are read to. Raises GatewayError."""
+        return {name: option.read(self._declare(name, option)) for name, option in GATEWAY.items()}
+
+    def handler(self, name: str) -> dict[str, Any]:
+        """Declares those of a handler. Returns their values as ROS has them. Raises GatewayError."""
+        return {key: self._declare(f"{name}.{key}", option) for key, option in HANDLER.items()}
+
+    def on_change(self, changed: Callable[[str, Any], None]) -> None:
+        """Whom to tell of each that is set from now on: its full name and its value as ROS has it."""
+
+        def check(parameters: list[Any]) -> SetParametersResult:
+            for one in parameters:
+                option = self._options.get(one.name)
+                if option is None:
+                    continue
+                try:
+                    option.read(_plain(one.value))
+                except ValueError as error:
+                    return SetParametersResult(successful=False, reason=f"{one.name}: {error}")
+            return SetParametersResult(successful=True)
+
+        def tell(parameters: list[Any]) -> SetParametersResult | None:
+            for one in parameters:
+                if one.name in self._options:
+                    changed(one.name, _plain(one.value))
+            return None
+
+        self._node.add_on_set_parameters_callback(check)
+        # Humble has no callback behind the change: there it is told when it is checked, and nobody else refuses.
+        if hasattr(self._node, "add_post_set_parameters_callback"):
+            self._node.add_post_set_parameters_callback(tell)
+        else:
+            self._node.add_on_set_parameters_callback(lambda parameters: tell(parameters) or check(parameters))
+
+    def _declare(self, name: str, option: Option) -> Any:
+        # Of any type: an empty list has none, and a whole number is a number.
+        descriptor = ParameterDescriptor(description=option.meaning, read_only=option.is_fixed, dynamic_typing=True)
+        try:
+            value = _plain(self._node.declare_parameter(name, option.default, descriptor).value)
+            option.read(value)
+        except ValueError as error:
+            raise GatewayError(f"parameter {name}: {error}") from error
+        self._options[name] = option
+        return value
+
+
+def _plain(value: Any) -> Any:
+    """Arrays of numbers are array.array in rclpy."""
+    return list(value) if hasattr(value, "typecode") else value

@@ -1,0 +1,144 @@
+"""What needs captain_gateway_msgs: requests with options, confirms, services."""
+
+from typing import Any, Protocol
+
+from .channel import Channel
+from .diagnosis import OK, WARN, Status
+from .errors import GatewayError, RefusedError
+from .services import Services
+
+SHAPES = ("", "circle", "rectangle", "ellipse")  # as Area.msg numbers them
+MOST_DISTANCE, MOST_ANGLE = 65535, 360
+
+
+class Gateway(Protocol):
+    """What it asks of the node."""
+
+    channels: dict[str, Channel]
+
+    @property
+    def node(self) -> Any: ...
+    def publisher(self, type_: Any, topic: str) -> Any: ...
+    def subscription(self, type_: Any, topic: str, call: Any) -> Any: ...
+    def complain(self, about: str, cause: str, text: str) -> None: ...
+
+
+class Requests:
+    """Topics `request` and `confirm`, services `~/encode` and `~/decode`."""
+
+    def __init__(self, gateway: Gateway, messages: Any, services: Services) -> None:
+        self._gateway = gateway
+        self._services = services
+        self._messages = messages
+        self._taken = self._refused = self._refused_before = 0
+        self._why = ""
+        self._confirms = gateway.publisher(messages.msg.Confirm, "confirm")
+        self._subscription = gateway.subscription(messages.msg.Request, "request", self._request)
+        gateway.node.create_service(messages.srv.Encode, "~/encode", services.encode)
+        gateway.node.create_service(messages.srv.Decode, "~/decode", services.decode)
+
+    def confirm(self, told: dict[str, Any], label: str) -> None:
+        """Publish what the station says; in the thread that receives."""
+        if not self._confirms.get_subscription_count():
+            return
+        message = self._messages.msg.Confirm(label=label)
+        seconds = float(told.get("time") or 0.0)
+        message.header.stamp.sec = int(seconds)
+        message.header.stamp.nanosec = int(seconds % 1 * 1e9)
+        for name in ("type", "outcome", "interface", "reason", "meaning", "detail"):
+            setattr(message, name, str(told.get(name) or ""))
+        message.queue = float(told.get("queue_us") or 0.0) / 1e6
+        message.send = float(told.get("send_us") or 0.0) / 1e6
+        self._confirms.publish(message)
+
+    def diagnosis(self) -> Status:
+        is_fresh = self._refused > self._refused_before
+        self._refused_before = self._refused
+        values = {"taken": str(self._taken), "refused": str(self._refused)}
+        if self._why:
+            values["last refused"] = self._why
+        return Status(WARN if is_fresh else OK, "request", self._why if is_fresh else "ok", values)
+
+    def _request(self, request: Any) -> None:
+        self._taken += 1
+        try:
+            self._hand_over(request)
+        except (GatewayError, RefusedError) as error:
+            self._refused += 1
+            self._why = str(error)
+            cause = error.cause if isinstance(error, RefusedError) else "type"
+            self._gateway.complain("request", cause, f"not sent: {error}")
+
+    def _hand_over(self, request: Any) -> None:
+        options = asked(request)
+        pdu = bytes(request.pdu)
+        channel = self._channel(request.type, pdu)
+        if not channel.transmitting.active:
+            raise RefusedError("inactive", f"{channel.kind.name}.transmit.active is false")
+        pdu = channel.checked(pdu) if pdu else channel.octets(bytes(request.cdr))
+        channel.counts.taken += 1
+        channel.hand_over(pdu, options, request.label)
+
+    def _channel(self, type_: str, pdu: bytes) -> Channel:
+        """Of the handler that the type names; with octets alone, of that which takes their messageID."""
+        if not type_:
+            if len(pdu) < 6:
+                raise RefusedError("request", "neither type nor a message in pdu: whose message is it?")
+            for channel in self._gateway.channels.values():
+                if pdu[1] in channel.edition.message.ids:
+                    return channel
+            raise RefusedError("request", f"pdu: no handler has messageID {pdu[1]}")
+        for channel in self._gateway.channels.values():
+            if type_ in (channel.kind.name, channel.edition.name, channel.edition.ros_type):
+                return channel
+        raise RefusedError("request", f"type: {type_!r} is none of {', '.join(self._gateway.channels)}")
+
+
+def asked(request: Any) -> dict[str, object]:
+    """Options of the station's endpoint, out of captain_gateway_msgs/msg/Request. Raises RefusedError."""
+    found: dict[str, object] = {}
+    if request.interfaces:
+        found["interfaces"] = list(request.interfaces)
+    if request.btp_port:
+        found["btp_port"] = request.btp_port
+    if request.traffic_class_is_present:
+        found["traffic_class"] = request.traffic_class
+    if request.priority_is_present:
+        if request.priority > 7:
+            raise RefusedError("request", f"priority: {request.priority} is not in 0..7")
+        found["priority"] = request.priority
+    if request.lifetime:
+        if not 0.0 < request.lifetime <= 86400.0:
+            raise RefusedError("request", f"lifetime: {request.lifetime:g} is not in 0..86400 s")
+        found["lifetime_s"] = request.lifetime
+    if request.area.shape:
+        found["area"] = _area(request.area)
+    if request.hop_limit:
+        if not request.area.shape:
+            raise RefusedError(
+                "request", f"hop_limit: {request.hop_limit} is that of a GeoBroadcast: give an area as well"
+            )
+        found["hop_limit"] = request.hop_limit
+    return found
+
+
+def _area(area: Any) -> dict[str, object]:
+    limits = {
+        "shape": (1, 3),
+        "latitude": (-90, 90),
+        "longitude": (-180, 180),
+        "distance_a": (1, MOST_DISTANCE),
+        "angle": (0, MOST_ANGLE),
+    }
+    for name, (low, high) in limits.items():
+        value = getattr(area, name)
+        if not low <= value <= high:
+            raise RefusedError("request", f"area.{name}: {value:g} is not in {low}..{high}")
+    found = {"shape": SHAPES[area.shape]} | {
+        name: getattr(area, name) for name in ("latitude", "longitude", "distance_a")
+    }
+    if found["shape"] != "circle":
+        if not area.distance_b:
+            raise RefusedError("request", f"area.distance_b: nobody can be in a {found['shape']} of 0 m")
+        found |= {"distance_b": area.distance_b, "angle": area.angle}
+    return found

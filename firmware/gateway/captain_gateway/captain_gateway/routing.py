@@ -1,0 +1,44 @@
+"""Which handler a received message is for: by messageID, and between editions by what decodes."""
+
+from collections.abc import Iterable
+from typing import Generic, Protocol, TypeVar
+
+from .codec import Edition
+
+
+class HasEdition(Protocol):
+    @property
+    def edition(self) -> Edition: ...
+
+
+One = TypeVar("One", bound=HasEdition)
+
+
+class Routing(Generic[One]):
+    """Handlers by messageID; where several have the same, they are tried in the order that they are given in."""
+
+    def __init__(self, handlers: Iterable[One]) -> None:
+        self._by_id: list[list[One]] = [[] for _ in range(256)]
+        for handler in handlers:
+            for number in handler.edition.message.ids:
+                self._by_id[number].append(handler)
+
+    def find(self, pdu: bytes) -> One | None:
+        """Whose a message of at least 6 octets is; None where nobody has its messageID.
+
+        Of several editions the first that announces its protocolVersion and gives the same octets back; else the first
+        that decodes; else the first, which then says why it does not.
+        """
+        candidates = self._by_id[pdu[1]]
+        if len(candidates) < 2:
+            return candidates[0] if candidates else None
+        announced = [one for one in candidates if pdu[0] in one.edition.message.versions] or candidates
+        if len(announced) == 1:
+            return announced[0]
+        decoded = None
+        for one in announced:
+            is_exact = one.edition.is_exact(pdu)
+            if is_exact:
+                return one
+            decoded = decoded or (one if is_exact is not None else None)
+        return decoded or announced[0]

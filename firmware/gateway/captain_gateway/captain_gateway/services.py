@@ -1,0 +1,83 @@
+"""Services: a ROS message or JSON to the octets of the air, and back."""
+
+from collections.abc import Iterable, Mapping
+from types import ModuleType
+from typing import Any
+
+from .codec import ITS_HEADER, Edition
+from .errors import GatewayError, RefusedError
+from .handlers import KINDS
+from .handlers.kind import Kind
+from .routing import HasEdition, Routing
+
+
+class Services:
+    """encode() and decode() as rclpy calls services. Every edition that the library has, not only those of topics.
+
+    editions  those that have topics, by the name of their handler.
+    """
+
+    def __init__(self, library: ModuleType, profile: str, editions: Mapping[str, HasEdition]) -> None:
+        self._library = library
+        self._profile = profile
+        self._editions = editions
+        self._routing = Routing(editions.values())
+
+    def encode(self, request: Any, response: Any) -> Any:
+        """Fills captain_gateway_msgs/srv/Encode."""
+        try:
+            edition = self.edition(request.type)
+            pdu = edition.message.from_json(request.json) if request.json else edition.from_cdr(bytes(request.cdr))
+            response.edition = edition.name
+            response.pdu = pdu
+            response.success = True
+        except (GatewayError, RefusedError, ValueError, MemoryError) as error:
+            response.reason = str(error)
+        return response
+
+    def decode(self, request: Any, response: Any) -> Any:
+        """Fills captain_gateway_msgs/srv/Decode."""
+        pdu = bytes(request.pdu)
+        try:
+            edition = self.edition(request.type) if request.type else self._by_header(pdu)
+            response.cdr, left_out = edition.message.to_cdr(pdu, self._profile)
+            response.json = edition.message.to_json(pdu)
+            response.left_out = [part.path for part in left_out]
+            response.edition, response.type = edition.name, edition.ros_type
+            response.success = True
+        except (GatewayError, RefusedError, ValueError, MemoryError) as error:
+            response.reason = str(error)
+        return response
+
+    def edition(self, name: str) -> Edition:
+        """By the name of a handler, an edition or a ROS type. Raises GatewayError."""
+        found = self._editions.get(name)
+        if found is not None:
+            return found.edition
+        for edition in self._all():
+            if name in (edition.name, edition.ros_type):
+                return edition
+        raise GatewayError(
+            f"type {name!r} is neither a handler ({', '.join(self._editions)}) nor an edition as cam-1.4.1 nor a ROS "
+            "type as etsi_its_cam_msgs/msg/CAM"
+        )
+
+    def _by_header(self, pdu: bytes) -> Edition:
+        if len(pdu) < ITS_HEADER:
+            raise GatewayError(f"{len(pdu)} octets are no message: its header alone has {ITS_HEADER}")
+        found = self._routing.find(pdu)
+        if found is not None:
+            return found.edition
+        for edition in self._all():
+            if pdu[1] in edition.message.ids:
+                return edition
+        raise GatewayError(f"no message has messageID {pdu[1]}; name its type")
+
+    def _all(self) -> Iterable[Edition]:
+        for message in self._library.all():
+            try:
+                yield Edition(
+                    self._library, message.name, self._profile, KINDS.get(message.type) or Kind(message.type, ())
+                )
+            except GatewayError:
+                continue  # one that this profile cannot say

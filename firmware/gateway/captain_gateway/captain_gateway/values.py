@@ -1,0 +1,160 @@
+"""How the values of parameters are read: what they may be is said in words where they are not."""
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from .handlers import KINDS
+
+SHAPES = {"circle": 3, "rectangle": 4, "ellipse": 4}  # numbers that it needs; one more is the angle
+
+Read = Callable[[Any], Any]
+"""A value as ROS has it to what is kept. Raises ValueError, which says what it may be."""
+
+
+def boolean(value: object) -> bool:
+    if not isinstance(value, bool):
+        raise ValueError(f"{value!r} is neither true nor false")
+    return value
+
+
+def integer(low: int, high: int) -> Read:
+    def read(value: object) -> int:
+        if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
+            raise ValueError(f"{value!r} is no whole number of {low} ... {high}")
+        return value
+
+    return read
+
+
+def number(low: float, high: float) -> Read:
+    def read(value: object) -> float:
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
+            raise ValueError(f"{value!r} is no number of {low:g} ... {high:g}")
+        return float(value)
+
+    return read
+
+
+def text(value: object) -> str:
+    if not isinstance(value, str):
+        raise ValueError(f"{value!r} is no text")
+    return value
+
+
+def choice(*words: str) -> Read:
+    def read(value: object) -> str:
+        if value not in words:
+            raise ValueError(f"{value!r} is none of {', '.join(words)}")
+        return str(value)
+
+    return read
+
+
+def texts(value: object) -> tuple[str, ...]:
+    found = _elements(value)
+    if not all(isinstance(one, str) for one in found):
+        raise ValueError(f"{found!r} is no list of texts")
+    return tuple(found)
+
+
+def stations(value: object) -> frozenset[int]:
+    found = _elements(value)
+    for one in found:
+        if isinstance(one, bool) or not isinstance(one, int) or not 0 <= one <= 0xFFFFFFFF:
+            raise ValueError(f"{one!r} is no stationID: those are 0 ... 4294967295")
+    return frozenset(found)
+
+
+@dataclass(frozen=True)
+class Circle:
+    """Where a message has to come from. Without a centre it is around own position.
+
+    latitude, longitude in degrees.
+    """
+
+    radius_m: float
+    latitude: float | None = None
+    longitude: float | None = None
+
+
+def circle(value: object) -> Circle | None:
+    """Nothing; the radius in m around own position; or latitude and longitude in degrees, and the radius."""
+    found = _numbers(value)
+    if not found:
+        return None
+    if len(found) not in (1, 3) or found[-1] <= 0.0:
+        raise ValueError(f"{found!r} is neither [radius_m] nor [latitude, longitude, radius_m]")
+    if len(found) == 1:
+        return Circle(found[0])
+    _check_place(found[0], found[1])
+    return Circle(found[2], found[0], found[1])
+
+
+def area(value: object) -> dict[str, object] | None:
+    """`circle LATITUDE LONGITUDE RADIUS`, or rectangle or ellipse and two distances and the angle from north."""
+    found = text(value).split()
+    if not found:
+        return None
+    shape, rest = found[0], found[1:]
+    if shape not in SHAPES or len(rest) not in (SHAPES[shape], SHAPES[shape] + (shape != "circle")):
+        raise ValueError(
+            f"{value!r} is neither `circle LATITUDE LONGITUDE RADIUS` nor `rectangle LATITUDE LONGITUDE A B [ANGLE]` "
+            "nor that of an ellipse"
+        )
+    latitude, longitude, *sizes = _numbers([float(one) for one in rest])
+    _check_place(latitude, longitude)
+    names = ("distance_a", "distance_b", "angle")
+    return {"shape": shape, "latitude": latitude, "longitude": longitude} | {
+        name: round(size) for name, size in zip(names, sizes, strict=False)
+    }
+
+
+def place(value: object) -> tuple[float, float, float] | None:
+    """Nothing; or latitude and longitude in degrees, and the altitude in m."""
+    found = _numbers(value)
+    if not found:
+        return None
+    if len(found) != 3:
+        raise ValueError(f"{found!r} is not [latitude, longitude, altitude_m]")
+    _check_place(found[0], found[1])
+    return found[0], found[1], found[2]
+
+
+def kinds(value: object) -> tuple[str, ...]:
+    found = texts(value)
+    unknown = [name for name in found if name not in KINDS]
+    if unknown:
+        raise ValueError(f"{unknown[0]!r} is no handler; there are {', '.join(KINDS)}")
+    return found
+
+
+def template(value: object) -> str:
+    found = text(value)
+    if "{type}" not in found:
+        raise ValueError(f"{found!r} has no {{type}}, by which the topics of the handlers differ")
+    return found
+
+
+def _elements(value: object) -> list[Any]:
+    # An empty text stands for an empty list, which a parameter file cannot say.
+    if value is None or value == "":
+        return []
+    if isinstance(value, (str, bytes)) or not isinstance(value, Iterable):
+        raise ValueError(f"{value!r} is no list")
+    found = list(value)
+    return [] if found == [""] else found
+
+
+def _numbers(value: object) -> list[float]:
+    found = _elements(value)
+    for one in found:
+        if isinstance(one, bool) or not isinstance(one, (int, float)) or not math.isfinite(one):
+            raise ValueError(f"{one!r} is no number")
+    return [float(one) for one in found]
+
+
+def _check_place(latitude: float, longitude: float) -> None:
+    if not (-90.0 <= latitude <= 90.0 and -180.0 <= longitude <= 180.0):
+        raise ValueError(f"{latitude:g}, {longitude:g} is no latitude and longitude in degrees")

@@ -1,0 +1,90 @@
+"""Values of parameters: what is taken, and in what words the rest is refused."""
+
+import json
+
+import pytest
+
+from firmware.gateway.captain_gateway.captain_gateway import settings, values
+from firmware.gateway.captain_gateway.captain_gateway.settings import GATEWAY, HANDLER
+from firmware.gateway.captain_gateway.captain_gateway.values import Circle
+from firmware.options import parse
+
+DEFAULTS = {name: option.default for name, option in HANDLER.items()}
+
+
+@pytest.mark.parametrize(("table", "name"), [(table, name) for table in (GATEWAY, HANDLER) for name in table])
+def test_every_default_may_be_what_it_is(table, name):
+    table[name].read(table[name].default)
+    assert table[name].meaning
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("receive.active", 1, "1 is neither true nor false"),
+        ("receive.stations", [1, -1], "-1 is no stationID"),
+        ("receive.stations", ["1337"], "'1337' is no stationID"),
+        ("receive.stations", "1337", "'1337' is no list"),
+        ("receive.area", [1.0, 2.0], "neither [radius_m] nor"),
+        ("receive.area", [0.0], "neither [radius_m] nor"),
+        ("receive.area", [91.0, 0.0, 5.0], "91, 0 is no latitude and longitude"),
+        ("receive.area", [float("nan")], "nan is no number"),
+        ("receive.max_age_s", -1.0, "-1.0 is no number of 0 ... 86400"),
+        ("receive.max_age_s", True, "True is no number"),
+        ("transmit.rate_hz", 1e9, "is no number of 0 ... 1000"),
+        ("transmit.buffer", "newest", "'newest' is none of latest, all"),
+        ("transmit.depth", 0, "0 is no whole number of 1 ... 10000"),
+        ("transmit.priority", 8, "8 is no whole number of -1 ... 7"),
+        ("transmit.area", "circle 1 2", "neither `circle LATITUDE LONGITUDE RADIUS`"),
+        ("transmit.area", "square 1 2 3 4", "neither"),
+        ("transmit.area", "circle 1 200 3", "1, 200 is no latitude and longitude"),
+        ("transmit.interfaces", [1], "is no list of texts"),
+    ],
+)
+def test_a_value_that_cannot_be_meant_is_refused_in_words(name, value, words):
+    with pytest.raises(ValueError, match=r".+") as refused:
+        HANDLER[name].read(value)
+    assert words in str(refused.value)
+
+
+def test_an_unknown_handler_is_refused_with_those_that_there_are():
+    with pytest.raises(ValueError, match=r"'can' is no handler; there are cam, cam_ts, denm"):
+        GATEWAY["handlers"].read(["cam", "can"])
+
+
+def test_topics_of_handlers_have_to_differ():
+    with pytest.raises(ValueError, match=r"has no \{type\}"):
+        GATEWAY["topics.received"].read("received")
+
+
+@pytest.mark.parametrize("empty", [[], [""], "", None])
+def test_an_empty_list_may_be_written_as_a_parameter_file_can(empty):
+    assert HANDLER["receive.stations"].read(empty) == frozenset()
+    assert HANDLER["receive.area"].read(empty) is None
+
+
+def test_areas_are_around_own_position_or_a_place():
+    assert values.circle([300]) == Circle(300.0)
+    assert values.circle([47.0, 15.0, 300.0]) == Circle(300.0, 47.0, 15.0)
+
+
+def test_what_parameters_ask_of_the_station_are_the_options_of_its_endpoint():
+    chosen = DEFAULTS | {
+        "transmit.interfaces": ["g5"], "transmit.btp_port": 2001, "transmit.traffic_class": 3, "transmit.priority": 0,
+        "transmit.lifetime_s": 2.5, "transmit.hop_limit": 4, "transmit.area": "ellipse 47 15 300 100 45",
+    }  # fmt: skip
+    asked = settings.transmit(chosen).options()
+    read = parse(json.dumps(asked).encode()).options
+    assert (read.interfaces, read.btp_port, read.traffic_class, read.priority) == (("g5",), 2001, 3, 0)
+    assert (read.lifetime_s, read.hop_limit) == (2.5, 4)
+    assert read.area is not None
+    assert (read.area.shape, read.area.distance_a, read.area.distance_b, read.area.angle) == ("ellipse", 300, 100, 45)
+
+
+def test_nothing_is_asked_by_default():
+    assert settings.transmit(DEFAULTS).options() == {}
+
+
+def test_a_hop_limit_without_an_area_is_not_asked():
+    # The station refuses it: a single hop has none.
+    assert settings.transmit(DEFAULTS | {"transmit.hop_limit": 4}).options() == {}
