@@ -100,8 +100,8 @@ def steps(schema: Schema, messages: tuple[str, ...], form: str) -> int:
         case "python" | "wheel":
             same = len([*(RUNTIME / "src").glob("*.c"), *PYTHON.glob("*.c")])
             modules = len(lay_out(schema, [schema.messages[name] for name in messages]).nodes)
-            # Generating, then each source: the same ones always, code and tables of each module, the list of messages.
-            return 1 + same + 2 * modules + 1
+            # Generating, then each source: the same ones always, code and tables of each module, the lists of messages.
+            return 1 + same + 2 * modules + 2
         case _:
             return 1
 
@@ -153,9 +153,15 @@ def _python(
     chosen = lay_out(schema, [schema.messages[name] for name in messages])
     changed = output.write(folder, lambda made: stubs.write(chosen, made, with_cdr), form)
     sources = folder / ".sources"
-    changed += output.write(
-        sources, lambda made: _fill(schema, messages, "sources", made, progress, with_cdr), "sources"
-    )
+
+    def fill(made: Path) -> None:
+        from asn1.ros2 import plan
+
+        _fill(schema, messages, "sources", made, progress, with_cdr)
+        editions = [schema.messages[name] for name in messages]
+        (made / "src" / "ros2_plan.c").write_text(plan.source(schema, editions), encoding="utf-8")
+
+    changed += output.write(sources, fill, "sources")
     module = build.build_python(sources, folder, is_limited=form == "wheel", progress=progress)
     if form == "wheel":
         wheel.write(folder, VERSION, module, stubs.text(chosen, with_cdr))

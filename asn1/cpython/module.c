@@ -10,11 +10,27 @@
 #define ros2_add(module) true
 #endif
 
+/* src/ros2_plan.c, made with the messages. */
+extern const unsigned char captain_ros2_plan[];
+extern const size_t captain_ros2_plan_octets;
+
+static PyObject *ros2_plan(PyObject *module, PyObject *nothing)
+{
+    (void)module, (void)nothing;
+    return PyBytes_FromStringAndSize((const char *)captain_ros2_plan, (Py_ssize_t)captain_ros2_plan_octets);
+}
+
+static PyMethodDef FUNCTIONS[] = {
+    {"ros2_plan", ros2_plan, METH_NOARGS, "The messages as those of ROS 2, for a program that records them: asn1/ros2/plan.py."},
+    {0},
+};
+
 static struct PyModuleDef MODULE = {
     PyModuleDef_HEAD_INIT,
     .m_name = "captain_messages",
     .m_doc = "ETSI ITS messages: encode, decode, validate, inspect.",
     .m_size = -1,
+    .m_methods = FUNCTIONS,
 };
 
 PyMODINIT_FUNC PyInit_captain_messages(void)

@@ -1,0 +1,194 @@
+"""captain record: what a station's users receive, into a file that ROS 2's tools, Foxglove and PlotJuggler open."""
+
+import argparse
+import re
+import signal
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+from types import FrameType
+from typing import BinaryIO, NamedTuple
+
+from board.errors import RequestError, UsageError
+from firmware import VERSION
+from firmware.codec import library as library_
+from firmware.codec import ros2
+from firmware.codec.decoding import Decoder
+from firmware.codec.identify import Identity
+from firmware.codec.library import Library, load
+from firmware.user import client, reception
+from firmware.user.arguments import add_station, address, integer, message_type, seconds, times
+from firmware.user.listening import Listening, Wish
+from firmware.user.mcap import Mcap
+from firmware.user.received import Message
+
+DESCRIPTION = """\
+Records what a station's users receive, as messages of ROS 2 in one file of the
+form MCAP: Foxglove and PlotJuggler open it as it is, and so do `ros2 bag info`
+and `ros2 bag play`. The types are those of etsi_its_messages where it has the
+edition; their definitions are in the file. For each type of message there are
+two topics:
+
+  cam/received            the message, of the type etsi_its_cam_msgs/msg/CAM
+  cam/received/metadata   time, signal strength, positions, edition, and the
+                          octets of the PDU as they came
+
+What no edition of the message library takes is on the second topic alone,
+without an edition. Parts of a message that its ROS type has no field for are
+in its octets there.
+
+The file is not compressed. One that was not closed, because the power failed,
+ends within its last two seconds; `mcap recover` mends it.
+"""
+EPILOG = """\
+examples:
+  captain record --mcap drive.mcap          everything, until Ctrl-C
+  captain record --mcap minute.mcap --duration 60 --type cam --type denm
+                                            a minute of two types
+  captain record --mcap far.mcap --station 192.168.1.7
+                                            of a station elsewhere
+
+exit codes:
+  0    the count or the duration is reached, or SIGTERM
+  1    no station answers, there is no message library, or the file cannot be
+       written
+  2    wrong usage
+  130  Ctrl-C; the file is whole
+"""
+HIGHEST_STATION_ID = 0xFFFFFFFF
+FLUSH_S = 2.0
+
+
+# As the gateway publishes them: what `ros2 bag play` offers.
+QOS = {
+    "offered_qos_profiles": "- history: 1\n  depth: 100\n  reliability: 1\n  durability: 2\n",
+}
+
+
+class Topic(NamedTuple):
+    """Of an edition; `write` makes CDR of a decoded message."""
+
+    name: str
+    channel: int
+    write: ros2.Cdr
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--mcap", metavar="FILE", type=Path, required=True, help="the recording, which must not exist")
+    parser.add_argument(
+        "--type",
+        metavar="T",
+        action="append",
+        type=message_type,
+        default=[],
+        help="only this type (cam, denm, ...), or this messageID (200); may be repeated",
+    )
+    parser.add_argument(
+        "--station-id",
+        metavar="N",
+        action="append",
+        type=integer(0, HIGHEST_STATION_ID),
+        default=[],
+        help="only what this station made; may be repeated",
+    )
+    parser.add_argument("--count", metavar="N", type=times, help="end after so many messages")
+    parser.add_argument("--duration", metavar="S", type=seconds, help="end after so many seconds")
+    add_station(parser)
+
+
+def main(arguments: argparse.Namespace) -> int:
+    library = load()
+    place = address(arguments)
+    wish = Wish(frozenset(arguments.type), frozenset(arguments.station_id), arguments.count, arguments.duration)
+    with client.session() as context, _created(arguments.mcap) as stream:
+        recording = Recording(stream, library)
+        signal.signal(signal.SIGTERM, _end)
+        try:
+            listening = Listening(client.subscribe(context, place, place.to_users, ""), place, wish)
+            for message in listening.messages(recording.idle):
+                recording.add(message)
+        except SystemExit:
+            pass
+        finally:
+            recording.close()
+            print(f"captain: {arguments.mcap}: {recording.summary()}", file=sys.stderr)
+    return 0
+
+
+def _created(path: Path) -> BinaryIO:
+    try:
+        return path.open("xb")
+    except FileExistsError:
+        raise UsageError(f"--mcap: {path} is there already", "name another, or remove it") from None
+    except OSError as error:
+        raise RequestError(f"{path}: {error.strerror}", "does its folder exist, and may you write there?") from error
+
+
+def _end(_signal: int, _frame: FrameType | None) -> None:
+    raise SystemExit(0)
+
+
+def topic_names(library: Library) -> dict[str, str]:
+    """What stands before /received, for each edition: `cam` for the preferred one, `cam_2_1_1` for others."""
+    preferred = {library.find(message.type).name for message in library.all()}
+    names = [message.name for message in library.all()]
+    return {name: name.partition("-")[0] if name in preferred else re.sub(r"\W", "_", name) for name in names}
+
+
+class Recording:
+    """Messages into MCAP; a topic begins with its first message."""
+
+    def __init__(self, stream: BinaryIO, library: Library) -> None:
+        self._mcap = Mcap(stream, "ros2", f"captain {VERSION}")
+        self._decoder = Decoder(library)
+        self._names = topic_names(library)
+        self._types = ros2.Types(library.ros2_plan())
+        self._topics: dict[str, Topic] = {}
+        self._metadata: dict[str, int] = {}
+        self._flushed = time.monotonic()
+        self._unknown: Counter[str] = Counter()
+
+    def add(self, message: Message) -> None:
+        """A message, by the time of its reception."""
+        received_ns = message.raw.received_ns if message.raw is not None else time.time_ns()
+        found = self._decoder.find(message.pdu, is_quick=True)
+        if isinstance(found, Identity) and found.message.name in self._types:
+            topic = self._topic(found.message)
+            self._mcap.add(topic.channel, received_ns, topic.write(found.message.decode(message.pdu)))
+            sequence, edition, name = self._mcap.counts[topic.channel], found.message.name, topic.name
+        else:
+            sequence, edition, name = 0, "", message.type or f"id_{message.message_id}"
+            self._unknown[name] += 1
+        if name not in self._metadata:
+            self._metadata[name] = self._mcap.channel(
+                f"{name}/received/metadata", reception.TYPE, reception.SCHEMA, QOS
+            )
+        self._mcap.add(self._metadata[name], received_ns, reception.cdr(message, received_ns, sequence, edition))
+
+    def _topic(self, message: library_.Message) -> Topic:
+        edition = message.name
+        if edition not in self._topics:
+            name = self._names[edition]
+            about = {**QOS, "topic_type_hash": self._types.hash(edition)}
+            channel = self._mcap.channel(
+                f"{name}/received", self._types.name(edition), self._types.definition(edition), about
+            )
+            self._topics[edition] = Topic(name, channel, self._types.writer(edition))
+        return self._topics[edition]
+
+    def idle(self) -> None:
+        """Messages that are few get into the file as well."""
+        if time.monotonic() - self._flushed >= FLUSH_S:
+            self._flushed = time.monotonic()
+            self._mcap.flush()
+
+    def close(self) -> None:
+        """The file is whole then."""
+        self._mcap.close()
+
+    def summary(self) -> str:
+        """How many of which, in words."""
+        words = [f"{self._mcap.counts[topic.channel]} {edition}" for edition, topic in sorted(self._topics.items())]
+        words += [f"{count} {name} that no edition takes, as octets" for name, count in sorted(self._unknown.items())]
+        return ", ".join(words) or "no message came"

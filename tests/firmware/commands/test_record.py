@@ -1,0 +1,88 @@
+"""captain record: from a station's messages to a file."""
+
+import math
+import struct
+
+import captain_messages
+
+from drivers.message import Position, RxInfo
+from drivers.wire import raw
+from firmware import cli
+from firmware.commands import record
+from firmware.lab.laboratory import vectors
+from firmware.user import reception
+from firmware.user.received import Message
+from tests.firmware.commands.fake import FakeStation
+from tests.firmware.user.mcap_file import read
+
+CAM = next(one.pdu for one in vectors() if len(one.pdu) == 41)
+NS = 1795182426_461613000
+RX = RxInfo(rssi_dbm=-71, position=Position(470585000, 154600000), source_mac=bytes.fromhex("010203040506"))
+LOCAL = (NS - 1_000_000, Position(470000000, -20000000))
+
+
+def on_air(kind, pdu):
+    return [(b"raw.", raw.build(pdu, NS, RX, LOCAL)), (b"v2x.%s." % kind.encode(), pdu)]
+
+
+def recorded(path, *messages):
+    with FakeStation([frames for one in messages for frames in on_air(*one)]) as station:
+        status = cli.main(["record", "--mcap", str(path), *station.options, "--count", str(len(messages))])
+    return status, read(path.read_bytes())
+
+
+def test_a_message_is_recorded_as_that_of_ros_2_with_what_is_known_of_it_beside(tmp_path, capsys):
+    status, found = recorded(tmp_path / "a.mcap", ("cam", CAM))
+    assert status == 0
+    assert [topic for topic, _, _ in found.channels.values()] == ["cam/received", "cam/received/metadata"]
+    assert [name for name, _, _ in found.schemas.values()] == ["etsi_its_cam_msgs/msg/CAM", reception.TYPE]
+    (_, ns, cdr), (_, same, metadata) = found.messages
+    assert ns == same == NS // 1000 * 1000
+    assert struct.unpack_from("<BBI", cdr, 4)[:2] == (CAM[0], CAM[1])
+    assert metadata.endswith(CAM)
+    assert "1 cam-1.4.1" in capsys.readouterr().err
+
+
+def test_what_no_edition_takes_is_recorded_as_octets(tmp_path, capsys):
+    _, found = recorded(tmp_path / "a.mcap", ("cam", b"\2\2\0\0\0\7\xff"))
+    assert [topic for topic, _, _ in found.channels.values()] == ["cam/received/metadata"]
+    assert found.messages[0][2].endswith(b"\2\2\0\0\0\7\xff")
+    assert "1 cam that no edition takes, as octets" in capsys.readouterr().err
+
+
+def test_another_edition_than_the_preferred_one_has_a_topic_of_its_own():
+    names = record.topic_names(captain_messages)
+    preferred = captain_messages.find("vam").name
+    assert names[preferred] == "vam"
+    assert {names[name] for name in names if name.startswith("vam-") and name != preferred} <= {
+        "vam_1", "vam_2_1_1", "vam_2_3_1",
+    }  # fmt: skip
+    assert len(set(names.values())) == len(names)
+
+
+def test_a_file_that_is_there_is_left_alone(tmp_path, capsys):
+    path = tmp_path / "a.mcap"
+    path.write_bytes(b"mine")
+    assert cli.main(["record", "--mcap", str(path)]) == cli.USAGE_ERROR
+    assert path.read_bytes() == b"mine"
+    assert "is there already" in capsys.readouterr().err
+
+
+def test_a_folder_that_is_not_there_is_told(tmp_path, capsys):
+    assert cli.main(["record", "--mcap", str(tmp_path / "no" / "a.mcap")]) == 1
+    assert "does its folder exist" in capsys.readouterr().err
+
+
+def test_what_is_known_of_a_reception_stands_where_the_definition_says():
+    message = Message("cam", CAM, raw.parse(raw.build(CAM, NS, RX, LOCAL)))
+    cdr = reception.cdr(message, NS, 3, "cam-1.4.1")[4:]
+    assert struct.unpack_from("<iII", cdr) == (1795182426, 461613000, 8)
+    assert struct.unpack_from("<Qi", cdr, 24) == (3, 1795182426)
+    assert struct.unpack_from("<dddd", cdr, 48) == (47.0, -2.0, 47.0585, 15.46)
+    assert struct.unpack_from("<IHh", cdr, 80) == (int.from_bytes(CAM[2:6]), 0, -71)
+    assert cdr.endswith(struct.pack("<I", len(CAM)) + CAM)
+
+
+def test_what_is_not_known_of_a_place_is_no_number():
+    cdr = reception.cdr(Message("cam", CAM, None), NS, 1, "cam-1.4.1")[4:]
+    assert all(math.isnan(one) for one in struct.unpack_from("<dddd", cdr, 48))
