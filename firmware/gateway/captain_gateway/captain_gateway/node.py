@@ -107,7 +107,8 @@ class Gateway:
         if not made:
             raise GatewayError(
                 f"no message package is installed of {', '.join(absent) or 'no handler'}: generate some by "
-                "captain-asn1 generate cam-1.4.1 denm-1.3.1 --form ros2 --to DIR, build them by colcon, and source their setup file"
+                "captain-asn1 generate cam-1.4.1 denm-1.3.1 --form ros2 --to DIR, build them by colcon, and source "
+                "their setup file"
             )
         return made
 
