@@ -193,19 +193,19 @@ class Card:
 
     def _unwanted_words(self) -> Iterator[Row]:
         """Where it was built, anywhere on the card, file or not: one pass over the octets."""
-        words = {"the build's path": str(PROJECT).encode()}
-        words |= {f"a mirror's name, {name}": name.encode() for name in mirrors()}
-        words |= {"the key of updates": self._secret} if self._secret else {}
+        words = {"the build's path": inside(PROJECT)}
+        words |= {f"a mirror's name, {name}": re.escape(name.encode()) for name in mirrors()}
+        words |= {"the key of updates": re.escape(self._secret)} if self._secret else {}
         found: dict[str, int] = {}
-        longest = max(map(len, words.values()))
+        longest = max(map(len, words.values())) + 1
         with self._image.open("rb") as file:
             at, tail = 0, b""
             while octets := file.read(CHUNK):
                 if octets.strip(b"\0"):
                     for what, word in words.items():
-                        index = (tail + octets).find(word)
-                        if index >= 0:
-                            found.setdefault(what, at - len(tail) + index)
+                        # What begins the tail was whole in the chunk before, with the octet before it.
+                        if seen := re.compile(word).search(tail + octets, bool(tail)):
+                            found.setdefault(what, at - len(tail) + seen.start())
                 tail, at = octets[-longest:], at + len(octets)
         for what in words:
             place = self._where(found[what]) if what in found else ""
@@ -222,6 +222,12 @@ class Card:
             return ""
         with FileSystem(self._image, self._places[partition.name].offset, self._tools) as slot:
             return f", {slot.owner(offset)}"
+
+
+def inside(folder: Path) -> bytes:
+    """A pattern of paths of files in it. Of /src other paths have a part, and so has packed data, once in a while."""
+    path = re.escape(bytes(folder)) + b"/"
+    return path + rb"(?<![\w./+-]" + path + b")"  # it begins with what is to be found: that is searched fast
 
 
 def mirrors() -> list[str]:

@@ -1,5 +1,6 @@
 """What is found on a card that is not what its description says. Whole cards: python -m tests.image, .ci/image verify."""
 
+import re
 import struct
 from collections.abc import Callable
 from pathlib import Path
@@ -8,7 +9,7 @@ import pytest
 
 from image import disk, state
 from image.description import read
-from image.verify import Card
+from image.verify import Card, inside
 
 OWN = read(Path(__file__).resolve().parents[2] / "image/image.toml")
 MIB = disk.MIB
@@ -89,3 +90,13 @@ def test_counters_of_a_card_that_was_used_are_told(tmp_path: Path):
         file.seek(offset)
         file.write(state.packed(state.State(("B", "A"), 3, 2), 2))
     assert trouble(path)["the boot counters"].startswith("State(order=('B', 'A'), a_left=3, b_left=2, new='0')")
+
+
+@pytest.mark.parametrize("octets", [b"/src/image/root.py", b"\0\0/src/", b'file "/src/x.c"', b"=/src/firmware"])
+def test_a_path_of_a_file_of_the_build_is_seen(octets: bytes):
+    assert re.search(inside(Path("/src")), octets)
+
+
+@pytest.mark.parametrize("octets", [b"drivers/acpi/src/x.c", b"a/src/", b"/src\x8f", b"/srcs/x", b"../src/x", b""])
+def test_a_part_of_another_path_is_none(octets: bytes):
+    assert not re.search(inside(Path("/src")), octets)
