@@ -1,0 +1,64 @@
+"""A recording read by mcap-ros2-support: a JSON object on stdout.
+
+    recording.py FOLDER FILE
+
+FOLDER holds captain_messages. Counted per type: messages that were decoded, and those whose octets in the metadata are a
+message of the lab; and of all: CDR as to_cdr writes it. Drawn beside the file: how many came.
+"""
+
+import json
+import re
+import sys
+from collections import Counter
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[3]
+sys.path[:0] = [sys.argv[1], str(ROOT)]
+
+import captain_messages  # noqa: E402
+import pygal  # noqa: E402
+from mcap.reader import make_reader  # noqa: E402
+from mcap_ros2.decoder import DecoderFactory  # noqa: E402
+
+NOT_DRAWN = re.compile(rb"<!--.*?-->|<script.*?</script>", re.DOTALL)  # of pygal's picture
+VECTORS = {bytes.fromhex(one["hex"]) for one in json.loads((ROOT / "firmware" / "vectors.json").read_bytes())}
+
+
+def main(path: Path) -> dict[str, object]:
+    typed: Counter[str] = Counter()
+    octets: Counter[str] = Counter()
+    cdr: dict[str, list[bytes]] = {}
+    times: dict[str, list[float]] = {}
+    hashes, same = set(), 0
+    with path.open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
+        first_ns = reader.get_summary().statistics.message_start_time
+        for schema, channel, message, decoded in reader.iter_decoded_messages(log_time_order=False):
+            name = channel.topic.partition("/")[0]
+            if not channel.topic.endswith("/metadata"):
+                typed[name] += decoded.header is not None
+                hashes.add((name, channel.metadata["topic_type_hash"]))
+                cdr.setdefault(name, []).append(message.data)
+                times.setdefault(schema.name, []).append((message.log_time - first_ns) / 1e9)
+                continue
+            pdu = bytes(decoded.pdu)
+            octets[name] += pdu in VECTORS
+            same += captain_messages.find(decoded.edition).to_cdr(pdu)[0] == cdr[name][decoded.sequence - 1]
+    draw(times, path.with_suffix(".svg"))
+    return {"typed": typed, "octets": octets, "same": same, "hashes": len(hashes)}
+
+
+def draw(times: dict[str, list[float]], path: Path) -> None:
+    """How many of each type have come, twice a second."""
+    chart = pygal.XY(
+        js=(), title=path.with_suffix(".mcap").name, x_title="s", y_title="messages", width=1000, height=450,
+        dots_size=2, legend_at_bottom=True, legend_at_bottom_columns=2,
+    )  # fmt: skip
+    last = int(max(map(max, times.values())) * 2) + 2
+    for name in sorted(times):
+        chart.add(name, [(half / 2, sum(one <= half / 2 for one in times[name])) for half in range(last)])
+    path.write_bytes(NOT_DRAWN.sub(b"", chart.render()))
+
+
+if __name__ == "__main__":
+    print(json.dumps(main(Path(sys.argv[2]))))
