@@ -33,6 +33,7 @@ VERBS = {
     "selftest": "each thing that the board declares: is it there, does it work, what does it measure",
     "update": "another version for the box: from a file or an address; the slots; back to the one before",
     "box": "the owner's files of a card: whether a box will take them",
+    "ros2": "the gateway to ROS 2, by the Python of the ROS that is sourced",
     "doctor": "check configuration, ports, interfaces, permissions and clock, and say what to do",
     "demo": "two simulated stations that exchange messages, watched live",
     "lab": "the ten-message test between two stations: sent, received, equal, lost",
@@ -123,6 +124,10 @@ def load(verb: str) -> ModuleType:
             from firmware.commands import box
 
             return box
+        case "ros2":
+            from firmware.commands import ros2
+
+            return ros2
         case "doctor":
             from firmware.commands import doctor
 

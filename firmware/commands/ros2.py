@@ -1,0 +1,158 @@
+"""captain ros2: the gateway to ROS 2, by the Python of the ROS that is sourced."""
+
+import argparse
+import json
+import os
+import shutil
+import subprocess
+from collections.abc import Mapping
+from pathlib import Path
+
+from board import tool
+from board.errors import StationError
+from firmware.user.arguments import station
+
+DESCRIPTION = """\
+Starts the gateway between a station and ROS 2: a node, captain_gateway, with a
+topic for each type of message that is received, and one for each that is to be
+sent. It runs where ROS is, on this machine; the station may be on another.
+
+The gateway is no part of this program. It is run by the python3 of the ROS
+that is sourced, which needs: rclpy; pyzmq; captain_messages, the message
+library as a wheel; captain_gateway, which is built by colcon, or lies beside
+this program's sources; and at least one package of messages. What is missing
+is told, with how to get it.
+"""
+EPILOG = """\
+examples:
+  captain ros2                              a station of this machine
+  captain ros2 --station 10.0.0.7           one elsewhere on the network
+  captain ros2 --check                      what there is, and what is missing
+  captain ros2 --ros-args -p profile:=v2x_msgs -r __ns:=/car
+                                            everything behind --ros-args is
+                                            ROS's own
+
+exit codes:
+  0    the node was ended by Ctrl-C; with --check: nothing is missing
+  1    something is missing
+  2    wrong usage
+"""
+PROBE_S = 30.0
+# Asked of the other Python; what it says goes to its last line, because a ROS may print while it is imported.
+PROBE = """
+import json, importlib, sys
+found = {"python": sys.version.split()[0], "executable": sys.executable}
+for name in ("rclpy", "zmq", "captain_messages", "captain_gateway", "captain_gateway_msgs"):
+    try:
+        module = importlib.import_module(name)
+        found[name] = getattr(module, "__file__", None) or "yes"
+        if name == "captain_messages" and not hasattr(module, "CdrError"):
+            found[name] = "without ROS"
+    except Exception as error:
+        found["no " + name] = f"{type(error).__name__}: {error}"
+print(json.dumps(found))
+"""
+WHEEL = "captain-asn1 generate --all --form wheel --ros2 --to DIR, then python3 -m pip install DIR/*.whl"
+REMEDIES = {
+    "rclpy": "source a ROS 2: . /opt/ros/jazzy/setup.bash; where there is none: https://docs.ros.org, or for trying "
+    "things out python3 -m pip install 'ros-jazzy-rclpy[fastrtps]' (x86-64, Python 3.11 and 3.12)",
+    "zmq": "apt-get install python3-zmq, or python3 -m pip install pyzmq",
+    "captain_messages": WHEEL,
+    "captain_gateway": "copy firmware/gateway of captain's sources into the src of a colcon workspace, colcon build, "
+    "and source its install/setup.bash",
+}
+OLDEST = (3, 10)
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--station",
+        metavar="HOST[:PORT]",
+        type=station,
+        help="its host and the port that users publish to; the others follow: +1 to users, +2 PULL, +3 reports",
+    )
+    parser.add_argument("--check", action="store_true", help="say what is there, and start nothing")
+    parser.add_argument("--ros-args", nargs=argparse.REMAINDER, default=[], help="arguments of ROS: all that follow")
+
+
+def main(arguments: argparse.Namespace) -> int:
+    environment = with_sources(tool.environment() or os.environ, sources())
+    found = probe(environment)
+    lacking = missing(found)
+    if arguments.check:
+        print("\n".join(told(found, lacking)))
+        return 1 if lacking else 0
+    if lacking:
+        raise StationError("; ".join(lacking), "captain ros2 --check shows what is there")
+    command = [found["executable"], "-m", "captain_gateway", "--ros-args", *_station(arguments.station)]
+    return os.execve(command[0], [*command, *arguments.ros_args], environment)
+
+
+def sources() -> Path | None:
+    """Where the gateway lies beside this program's sources; None in a binary, which has none of it."""
+    place = Path(__file__).resolve().parents[1] / "gateway" / "captain_gateway"
+    return place if (place / "captain_gateway" / "__init__.py").is_file() else None
+
+
+def with_sources(environment: Mapping[str, str], place: Path | None) -> dict[str, str]:
+    """So that a gateway that is installed there goes before that of the sources."""
+    if place is None:
+        return dict(environment)
+    before = environment.get("PYTHONPATH", "")
+    return {**environment, "PYTHONPATH": f"{before}:{place}" if before else str(place)}
+
+
+def probe(environment: Mapping[str, str]) -> dict[str, str]:
+    """What the python3 of an environment has: module -> where, or "no <module>" -> why not. Raises StationError."""
+    python = shutil.which("python3", path=environment.get("PATH"))
+    if python is None:
+        raise StationError("there is no python3 in PATH", REMEDIES["rclpy"])
+    try:
+        said = subprocess.run(
+            [python, "-c", PROBE], env=environment, stdin=subprocess.DEVNULL, capture_output=True, text=True,
+            timeout=PROBE_S, check=True,
+        )  # fmt: skip
+        found = json.loads(said.stdout.splitlines()[-1])
+    except subprocess.CalledProcessError as error:
+        last = (error.stderr.strip().splitlines() or ["nothing"])[-1]
+        raise StationError(f"{python}: ended with {error.returncode}: {last}", "is ROS 2 sourced and whole?") from error
+    except (subprocess.TimeoutExpired, OSError, ValueError, IndexError) as error:
+        raise StationError(f"{python}: does not answer as a Python does: {error}", "is ROS 2 sourced?") from error
+    return {str(name): str(value) for name, value in found.items()}
+
+
+def missing(found: Mapping[str, str]) -> list[str]:
+    """What is missing, each with what to do about it."""
+    version = tuple(int(part) for part in found["python"].split(".")[:2])
+    if version < OLDEST:
+        return [f"{found['executable']} is Python {found['python']}: the gateway needs 3.10 or later: Humble has it"]
+    lacking = [
+        f"{found['executable']} has no {name} ({found[f'no {name}']}): {remedy}"
+        for name, remedy in REMEDIES.items()
+        if name not in found
+    ]
+    if found.get("captain_messages") == "without ROS":
+        lacking.append(f"captain_messages was generated without --ros2: {WHEEL}")
+    return lacking
+
+
+def told(found: Mapping[str, str], lacking: list[str]) -> list[str]:
+    """Lines of --check."""
+    lines = [f"python3           {found['executable']}, {found['python']}"]
+    for name in (*REMEDIES, "captain_gateway_msgs"):
+        lines.append(f"{name:18}{found.get(name, 'no: ' + found.get(f'no {name}', ''))}")
+    if "captain_gateway_msgs" not in found:
+        lines.append(
+            "without captain_gateway_msgs: no metadata, no requests with options, no services; colcon builds it"
+        )
+    return lines + [f"missing: {line}" for line in lacking] if lacking else [*lines, "nothing is missing"]
+
+
+def _station(place: tuple[str, int] | None) -> list[str]:
+    """Parameters of the node that name a station."""
+    if place is None:
+        return []
+    host, first = place
+    ports = {"from_users": first, "to_users": first + 1, "pull": first + 2, "report": first + 3}
+    words = ["-p", f"station.host:={host}"]
+    return words + [word for name, port in ports.items() for word in ("-p", f"station.{name}:={port}")]

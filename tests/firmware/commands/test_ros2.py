@@ -1,0 +1,146 @@
+"""captain ros2: which Python runs the gateway, and what is said where something is missing there."""
+
+import json
+import os
+import sys
+from pathlib import Path
+
+import pytest
+
+from board.errors import StationError
+from firmware import cli
+from firmware.commands import ros2
+
+WHOLE = {
+    "python": "3.12.3", "executable": "/usr/bin/python3", "rclpy": "/opt/ros/rclpy", "zmq": "/usr/zmq",
+    "captain_messages": "/site/captain_messages.abi3.so", "captain_gateway": "/ws/captain_gateway",
+    "captain_gateway_msgs": "/ws/captain_gateway_msgs",
+}  # fmt: skip
+
+
+def without(*names: str) -> dict[str, str]:
+    rest = {name: value for name, value in WHOLE.items() if name not in names}
+    return rest | {f"no {name}": f"ModuleNotFoundError: No module named '{name}'" for name in names}
+
+
+@pytest.fixture
+def python(tmp_path, monkeypatch):
+    """A python3 in PATH that answers as is written, and notes how it is run otherwise."""
+    program = tmp_path / "python3"
+
+    def answers(found: dict[str, str], code: int = 0) -> Path:
+        says = json.dumps(found | {"executable": str(program)})
+        program.write_text(
+            f"#!{sys.executable}\nimport json, os, sys\n"
+            f"if sys.argv[1] == '-c':\n    print('a ROS may print')\n    print({says!r})\n    sys.exit({code})\n"
+            f"print(json.dumps([sys.argv[1:], dict(os.environ)]))\n"
+        )
+        program.chmod(0o755)
+        return program
+
+    monkeypatch.setenv("PATH", str(tmp_path))
+    return answers
+
+
+def test_nothing_is_missing_where_all_is_there():
+    assert ros2.missing(WHOLE) == []
+    assert ros2.told(WHOLE, [])[-1] == "nothing is missing"
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("rclpy", "source a ROS 2: . /opt/ros/jazzy/setup.bash"),
+        ("zmq", "apt-get install python3-zmq"),
+        ("captain_messages", "captain-asn1 generate --all --form wheel --ros2"),
+        ("captain_gateway", "colcon build"),
+    ],
+)
+def test_what_is_missing_is_named_with_how_to_get_it(name, words):
+    [line] = ros2.missing(without(name))
+    assert f"has no {name} (ModuleNotFoundError" in line
+    assert words in line
+
+
+def test_a_message_library_without_ros_is_as_good_as_none():
+    [line] = ros2.missing(WHOLE | {"captain_messages": "without ROS"})
+    assert "generated without --ros2" in line
+
+
+def test_an_old_python_is_told_before_what_it_lacks():
+    [line] = ros2.missing(without("rclpy") | {"python": "3.8.10"})
+    assert "3.10 or later" in line
+
+
+def test_without_the_packages_of_messages_of_its_own_it_runs_and_says_what_it_cannot():
+    found = without("captain_gateway_msgs")
+    assert ros2.missing(found) == []
+    assert any("no services" in line for line in ros2.told(found, []))
+
+
+def test_the_sources_beside_this_program_come_behind_what_is_installed():
+    place = ros2.sources()
+    assert place is not None
+    assert ros2.with_sources({"PYTHONPATH": "/ws"}, place)["PYTHONPATH"] == f"/ws:{place}"
+    assert ros2.with_sources({}, place)["PYTHONPATH"] == str(place)
+    assert ros2.with_sources({"PYTHONPATH": "/ws"}, None) == {"PYTHONPATH": "/ws"}
+
+
+def test_a_machine_without_ros_is_told_in_words(python, capsys):
+    python(without("rclpy", "captain_messages"))
+    assert cli.main(["ros2"]) == 1
+    said = capsys.readouterr().err
+    assert "has no rclpy" in said
+    assert "has no captain_messages" in said
+    assert "Traceback" not in said
+
+
+def test_a_path_without_python_is_told_in_words(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert cli.main(["ros2"]) == 1
+    assert "there is no python3 in PATH" in capsys.readouterr().err
+
+
+def test_a_python_that_breaks_is_told_in_words(python):
+    python(WHOLE, code=3)
+    with pytest.raises(StationError, match="ended with 3"):
+        ros2.probe(os.environ)
+
+
+def test_check_shows_what_there_is_and_starts_nothing(python, capsys):
+    python(without("rclpy"))
+    assert cli.main(["ros2", "--check"]) == 1
+    said = capsys.readouterr().out
+    assert "rclpy             no: ModuleNotFoundError" in said
+    assert "missing: " in said
+    python(WHOLE)
+    assert cli.main(["ros2", "--check"]) == 0
+
+
+def test_the_node_takes_the_place_of_the_command_with_the_arguments_of_ros(python, monkeypatch):
+    program = python(WHOLE)
+    ran: list[tuple[str, list[str], dict[str, str]]] = []
+    monkeypatch.setattr(os, "execve", lambda *given: ran.append(given))
+    with pytest.raises(TypeError):  # main() does not come back
+        cli.main(["ros2", "--station", "10.0.0.7:6000", "--ros-args", "-p", "profile:=v2x_msgs", "-r", "__ns:=/car"])
+    [(path, words, _)] = ran
+    assert path == str(program)
+    assert words[1:4] == ["-m", "captain_gateway", "--ros-args"]
+    assert "station.host:=10.0.0.7" in words
+    assert "station.report:=6003" in words
+    assert words[-4:] == ["-p", "profile:=v2x_msgs", "-r", "__ns:=/car"]
+
+
+def test_a_frozen_program_takes_its_libraries_out_of_the_way(python, monkeypatch):
+    python(WHOLE)
+    ran: list[dict[str, str]] = []
+    monkeypatch.setattr(os, "execve", lambda path, words, environment: ran.append(dict(environment)))
+    monkeypatch.setattr(sys, "frozen", True, raising=False)
+    monkeypatch.setenv("LD_LIBRARY_PATH", "/tmp/_MEI123")
+    monkeypatch.setenv("LD_LIBRARY_PATH_ORIG", "/opt/ros/jazzy/lib")
+    monkeypatch.setenv("_PYI_ARCHIVE_FILE", "captain")
+    with pytest.raises(TypeError):
+        cli.main(["ros2"])
+    [environment] = ran
+    assert environment["LD_LIBRARY_PATH"] == "/opt/ros/jazzy/lib"
+    assert "_PYI_ARCHIVE_FILE" not in environment
