@@ -26,7 +26,9 @@ rosbags from its released definitions (`tests/asn1/ros2/etsi_its_messages.json`)
 
     make ros2 ARGS='--only hashes'
 
-which fails where this document says something else. Profile `etsi_its`.
+which fails where this document says something else. Profile `etsi_its`. Two packages are made there of other editions than
+here, with the same fields in every type: VAM of TS 103 300-3 v2.2.1, here v2.1.1; CPM with TS 102 894-2 v2.1.1, of which
+three shapes have other names (`profile_etsi_its.py`).
 
 | package | edition | types | rosbags | rosidl | etsi_its_messages |
 | --- | --- | --- | --- | --- | --- |
