@@ -2,8 +2,8 @@
 
     recording.py FOLDER FILE
 
-FOLDER holds captain_messages. Counted per type: messages that were decoded, and those whose octets in the metadata are a
-message of the lab; and of all: CDR as to_cdr writes it. Drawn beside the file: how many came.
+FOLDER holds captain_messages, of some editions. Counted per type: messages that were decoded, and those whose octets in
+the metadata are a message of the lab; of these editions: CDR as to_cdr writes it. Drawn beside the file: how many came.
 """
 
 import json
@@ -29,7 +29,8 @@ def main(path: Path) -> dict[str, object]:
     octets: Counter[str] = Counter()
     cdr: dict[str, list[bytes]] = {}
     times: dict[str, list[float]] = {}
-    hashes, same = set(), 0
+    known = {one.name for one in captain_messages.all()}
+    hashes, compared, same = set(), 0, 0
     with path.open("rb") as stream:
         reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
         first_ns = reader.get_summary().statistics.message_start_time
@@ -43,9 +44,11 @@ def main(path: Path) -> dict[str, object]:
                 continue
             pdu = bytes(decoded.pdu)
             octets[name] += pdu in VECTORS
-            same += captain_messages.find(decoded.edition).to_cdr(pdu)[0] == cdr[name][decoded.sequence - 1]
+            if decoded.edition in known:
+                compared += 1
+                same += captain_messages.find(decoded.edition).to_cdr(pdu)[0] == cdr[name][decoded.sequence - 1]
     draw(times, path.with_suffix(".svg"))
-    return {"typed": typed, "octets": octets, "same": same, "hashes": len(hashes)}
+    return {"typed": typed, "octets": octets, "compared": compared, "same": same, "hashes": len(hashes)}
 
 
 def draw(times: dict[str, list[float]], path: Path) -> None:
