@@ -122,6 +122,7 @@ def _exchange(one: User, wire: Wire) -> Iterator[Row]:
     """A neighbour's frame, as Vanetza's socktap put it on the air, and a CAM of this user."""
     frames = {frame["name"]: bytes.fromhex(frame["hex"]) for frame in json.loads(FRAMES.read_text())["frames"]}
     frame = frames["cam-shb"]
+    one.wait_up("air")
     wire.send(frame)
     body = one.hear(b"v2x.cam.", 60.0)
     is_same = frame.endswith(body)

@@ -50,6 +50,13 @@ class User:
             raise NotSeenError("no status came from port 5558")
         return dict(json.loads(self.reported.recv_multipart()[-1]))
 
+    def wait_up(self, interface: str) -> None:
+        """Until the station has it. Raises NotSeenError."""
+        ends = time.monotonic() + FIRST_S
+        while (told := self.status()["interfaces"][interface])["state"] != "up":
+            if time.monotonic() > ends:
+                raise NotSeenError(f"{interface} is not up within {FIRST_S:.0f} s: {told}")
+
 
 @contextmanager
 def user(ports: Ports) -> Iterator[User]:
