@@ -42,6 +42,7 @@ def _started(guest: Guest) -> Iterator[Row]:
     screen = Screen(guest)
     screen.wait(HEAD, LIMIT_S)
     after_s = time.monotonic() - guest.began
+    screen.settle()  # a code may have come in part
     is_plain = ALLOWED.fullmatch(screen.sent) is not None
     yield Row("the station's screen over serial", f"{after_s:.0f} s after power", "ASCII, VT100", is_plain)
     screen.type("s")

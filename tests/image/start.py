@@ -81,6 +81,7 @@ def _console(guest: Guest) -> Iterator[Row]:
     screen.wait(HEAD)
     yield Row("the station is on it", f"{time.monotonic() - started:.1f} s after the kernel", "", True)
     screen.wait("(?s)nobody is asked.*keys: s shell")
+    screen.settle()  # a code may have come in part
     is_plain, width = ALLOWED.fullmatch(screen.sent) is not None, max(map(len, screen.text.splitlines()))
     yield Row("what it sends", f"{'ASCII, VT100' if is_plain else 'more'}, {width} columns",
               f"ASCII, VT100, under {COLUMNS} columns", is_plain and width < COLUMNS)  # fmt: skip
