@@ -118,18 +118,26 @@ static size_t walk_string(captain_cdr_reader *r, size_t at, const char *name)
     return captain_cdr_get_octets(r, at, &octets, name);
 }
 
+static size_t walk_numbers(captain_cdr_reader *r, size_t at, const captain_cdr_part *part, size_t size)
+{
+    uint32_t count;
+    at = captain_cdr_get_count(r, at, size, &count, part->name);
+    if (at == CAPTAIN_FAILED || count == 0)
+        return at;
+    at = captain_cdr_align(at, size) + count * size;
+    return at <= r->size ? at : captain_cdr_cut(r, at - size, part->name);
+}
+
 static size_t walk_list(captain_cdr_reader *r, size_t at, const captain_cdr_part *part)
 {
     captain_cdr_part element = *part;
     uint32_t count;
+    if (part->kind < CAPTAIN_CDR_STRING)
+        return walk_numbers(r, at, part, (size_t)1 << part->kind);
     element.is_list = false;
-    at = captain_cdr_get_count(r, at, part->kind < CAPTAIN_CDR_STRING ? (size_t)1 << part->kind : 1, &count, part->name);
-    for (uint32_t i = 0; i < count && at != CAPTAIN_FAILED; i++) {
-        if (part->kind == CAPTAIN_CDR_MESSAGE && part->message->spans[at & 7] != CAPTAIN_CDR_VARIES)
-            at = captain_cdr_skip(r, at, part->message, part->name);
-        else
-            at = captain_cdr_walk_part(r, at, &element);
-    }
+    at = captain_cdr_get_count(r, at, 1, &count, part->name);
+    for (uint32_t i = 0; i < count && at != CAPTAIN_FAILED; i++)
+        at = captain_cdr_walk_part(r, at, &element);
     return at;
 }
 

@@ -7,6 +7,9 @@
 
 enum { HEADER = 4 };
 
+/* What is checked here is told with the names of the ROS message. */
+static const captain_path NOWHERE;
+
 /* ---------------------------------------------------------------- where and why */
 
 static void put_in_front(captain_report *report, const char *name)
@@ -160,8 +163,7 @@ size_t captain_cdr_get_octets(captain_cdr_reader *r, size_t at, captain_octets *
 
 static captain_status size_status(const captain_type *type, uint64_t count)
 {
-    captain_path path = {.length = 0};
-    return captain_check_size(type, count, NULL, &path);
+    return captain_check_size(type, count, NULL, &NOWHERE);
 }
 
 size_t captain_cdr_get_string(captain_cdr_reader *r, size_t at, captain_octets *octets, const captain_type *type, const char *name)
@@ -216,18 +218,17 @@ static bool is_ascii(const captain_text *text)
 
 size_t captain_cdr_get_text(captain_cdr_reader *r, size_t at, captain_text *text, const captain_type *type, const char *name)
 {
-    captain_report found = {.status = CAPTAIN_OK};
-    captain_path path = {.length = 0};
+    captain_report found;
     size_t start = captain_cdr_align(at, 4);
     at = get_text(r, at, text, name);
     if (at == CAPTAIN_FAILED)
         return at;
     captain_status status = CAPTAIN_OK;
     if (type->kind != CAPTAIN_UTF8)
-        status = captain_check_size(type, text->count, &found, &path);
+        status = captain_check_size(type, text->count, &found, &NOWHERE);
     bool is_any = type->kind == CAPTAIN_UTF8 || (type->kind == CAPTAIN_IA5 && type->alphabet == NULL);
     if (status == CAPTAIN_OK && !(is_any && is_ascii(text)))
-        status = captain_check_text(type, captain_walk_in_size(type, text->count), text->text, text->count, &found, &path);
+        status = captain_check_text(type, captain_walk_in_size(type, text->count), text->text, text->count, &found, &NOWHERE);
     return status == CAPTAIN_OK ? at : refuse(r, start, status, name, found.text);
 }
 
@@ -314,7 +315,6 @@ size_t captain_cdr_get_small_unused(captain_cdr_reader *r, size_t at, const capt
 
 size_t captain_cdr_get_unused(captain_cdr_reader *r, size_t at, captain_bits *bits, const captain_type *type, const char *name)
 {
-    captain_path path = {.length = 0};
     captain_report found;
     if (at >= r->size)
         return captain_cdr_cut(r, at, name);
@@ -328,7 +328,7 @@ size_t captain_cdr_get_unused(captain_cdr_reader *r, size_t at, captain_bits *bi
         uint32_t least = captain_walk_bits(type, bits);
         count = least > (uint64_t)type->low ? least : (uint32_t)type->low;
     }
-    captain_status status = captain_check_size(type, count, &found, &path);
+    captain_status status = captain_check_size(type, count, &found, &NOWHERE);
     return status == CAPTAIN_OK ? at + 1 : refuse(r, at, status, name, found.text);
 }
 

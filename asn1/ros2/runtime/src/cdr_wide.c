@@ -2,6 +2,8 @@
 #include "cdr.h"
 #include "walk.h"
 
+static const captain_path NOWHERE; /* nobody is told of it here */
+
 uint64_t captain_cdr_turn(uint64_t bits, unsigned size)
 {
     uint64_t turned = 0;
@@ -20,11 +22,10 @@ size_t captain_cdr_put_wide(captain_cdr_writer *w, size_t at, const uint8_t *oct
 
 size_t captain_cdr_get_wide(captain_cdr_reader *r, size_t at, captain_octets *octets, const captain_type *type, const char *name)
 {
-    captain_path path = {.length = 0};
     at = captain_cdr_get_count(r, at, 8, &octets->count, name);
     if (at == CAPTAIN_FAILED)
         return at;
-    if (captain_check_size(type, octets->count, NULL, &path) != CAPTAIN_OK)
+    if (captain_check_size(type, octets->count, NULL, &NOWHERE) != CAPTAIN_OK)
         return captain_cdr_bad_count(r, at - 4, octets->count, type, name);
     uint8_t *into = captain_arena_take(r->arena, octets->count + (size_t)1);
     if (into == NULL)
@@ -69,7 +70,6 @@ uint64_t captain_cdr_bits_number(captain_cdr_writer *w, const captain_type *type
 
 size_t captain_cdr_number_bits(captain_cdr_reader *r, size_t at, captain_bits *bits, const captain_type *type, const char *name)
 {
-    captain_path path = {.length = 0};
     uint64_t number = captain_cdr_load(r, at, 8), count = least_of(type, number);
     uint8_t *octets = captain_arena_take(r->arena, count / 8 + 1);
     if (octets == NULL)
@@ -79,5 +79,5 @@ size_t captain_cdr_number_bits(captain_cdr_reader *r, size_t at, captain_bits *b
         if (number >> i & 1)
             octets[i / 8] |= (uint8_t)(0x80 >> i % 8);
     *bits = (captain_bits){(uint32_t)count, octets};
-    return captain_check_size(type, count, NULL, &path) == CAPTAIN_OK ? at : captain_cdr_bad_bits(r, at - 8, (int64_t)number, type, name);
+    return captain_check_size(type, count, NULL, &NOWHERE) == CAPTAIN_OK ? at : captain_cdr_bad_bits(r, at - 8, (int64_t)number, type, name);
 }
