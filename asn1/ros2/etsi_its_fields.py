@@ -29,8 +29,12 @@ from asn1.types import (
 )
 from asn1.types import Sequence as SequenceType
 
-# Two elements have one name, in ITS-Container and in DSRC; etsi_its_messages calls the second so.
-OTHER_NAMES = {("r1_dsrc", "SpeedConfidence"): "SpeedConfidenceDSRC"}
+# Two elements have one name, in ITS-Container and in DSRC; etsi_its_messages calls the second so. Another two have one
+# but for a capital, of which rosidl would make the same files; no message of etsi_its_messages holds both.
+OTHER_NAMES = {
+    ("r1_dsrc", "SpeedConfidence"): "SpeedConfidenceDSRC",
+    ("r2_cdd221", "StationID"): "StationIDCDD221",
+}
 
 
 class Older(NamedTuple):

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from asn1.ros2 import RosError
 from asn1.ros2.model import Path, RosField, RosMessage, RosPackage
-from asn1.ros2.names import field_name
+from asn1.ros2.names import field_name, file_name
 from asn1.selection import components_of, references_of
 from asn1.types import (
     Choice,
@@ -164,6 +164,15 @@ def require_finite(package: RosPackage) -> None:
 
     for message in package.messages.values():
         visit(message, ())
+
+
+def require_apart(package: RosPackage) -> None:
+    """Raises RosError for two messages of which rosidl would make the same files."""
+    files: dict[str, str] = {}
+    for name in package.messages:
+        other = files.setdefault(file_name(name), name)
+        if other != name:
+            raise RosError(f"{package.name}: the files of {other} and {name} would be called alike")
 
 
 def joined(*words: str) -> str:

@@ -30,6 +30,15 @@ def type_name(name: str) -> str:
     return plain if plain[:1].isalpha() else f"A{plain}"
 
 
+def file_name(message: str) -> str:
+    """What rosidl calls the files of a message: StationID and StationId would have the same ones.
+
+    Source: rosidl_pycommon, convert_camel_case_to_lower_case_underscore.
+    """
+    words = re.sub(r"(.)([A-Z][a-z]+)", r"\1_\2", message)
+    return re.sub(r"([a-z0-9])([A-Z])", r"\1_\2", words).lower()
+
+
 def field_name(name: str) -> str:
     """Lower case, `_` where a word begins: referenceXYPosition -> reference_xy_position, alt-000-01 -> alt_000_01."""
     snake = _snake(name)

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 
 from asn1.ros2 import RosError
 from asn1.ros2.etsi_its_fields import EtsiItsFields, Older, message_name
-from asn1.ros2.fields import require_finite
+from asn1.ros2.fields import require_apart, require_finite
 from asn1.ros2.model import RosMessage, RosPackage
 from asn1.selection import reached
 from asn1.types import Definition, Message, Reference, Schema
@@ -79,6 +79,7 @@ def package(schema: Schema, edition: Message) -> RosPackage:
     tops = {edition.name: message_name(edition.pdu)}
     made = RosPackage(package_name(edition.name), NAME, (edition,), tops, dict(sorted(messages.items())))
     require_finite(made)
+    require_apart(made)
     return made
 
 

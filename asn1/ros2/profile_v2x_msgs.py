@@ -13,9 +13,9 @@ from dataclasses import replace
 
 from asn1.constraints import size_bounds, value_bounds
 from asn1.ros2 import RosError
-from asn1.ros2.fields import Fields, held, joined, require_finite
+from asn1.ros2.fields import Fields, held, joined, require_apart, require_finite
 from asn1.ros2.model import Path, Role, RosConstant, RosField, RosMessage, RosPackage
-from asn1.ros2.names import constant_name, field_name, type_name
+from asn1.ros2.names import constant_name, field_name, file_name, type_name
 from asn1.selection import components_of
 from asn1.types import (
     BitString,
@@ -84,6 +84,7 @@ def package(schema: Schema, name: str, editions: Sequence[Message]) -> RosPackag
         messages[f"{top}List"] = _list(messages[top])
     found = RosPackage(name, NAME, tuple(editions), tops, dict(sorted(messages.items())), ("std_msgs",))
     require_finite(found)
+    require_apart(found)
     return found
 
 
@@ -104,7 +105,7 @@ class _Names:
     def __init__(self, schema: Schema, editions: Sequence[Message]) -> None:
         self.schema = schema
         self.known: dict[tuple[str, str], str] = {}
-        self.taken: dict[str, Definition] = {}
+        self.taken: dict[str, tuple[str, Definition]] = {}
         together = [schema.messages[name] for name in TOGETHER if name in schema.messages]
         for edition in together if editions[0] in together else editions:
             for reference in held(schema, edition.pdu):
@@ -115,12 +116,16 @@ class _Names:
         if key not in self.known:
             definition = self.schema.resolve(reference)
             name = _capitals(reference.name)
-            if self.taken.setdefault(name, definition) != definition:
+            if not self._is_free(name, definition):
                 name += type_name(reference.module.partition("_")[2]).upper()
-            if self.taken.setdefault(name, definition) != definition:
+            if not self._is_free(name, definition):
                 raise RosError(f"{name}: three types are called so")
             self.known[key] = name
         return self.known[key]
+
+    def _is_free(self, name: str, definition: Definition) -> bool:
+        """Whether no other type has the name, nor one of which rosidl would make the same files."""
+        return self.taken.setdefault(file_name(name), (name, definition)) == (name, definition)
 
 
 def _capitals(name: str) -> str:

@@ -21,4 +21,6 @@ def _row(package: RosPackage, edition: str, folder: str) -> Row:
         f"{said['back'] + said['original']} of {said['values']} identical after a typed subscription, "
         f"{said['original']} of them with what was kept beside"
     )
+    if said["cut"]:
+        found += f"; {said['cut']} hold a string with a NUL, where rclpy ends it"
     return Row(f"{edition} as {package.name}/{package.tops[edition]}", found, said["trouble"])

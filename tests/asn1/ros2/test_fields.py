@@ -101,6 +101,18 @@ def test_a_message_that_holds_itself_is_told():
         made("Top ::= SEQUENCE { more Top OPTIONAL }")
 
 
+def test_two_messages_of_which_rosidl_would_make_the_same_files_are_told():
+    text = "Top ::= SEQUENCE { a StationID, b StationId } StationID ::= INTEGER (0..9) StationId ::= INTEGER (0..9)"
+    with pytest.raises(RosError, match=r"the files of StationI[Dd] and StationI[Dd] would be called alike"):
+        made(text)
+
+
+@pytest.mark.parametrize("profile", profiles.PROFILES)
+def test_station_id_and_stationid_of_one_dictionary_are_told_apart(profile):
+    [package] = profiles.packages(SCHEMA, [SCHEMA.messages["evcsn-1.1.1"]], profile)
+    assert {"StationId", "StationIDCDD221"} <= set(package.messages)
+
+
 def test_a_default_stands_in_a_constant_and_has_no_flag():
     fields = etsi_its("denm-1.3.1").messages["ManagementContainer"].fields
     [field] = [one for one in fields if one.name.startswith("validity_duration")]

@@ -3,7 +3,7 @@
 import pytest
 
 from asn1.ros2 import RosError
-from asn1.ros2.names import constant_name, field_name, integer_type, type_name
+from asn1.ros2.names import constant_name, field_name, file_name, integer_type, type_name
 
 
 @pytest.mark.parametrize(
@@ -41,6 +41,14 @@ def test_a_message_is_called_without_dashes_and_with_a_capital(name, expected):
 )
 def test_a_field_is_called_in_lower_case_with_an_underscore_before_each_word(name, expected):
     assert field_name(name) == expected
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [("StationID", "station_id"), ("StationId", "station_id"), ("NodeXY20b", "node_xy20b"), ("DDDIOLIST", "dddiolist")],
+)
+def test_files_of_a_message_are_called_as_rosidl_calls_them(name, expected):
+    assert file_name(name) == expected
 
 
 def test_a_constant_has_the_name_of_its_field_in_front_and_is_made_a_name_once_more():

@@ -4,7 +4,8 @@
 
 UPER -> to_cdr -> published as it is -> a typed subscription of rclpy -> published again, typed -> a raw subscription ->
 from_cdr -> UPER. FOLDER holds captain_messages. Counted: UPER that comes back; UPER that comes back with the original,
-because something has no place in the ROS message. Half of the values are of a newer sender.
+because something has no place in the ROS message; and what does not, because rclpy ends a string at its first NUL, which
+IA5String and UTF8String may hold. Half of the values are of a newer sender.
 """
 
 import importlib
@@ -69,10 +70,20 @@ def main(edition: str, profile: str, count: int) -> dict[str, Any]:
         cdr, left_out = message.to_cdr(octets, profile)
         heard = echo(cdr)
         how = "original" if left_out else "back"
-        is_same = message.from_cdr(heard, profile, original=octets if left_out else None) == octets
-        counts[how] += is_same
-        trouble = trouble or ("" if is_same else f"{octets.hex()} does not come back")
-    return {"values": count, "trouble": trouble, "back": counts["back"], "original": counts["original"]}
+        if message.from_cdr(heard, profile, original=octets if left_out else None) != octets:
+            how = "cut" if _has_nul(message.decode(octets)) else "lost"
+            trouble = trouble or (f"{octets.hex()} does not come back" if how == "lost" else "")
+        counts[how] += 1
+    return {"values": count, "trouble": trouble, **{how: counts[how] for how in ("back", "original", "cut")}}
+
+
+def _has_nul(value: Any) -> bool:
+    """Whether a string in a decoded message holds one."""
+    if isinstance(value, dict):
+        return any(map(_has_nul, value.values()))
+    if isinstance(value, list | tuple):
+        return any(map(_has_nul, value))
+    return isinstance(value, str) and "\0" in value
 
 
 if __name__ == "__main__":
