@@ -1,5 +1,6 @@
 """Updates of a card for the proof: a good one, one whose station fails, and each way to be spoiled."""
 
+import hashlib
 import os
 import subprocess
 from pathlib import Path
@@ -18,15 +19,22 @@ GOOD, BROKEN = "9.1.0", "9.2.0"  # versions
 MARK = "usr/lib/captain-image/proof"  # a file that only the good update has
 PROGRAM = "usr/lib/captain/captain"
 FAILS = "#!/bin/sh\necho 'this version does not work' >&2\nexit 1\n"
+CHUNK = 1 << 20
 SMALL = 200_000  # octets of contents that are never installed
 
 
 class Bundles(NamedTuple):
-    """Files in one folder. spoiled: file by what is wrong with it."""
+    """Files in one folder.
+
+    spoiled  file by what is wrong with it.
+    octets   of the good one's file system, and its SHA-256: what a slot holds that has it.
+    """
 
     good: Path
     broken: Path
     spoiled: dict[str, Path]
+    octets: int
+    digest: str
 
 
 def made(card: Path, folder: Path, is_short: bool = False) -> Bundles:
@@ -36,13 +44,28 @@ def made(card: Path, folder: Path, is_short: bool = False) -> Bundles:
     own = keys.chosen(MADE / "keys", 0)
     slot = folder / "slot"
     _slot(description, card, slot)
-    good = _changed(slot, folder, own, description, GOOD, {MARK: "here\n"})
+    good, contents = _changed(slot, folder, own, description, GOOD, {MARK: "here\n"})
+    octets, digest = contents.stat().st_size, digest_of(contents)
+    contents.unlink()
     if is_short:
         slot.unlink()
-        return Bundles(good, good, {})
-    broken = _changed(slot, folder, own, description, BROKEN, {PROGRAM: FAILS})
-    slot.unlink()
-    return Bundles(good, broken, _spoiled(good, folder, own, description))
+        return Bundles(good, good, {}, octets, digest)
+    broken, contents = _changed(slot, folder, own, description, BROKEN, {PROGRAM: FAILS})
+    for path in (contents, slot):
+        path.unlink()
+    return Bundles(good, broken, _spoiled(good, folder, own, description), octets, digest)
+
+
+def digest_of(path: Path, at: int = 0, octets: int | None = None) -> str:
+    """SHA-256 of a part of a file, or of all of it."""
+    found = hashlib.sha256()
+    with path.open("rb") as file:
+        file.seek(at)
+        left = path.stat().st_size - at if octets is None else octets
+        while left > 0 and (part := file.read(min(left, CHUNK))):
+            found.update(part)
+            left -= len(part)
+    return found.hexdigest()
 
 
 def _slot(description: Description, card: Path, target: Path) -> None:
@@ -57,7 +80,8 @@ def _slot(description: Description, card: Path, target: Path) -> None:
 
 def _changed(
     slot: Path, folder: Path, signer: keys.Keys, description: Description, version: str, files: dict[str, str]
-) -> Path:
+) -> tuple[Path, Path]:
+    """A bundle, and the file system in it."""
     contents = folder / version
     contents.mkdir()
     own = contents / bundle.NAME
@@ -68,8 +92,7 @@ def _changed(
         debugfs(own, [f"rm /{place}", f"write {source} /{place}", f"sif /{place} mode 0100755"])
     target = folder / f"captain-{version}-arm64.raucb"
     bundle.write(contents, description.compatible, version, 0, signer, target, FAST)
-    own.unlink()
-    return target
+    return target, own
 
 
 def debugfs(image: Path, commands: list[str], offset: int = 0) -> None:

@@ -51,7 +51,7 @@ class Drive:
     socket  where QEMU finds it.
     seed    of what a cut leaves.
 
-    requests  how many of each kind there were; octets: written, by the MiB where they went.
+    requests  how many of each kind there were; writes and octets: of them what was written, by the MiB where it went.
     loss      of the last cut; cut_s: when it was, on the monotonic clock.
     is_cut    set when the power goes; is_powered: when it comes, which is when QEMU connects.
     is_honest it does what it says when it is told to flush. One that does not is there to see that this is noticed.
@@ -60,6 +60,7 @@ class Drive:
     def __init__(self, card: Path, place: Path, seed: int, is_honest: bool = True) -> None:
         self.medium = Medium(card)
         self.requests: Counter[int] = Counter()
+        self.writes: Counter[int] = Counter()
         self.octets: Counter[int] = Counter()
         self.loss = Loss(0, 0, 0, 0)
         self.cut_s = 0.0
@@ -149,6 +150,7 @@ class Drive:
         if kind == READ and size > MOST:
             return INVALID, b""
         self.requests[kind] += 1
+        self.writes[offset // MIB] += kind in (WRITE, ZEROES)
         if self._is_due(kind, offset):
             assert self._arm is not None
             octets = given or (bytes(min(size, MOST)) if kind in (TRIM, ZEROES) else b"")

@@ -1,6 +1,8 @@
-"""Power cuts while an update is installed, on a drive that loses, reorders or tears what was not flushed.
+"""Power cuts while an update is fetched and installed, on a drive that loses, reorders or tears what was not flushed.
 
-A machine that is about to install is kept as a file: its memory, and its card. Each cut begins with it.
+A machine that has looked at a bundle, and is about to install it, is kept as a file: its memory, and its card. Each cut
+begins with it. After it U-Boot starts a slot, and that has to be the old version or the new one, to the octet; every
+fourth time the whole system is started.
 """
 
 import json
@@ -8,64 +10,65 @@ import socket
 import subprocess
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
+from itertools import cycle
 from pathlib import Path
 from random import Random
 from typing import Any, NamedTuple
 
 from image import disk, state
-from image.description import read
+from image.description import Description, read
 from tests.image import bundles
-from tests.image.drive import WRITE, ZEROES, Drive, served
+from tests.image.bundles import Bundles, digest_of
+from tests.image.drive import MIB, Drive, served
 from tests.image.login import Key, new_key, said, ssh, wait_for_ssh
 from tests.image.machine import Guest, NotSeenError, Ports, free_ports, owned, powered
 from tests.image.medium import Fate
 from tests.image.rows import Options, Row
 from tests.image.site import serving
-from tests.image.update import ENDED
+from tests.image.update import ENDED, INSTALL_S
 from tests.image.user import user
 
-COUNT = 10
+COUNT, SHORT = 12, 2
 SEED = 11
-WRITES = (WRITE, ZEROES)
-INSTALL_S = 900.0
+FULL_EACH = 4  # of so many cuts the start of one is that of the whole system
+FETCHED = "/data/update/bundle.raucb"  # what was looked at stays there
+
+
+class Where(NamedTuple):
+    """What is written when the power goes: to this partition, after this command. is_early: no slot was touched yet."""
+
+    what: str
+    partition: str
+    command: str
+    is_early: bool = False
+
+
+COUNTERS = Where("while the counters are written", "state", FETCHED)
+SLOT = Where("while the slot is written", "root-b", FETCHED)
+FETCH = Where("while the bundle is fetched", "data", "URL", is_early=True)
+# All writes of counters are met, one after the other: they are few, and decide.
+ORDER = (SLOT, COUNTERS, COUNTERS, FETCH, COUNTERS, SLOT, COUNTERS, COUNTERS, COUNTERS, FETCH, COUNTERS, SLOT)
+FATES = {COUNTERS: (Fate.TEAR, Fate.KEEP, Fate.SHUFFLE, Fate.DROP), SLOT: (Fate.SHUFFLE, Fate.DROP, Fate.TEAR)}
 
 
 class Kept(NamedTuple):
-    """A machine that is about to install. writes: of a whole installation, as the drive sees it."""
+    """A machine that is about to install. a_digest: of its slot A."""
 
     card: Path
     memory: Path
     ports: Ports
-    writes: int
+    a_digest: str
 
 
-def rows(card: Path, folder: Path, options: Options) -> Iterator[Row]:
-    count = options.count or (1 if options.is_short else COUNT)
-    made = bundles.made(card, folder / "bundles", is_short=True)
-    key = new_key(folder)
-    own = owned(card, folder, {"authorized_keys": key.line})
-    with serving(made.good.parent) as site:
-        site_url = site.url(made.good.name)
-        kept = _kept(own, folder, key)
-        kept = kept._replace(writes=_whole(kept, folder, key, site_url))
-        yield Row("writes of a whole update", str(kept.writes), "", kept.writes > 0)
-        random = Random(SEED)
-        slots: list[str] = []
-        for number in range(count):
-            # As much at the end, where the counters are written, as all the way before.
-            part = random.random() if number % 2 else 1 - 0.02 * random.random()
-            at, fate = max(1, round(kept.writes * part)), list(Fate)[number % len(Fate)]
-            seen = _cut(kept, folder, key, site_url, at, fate, number)
-            slots.append(seen.slot)
-            yield Row(
-                f"cut {number + 1}: write {at} ({100 * part:.1f} %), {fate}",
-                seen.words,
-                "starts, and is well",
-                seen.is_ok,
-            )
-        yield Row("starts after a cut", f"{len(slots)} of {count}: {''.join(slots)}", "all", len(slots) == count)
+class Cut(NamedTuple):
+    """At which write to the partition it comes."""
+
+    where: Where
+    write: int
+    fate: Fate
+    is_full: bool
 
 
 class Seen(NamedTuple):
@@ -74,13 +77,51 @@ class Seen(NamedTuple):
     is_ok: bool
 
 
-def _kept(card: Path, folder: Path, key: Key) -> Kept:
+def rows(card: Path, folder: Path, options: Options) -> Iterator[Row]:
+    count = options.count or (SHORT if options.is_short else COUNT)
+    made = bundles.made(card, folder / "bundles", is_short=True)
+    key = new_key(folder)
+    own = owned(card, folder, {"authorized_keys": key.line})
+    slots = []
+    with serving(made.good.parent) as site:
+        url = site.url(made.good.name)
+        kept = _kept(own, folder, key, url)
+        writes, took_s = _whole(kept, folder, key)
+        told = ", ".join(f"{name} {number}" for name, number in writes.items())
+        yield Row(f"writes of an update, {took_s:.0f} s", told, "", all(writes.values()))
+        for number, cut in enumerate(plan(count, writes)):
+            began = time.monotonic()
+            seen = _cut(kept, folder, key, url, cut, SEED + number, made)
+            slots.append(seen.slot)
+            what = f"{number + 1}: {cut.where.what}, write {cut.write}, {cut.fate}"
+            yield Row(what, f"{seen.words} ({time.monotonic() - began:.0f} s)", "starts, and is whole", seen.is_ok)
+    started = sum(slot != "-" for slot in slots)
+    yield Row("starts after a cut", f"{started} of {count}: {''.join(slots)}", "all", started == count)
+
+
+def plan(count: int, writes: Mapping[str, int]) -> list[Cut]:
+    """Always the same one. writes: of a whole update, by partition."""
+    random, places = Random(SEED), cycle(ORDER)
+    fates = {where: cycle(FATES.get(where, tuple(Fate))) for where in ORDER}
+    counters = cycle(range(1, max(1, writes["state"]) + 1))
+    planned = []
+    for number in range(count):
+        where = next(places)
+        write = next(counters) if where is COUNTERS else random.randrange(1, max(2, writes[where.partition]))
+        planned.append(Cut(where, write, next(fates[where]), number % FULL_EACH == 1))
+    return planned
+
+
+def _kept(card: Path, folder: Path, key: Key, url: str) -> Kept:
     ports, memory = free_ports(), folder / "memory"
     with served(card, folder, SEED) as drive:
         with powered(drive.url, folder, ports=ports) as guest:
             guest.wait("slots: trying A, 2 tries left")
             wait_for_ssh(guest)
-            said(guest, key, f"{ENDED}; sync", INSTALL_S)
+            said(guest, key, ENDED, INSTALL_S)
+            looked = ssh(guest, key.path, f"captain update --look {url} && sync", INSTALL_S)
+            if looked.returncode:
+                raise NotSeenError(f"the bundle is refused: {looked.stdout + looked.stderr}")
             qmp = Qmp(guest.qmp)
             qmp.ask("stop")
             qmp.ask("migrate", uri=f"exec:cat >{memory}")
@@ -89,7 +130,8 @@ def _kept(card: Path, folder: Path, key: Key) -> Kept:
             if found == "failed":
                 raise NotSeenError("QEMU cannot keep the machine's memory")
         drive.cut(Fate.KEEP)
-    return Kept(card, memory, ports, 0)
+    within = _within("root-a")
+    return Kept(card, memory, ports, digest_of(card, within.start, len(within)))
 
 
 @contextmanager
@@ -107,60 +149,92 @@ def _resumed(kept: Kept, folder: Path, seed: int) -> Iterator[tuple[Guest, Drive
             yield guest, drive, card
 
 
-def _whole(kept: Kept, folder: Path, key: Key, url: str) -> int:
+def _whole(kept: Kept, folder: Path, key: Key) -> tuple[dict[str, int], float]:
+    """How often an update that is not cut writes to each partition; seconds."""
     with _resumed(kept, folder, SEED) as (guest, drive, _):
-        before = sum(drive.requests[kind] for kind in WRITES)
-        ended = ssh(guest, key.path, f"captain update {url}", INSTALL_S)
+        began = time.monotonic()
+        ended = ssh(guest, key.path, f"captain update {FETCHED}", INSTALL_S)
         if ended.returncode:
             raise NotSeenError(f"the update fails: {ended.stdout + ended.stderr}")
-        return sum(drive.requests[kind] for kind in WRITES) - before
+        took_s = time.monotonic() - began
+        return {name: _writes(drive, name) for name in ("data", "root-b", "state")}, took_s
 
 
-def _cut(kept: Kept, folder: Path, key: Key, url: str, at: int, fate: Fate, number: int) -> Seen:
-    with _resumed(kept, folder, SEED + number) as (guest, drive, card):
-        drive.arm(at, fate)
+def _writes(drive: Drive, name: str) -> int:
+    within = _within(name)
+    return sum(drive.writes[mib] for mib in range(within.start // MIB, within.stop // MIB))
+
+
+def _cut(kept: Kept, folder: Path, key: Key, url: str, cut: Cut, seed: int, made: Bundles) -> Seen:
+    with _resumed(kept, folder, seed) as (guest, drive, card):
+        drive.arm(cut.write, cut.fate, within=_within(cut.where.partition))
 
         def install() -> None:
             with suppress(subprocess.SubprocessError):
-                ssh(guest, key.path, f"captain update {url}", INSTALL_S)
+                ssh(guest, key.path, f"captain update {cut.where.command.replace('URL', url)}", INSTALL_S)
 
         working = threading.Thread(target=install, daemon=True)
         working.start()
-        # Where the last writes are merged there are fewer of them than in the run that was counted.
+        # Writes that the kernel joins are fewer than those of the run that was counted.
         while working.is_alive() and not drive.is_cut.wait(1.0):
             pass
-        if not drive.is_cut.is_set():
-            drive.cut(fate)
-        lost = drive.loss
+        drive.cut(cut.fate)
         guest.cut()
         working.join(60)
-    return _after(card, folder, f"{lost}")
-
-
-def _after(card: Path, folder: Path, lost: str) -> Seen:
-    """It starts by itself, and its station beats."""
-    counters = _counters(card)
-    began = time.monotonic()
     try:
-        with powered(card, folder) as guest:
-            slot = guest.wait(r"slots: trying ([AB]), ").group(1)
-            with user(guest.ports) as one:
-                beats = one.heartbeat(), one.heartbeat()
+        return _after(card, folder, cut, kept, made)
     except NotSeenError as error:
         return Seen("-", str(error).splitlines()[0][:60], False)
-    words = f"{slot}, heartbeats {beats[0]}, {beats[1]} after {time.monotonic() - began:.0f} s; {counters}"
-    return Seen(slot, words, beats[1] == beats[0] + 1)
+
+
+def _after(card: Path, folder: Path, cut: Cut, kept: Kept, made: Bundles) -> Seen:
+    """Which slot starts, and whether all that it starts from is what it has to be. Raises NotSeenError: none does."""
+    counters = _counters(card)
+    beats = [0, 1]
+    with powered(card, folder) as guest:
+        slot = guest.wait(r"slots: trying ([AB]), ").group(1)
+        guest.wait("Starting kernel")
+        if cut.is_full:
+            with user(guest.ports) as one:
+                beats = [one.heartbeat(), one.heartbeat()]
+    within = _within(f"root-{slot.lower()}")
+    is_new = slot == "B"
+    digest = digest_of(card, within.start, made.octets if is_new else len(within))
+    is_whole = digest == (made.digest if is_new else kept.a_digest) and not (is_new and cut.where.is_early)
+    trouble = "" if cut.is_full else _fsck(card)
+    seen = f"{slot} {'whole' if is_whole else 'is not whole'}, {counters}"
+    seen += f", heartbeats {beats[0]}, {beats[1]}" if cut.is_full else ""
+    return Seen(slot, seen + trouble, is_whole and beats[1] == beats[0] + 1 and not trouble)
+
+
+def _fsck(card: Path) -> str:
+    """What is wrong with the data once its journal was played back, as the early boot does; empty: nothing."""
+    tools = bundles.TOOLS
+    loader = next(tools.glob("usr/lib/*/ld-linux*.so.*"))
+    words = [loader, "--library-path", loader.parent, tools / "usr/sbin/e2fsck"]
+    device = f"{card}?offset={_within('data').start}"
+    for option, most in (("-p", 3), ("-fn", 0)):
+        ended = subprocess.run([*words, option, device], capture_output=True, text=True, check=False)
+        if ended.returncode > most:
+            return f"; e2fsck {option}: {ended.returncode}: {ended.stdout[-200:]}"
+    return ""
 
 
 def _counters(card: Path) -> str:
-    description = read(bundles.PROJECT / "image/image.toml").disk
-    place = next(place for place in disk.places(description) if place.partition.name == "state")
+    within = _within("state")
     with card.open("rb") as file:
-        file.seek(place.offset)
-        found = state.newest(file.read(state.APART + state.SIZE))
+        file.seek(within.start)
+        found = state.newest(file.read(len(within)))
     if found is None:
         return "no counters"
     return f"order {' '.join(found.order)}, left {found.a_left} {found.b_left}, new {found.new}"
+
+
+def _within(name: str) -> range:
+    """Of a partition, octets of the card."""
+    description: Description = read(bundles.PROJECT / "image/image.toml")
+    place = next(place for place in disk.places(description.disk) if place.partition.name == name)
+    return range(place.offset, place.offset + place.partition.size_mib * MIB)
 
 
 class Qmp:
