@@ -134,7 +134,7 @@ def _ros2(schema: Schema, messages: tuple[str, ...], wish: Ros2, folder: Path, p
     for one in packages:
         progress(one.name)
         package.write(schema, one, folder, VERSION, wish.distro)
-    package.write_access(schema, packages, folder, VERSION)
+    package.write_access(schema, packages, folder, VERSION, wish.distro)
 
 
 def _cdr(schema: Schema, messages: tuple[str, ...], folder: Path) -> None:

@@ -9,9 +9,9 @@ import subprocess
 from pathlib import Path
 
 from asn1 import library
-from asn1.ros2 import profiles
+from asn1.ros2 import access, profiles
+from asn1.ros2.debian import name_of
 from asn1.ros2.model import RosPackage
-from asn1.ros2.package import debian_name
 from tests.ros2 import ros
 from tests.ros2.packages import SCHEMA
 from tests.ros2.rows import Row
@@ -37,31 +37,37 @@ exec dpkg-buildpackage -us -uc -b -d
 
 
 def build(_: list[RosPackage]) -> list[Row]:
-    """Rows: the packages that are built, what the binary one holds, and that rclpy takes it."""
+    """Rows: the packages that are built, what the binary one holds, and that rclpy takes it; functions in SI units."""
     [package] = profiles.packages(SCHEMA, [SCHEMA.messages[EDITION]])
-    name = debian_name(package, DISTRO)
     shutil.rmtree(FOLDER, ignore_errors=True)
     library.generate(SCHEMA, (EDITION,), "ros2", FOLDER, lambda _: None)
-    _run(["dpkg-source", "-b", package.name], FOLDER)
-    _run(
-        ["unshare", "--map-root-user", "--mount", "sh", "-ec", BUILD], FOLDER / package.name, ENV=ros.ENV, PREFIX=PREFIX
-    )
-    [described], [binary] = FOLDER.glob(f"{name}_*.dsc"), FOLDER.glob(f"{name}_*.deb")
-    held = _run(["dpkg-deb", "-c", binary.name], FOLDER).splitlines()
-    paths = {line.split()[5] for line in held}
-    missing = sorted(_wanted(package) - paths)
-    elsewhere = sorted(
-        one for one in paths if not one.startswith((f"./{PREFIX}/", "./usr/share/doc/")) and one[-1] != "/"
-    )
-    _run(["dpkg-deb", "-x", binary.name, "root"], FOLDER)
+    binary, functions = _built(package.name), _built(access.NAME)
+    paths = {line.split()[5] for line in _run(["dpkg-deb", "-c", binary.name], FOLDER).splitlines()}
+    troubles = {"missing": sorted(_wanted(package) - paths), "elsewhere": sorted(filter(_is_elsewhere, paths))}
+    for one in (binary, functions):
+        _run(["dpkg-deb", "-x", one.name, "root"], FOLDER)
+    root = FOLDER / "root" / PREFIX
+    [modules] = root.glob(f"lib/python3.*/site-packages/{access.NAME}")
     return [
-        Row(f"{package.name} as source", described.name),
         Row(f"{package.name} as Debian package", f"{binary.name}: {len(paths)} paths, {binary.stat().st_size // 1000} kB"),
         Row("what it holds", "libraries, headers, Python, .msg, .idl, package.xml, mark of the ament index",
-            "; ".join(f"{word}: {', '.join(some)}" for word, some in (("missing", missing), ("elsewhere", elsewhere)) if some)),
+            "; ".join(f"{word}: {', '.join(some)}" for word, some in troubles.items() if some)),
         Row("what it needs", _run(["dpkg-deb", "-f", binary.name, "Depends"], FOLDER).strip()),
-        Row("unpacked and used by rclpy", ros.inside("use.py", package.name, prefix=FOLDER / "root" / PREFIX).strip()),
+        Row("unpacked and used by rclpy", ros.inside("use.py", package.name, prefix=root).strip()),
+        Row(f"{access.NAME} as Debian package", f"{functions.name}: {', '.join(sorted(one.name for one in modules.glob('*.py')))}"),
     ]  # fmt: skip
+
+
+def _built(package: str) -> Path:
+    """The binary package, and beside it the source package."""
+    _run(["dpkg-source", "-b", package], FOLDER)
+    _run(["unshare", "--map-root-user", "--mount", "sh", "-ec", BUILD], FOLDER / package, ENV=ros.ENV, PREFIX=PREFIX)
+    [binary] = FOLDER.glob(f"{name_of(package, DISTRO)}_*.deb")
+    return binary
+
+
+def _is_elsewhere(path: str) -> bool:
+    return not path.startswith((f"./{PREFIX}/", "./usr/share/doc/")) and path[-1] != "/"
 
 
 def _wanted(package: RosPackage) -> set[str]:

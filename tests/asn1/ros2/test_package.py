@@ -74,6 +74,13 @@ def test_debians_tools_make_a_source_package_of_it(written):
     assert "Binary: ros-jazzy-etsi-its-cam-msgs" in described.read_text()
 
 
+def test_functions_in_si_units_are_a_debian_package_of_every_architecture(written):
+    folder = written.parent / "captain_si"
+    subprocess.run(["dpkg-source", "-b", folder.name], cwd=folder.parent, check=True, capture_output=True)
+    control = (folder / "debian" / "control").read_text()
+    assert "\nArchitecture: all\nDepends: ${misc:Depends}\n" in control
+
+
 def test_the_command_writes_packages_and_says_how_to_build_them(tmp_path, capsys):
     line = ["generate", "cam-2.3.1", "mapem", "--form", "ros2", "--distro", "humble", "--to", str(tmp_path / "ws")]
     assert main(line) == 0
