@@ -32,24 +32,29 @@ def source(profile: str) -> Path:
 
 
 def build(packages: Iterable[RosPackage]) -> list[Row]:
-    """Built, installed, and every message of it made and read by rclpy."""
-    rows = []
+    """Built, installed, and every message of it made and read by rclpy. One that fails keeps no other from it."""
+    rows: list[Row] = []
     for package in packages:
-        began, worked = time.monotonic(), _worked_s()
-        ros.run(
-            [
-                ros.ENV / "bin" / "colcon", "build", "--merge-install", "--paths", source(package.profile) / package.name,
-                "--cmake-args", "-GNinja", "-DBUILD_TESTING=OFF", "-DCMAKE_C_FLAGS=-O0", "-DCMAKE_CXX_FLAGS=-O0",
-                f"-DCMAKE_PROJECT_INCLUDE={TOGETHER}", f"-DPython3_EXECUTABLE={ros.ENV / 'bin' / 'python'}",
-            ],
-            cwd=ros.WORKSPACE, log=ros.MADE / f"{package.name}.log",
-        )  # fmt: skip
-        took, work = time.monotonic() - began, _worked_s() - worked
-        rows.append(
-            Row(f"{package.name} built", f"{len(package.messages)} types, {took:.0f} s, {work:.0f} s of one processor")
-        )
-        rows += [_used(package), *(_heard(package, top) for top in package.tops.values())]
+        try:
+            rows.append(_built(package))
+            rows += [_used(package), *(_heard(package, top) for top in package.tops.values())]
+        except ros.RosError as error:
+            rows.append(Row(package.name, "ended early", str(error)))
     return rows
+
+
+def _built(package: RosPackage) -> Row:
+    began, worked = time.monotonic(), _worked_s()
+    ros.run(
+        [
+            ros.ENV / "bin" / "colcon", "build", "--merge-install", "--paths", source(package.profile) / package.name,
+            "--cmake-args", "-GNinja", "-DBUILD_TESTING=OFF", "-DCMAKE_C_FLAGS=-O0", "-DCMAKE_CXX_FLAGS=-O0",
+            f"-DCMAKE_PROJECT_INCLUDE={TOGETHER}", f"-DPython3_EXECUTABLE={ros.ENV / 'bin' / 'python'}",
+        ],
+        cwd=ros.WORKSPACE, log=ros.MADE / f"{package.name}.log",
+    )  # fmt: skip
+    took, work = time.monotonic() - began, _worked_s() - worked
+    return Row(f"{package.name} built", f"{len(package.messages)} types, {took:.0f} s, {work:.0f} s of one processor")
 
 
 def _worked_s() -> float:

@@ -16,6 +16,14 @@ def travel(packages: list[RosPackage]) -> list[Row]:
 
 
 def _row(package: RosPackage, edition: str, folder: str) -> Row:
+    what = f"{edition} as {package.name}/{package.tops[edition]}"
+    try:
+        return _travelled(what, package, edition, folder)
+    except ros.RosError as error:
+        return Row(what, "ended early", str(error))
+
+
+def _travelled(what: str, package: RosPackage, edition: str, folder: str) -> Row:
     said = json.loads(ros.inside("typed.py", folder, edition, package.profile, str(VALUES)))
     found = (
         f"{said['back'] + said['original']} of {said['values']} identical after a typed subscription, "
@@ -23,4 +31,4 @@ def _row(package: RosPackage, edition: str, folder: str) -> Row:
     )
     if said["cut"]:
         found += f"; {said['cut']} hold a string with a NUL, where rclpy ends it"
-    return Row(f"{edition} as {package.name}/{package.tops[edition]}", found, said["trouble"])
+    return Row(what, found, said["trouble"])
