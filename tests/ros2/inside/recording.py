@@ -3,7 +3,7 @@
     recording.py FOLDER FILE
 
 FOLDER holds captain_messages, of some editions. Counted per type: messages that were decoded, and those whose octets in
-the metadata are a message of the lab; of these editions: CDR as to_cdr writes it. Drawn beside the file: how many came.
+the metadata are a message of the lab; of these editions: CDR as to_cdr writes it. Drawn beside the file: how many came when.
 """
 
 import json
@@ -52,14 +52,15 @@ def main(path: Path) -> dict[str, object]:
 
 
 def draw(times: dict[str, list[float]], path: Path) -> None:
-    """How many of each type have come, twice a second."""
-    chart = pygal.XY(
-        js=(), title=path.with_suffix(".mcap").name, x_title="s", y_title="messages", width=1000, height=450,
-        dots_size=2, legend_at_bottom=True, legend_at_bottom_columns=2,
+    """How many of each type came in each half second."""
+    halves = range(int(max(map(max, times.values())) * 2) + 1)
+    chart = pygal.Dot(
+        js=(), title=f"{path.stem}.mcap: messages in half a second", x_title="s", width=1000, height=450, show_legend=False,
+        show_y_labels=True, x_label_rotation=0, value_formatter=str, print_values=True, print_zeroes=False,
     )  # fmt: skip
-    last = int(max(map(max, times.values())) * 2) + 2
-    for name in sorted(times):
-        chart.add(name, [(half / 2, sum(one <= half / 2 for one in times[name])) for half in range(last)])
+    chart.x_labels = [str(half / 2) for half in halves]
+    for name in sorted(times, reverse=True):
+        chart.add(name.replace("/msg/", "/"), [sum(int(one * 2) == half for one in times[name]) for half in halves])
     path.write_bytes(NOT_DRAWN.sub(b"", chart.render()))
 
 
