@@ -58,6 +58,7 @@ exit codes:
 """
 HIGHEST_STATION_ID = 0xFFFFFFFF
 FLUSH_S = 2.0
+MOST_NAMES = 300  # more than there are messageIDs: a station that makes names up fills no recording with topics
 
 
 # As the gateway publishes them: what `ros2 bag play` offers.
@@ -151,20 +152,25 @@ class Recording:
 
     def add(self, message: Message) -> None:
         """A message, by the time of its reception."""
-        received_ns = message.raw.received_ns if message.raw is not None else time.time_ns()
+        received_ns = max(0, message.raw.received_ns) if message.raw is not None else time.time_ns()
         found = self._decoder.find(message.pdu, is_quick=True)
         if isinstance(found, Identity) and found.message.name in self._types:
             topic = self._topic(found.message)
             self._mcap.add(topic.channel, received_ns, topic.write(found.message.decode(message.pdu)))
             sequence, edition, name = self._mcap.counts[topic.channel], found.message.name, topic.name
         else:
-            sequence, edition, name = 0, "", message.type or f"id_{message.message_id}"
+            sequence, edition, name = 0, "", self._name_of(message)
             self._unknown[name] += 1
         if name not in self._metadata:
             self._metadata[name] = self._mcap.channel(
                 f"{name}/received/metadata", reception.TYPE, reception.SCHEMA, QOS
             )
         self._mcap.add(self._metadata[name], received_ns, reception.cdr(message, received_ns, sequence, edition))
+
+    def _name_of(self, message: Message) -> str:
+        """That ROS takes in a topic, for what no edition takes: the type that the station gave it, or its messageID."""
+        name = re.sub(r"\W", "_", message.type) or f"id_{message.message_id}"
+        return name if name in self._metadata or len(self._metadata) < MOST_NAMES else "others"
 
     def _topic(self, message: library_.Message) -> Topic:
         edition = message.name

@@ -50,6 +50,26 @@ def test_what_no_edition_takes_is_recorded_as_octets(tmp_path, capsys):
     assert "1 cam that no edition takes, as octets" in capsys.readouterr().err
 
 
+def test_a_station_that_makes_types_up_gets_a_topic_for_the_rest(tmp_path, monkeypatch):
+    monkeypatch.setattr(record, "MOST_NAMES", 2)
+    _, found = recorded(tmp_path / "a.mcap", *[(kind, b"\0\0") for kind in ("a b", "c", "d", "c")])
+    assert [topic for topic, _, _ in found.channels.values()] == [
+        "a_b/received/metadata", "c/received/metadata", "others/received/metadata",
+    ]  # fmt: skip
+    assert [channel for channel, _, _ in found.messages] == [1, 2, 3, 2]
+
+
+def test_what_is_too_short_for_a_header_is_recorded(tmp_path):
+    _, found = recorded(tmp_path / "a.mcap", ("a", b"\2"))
+    assert found.messages[0][2].endswith(b"\1\0\0\0\2")
+
+
+def test_a_reception_before_1970_is_at_its_beginning(tmp_path, monkeypatch):
+    monkeypatch.setattr("tests.firmware.commands.test_record.NS", -5_000_000_000)
+    _, found = recorded(tmp_path / "a.mcap", ("cam", CAM))
+    assert {ns for _, ns, _ in found.messages} == {0}
+
+
 def test_another_edition_than_the_preferred_one_has_a_topic_of_its_own():
     names = record.topic_names(captain_messages)
     preferred = captain_messages.find("vam").name
