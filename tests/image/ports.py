@@ -12,7 +12,7 @@ from tests.image.neighbour import Neighbour, answers_echo, tcp_scan, udp_scan
 from tests.image.packets import IPV4, TCP, UDP
 from tests.image.root_shell import EXTRA, RootShell
 from tests.image.rows import Options, Row
-from tests.image.wire import Wire
+from tests.image.wire import ONE_DRIVER, Wire
 
 ALL = range(1, 65536)
 FEW = (22, 53, 67, 68, 80, 123, 323, 546, 5353, 5355, 5555, 5556, 5557, 5558, 8947)
@@ -70,7 +70,7 @@ def rows(card: Path, folder: Path, options: Options) -> Iterator[Row]:
         neighbours = {one.name: Neighbour(wire, one.network) for one, wire in zip(NETWORKS, wires, strict=True)}
         for wire in wires:
             wire.start()
-        guest.stop_loader(EXTRA)
+        guest.stop_loader(f"{EXTRA} {ONE_DRIVER}")
         shell.open()
         _name(shell, wires)
         for one in NETWORKS:

@@ -13,7 +13,7 @@ from tests.image.machine import Guest, owned, powered
 from tests.image.rows import Options, Row
 from tests.image.screen import ALLOWED, COLUMNS, HEAD, PROMPT, Screen
 from tests.image.user import CAM, User, user
-from tests.image.wire import Wire
+from tests.image.wire import ONE_DRIVER, Wire
 
 HEARTBEATS = 3
 MEMORY_MB = 256
@@ -55,6 +55,7 @@ def rows(card: Path, folder: Path, options: Options) -> Iterator[Row]:
         words = ["-rtc", f"base={FIRST}", "-device", "qemu-xhci", *wire.words]
         guest = opened.enter_context(powered(own, folder, words))
         wire.start()
+        guest.stop_loader(ONE_DRIVER)
         yield from _console(guest)
         with user(guest.ports) as one:
             yield from _heartbeats(one, guest)

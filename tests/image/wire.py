@@ -9,6 +9,9 @@ from pathlib import Path
 
 from tests.image.machine import NotSeenError
 
+# QEMU's usb-net has the ids of a gadget that two drivers take, and the network is configured with one of them: without
+# these words on the kernel's command line it is the one that comes first.
+ONE_DRIVER = "module_blacklist=cdc_subset"
 BATCH = 8192  # frames that are kept
 MAX_FRAME = 65536
 POLL_S = 0.2
