@@ -115,9 +115,9 @@ class Guest:
         """At U-Boot's prompt, as who holds the cable may: words for the kernel's command line, then go on."""
         self.wait("Hit any key")
         self.type(" ")
-        self.wait("=> ")
+        self.wait("(=|U-Boot)> ")
         self.type(f"setenv extra_args '{extra}'\n")
-        self.wait("=> ")
+        self.wait("(=|U-Boot)> ")
         self.type("boot\n")
 
     def type(self, text: str) -> None:
