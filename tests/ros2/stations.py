@@ -33,6 +33,7 @@ REAL = {
     "cam": real.CAM, "denm": real.real("denm", 43), "vam": real.real("vam", 34), "ivim": real.IVIM,
     "mapem": real.MAPEM, "spatem": real.SPATEM,
 }  # fmt: skip
+LONGEST_S = 600.0  # of a script
 LONGEST = 400  # of a made message, octets
 MADE = 200
 
@@ -43,7 +44,7 @@ def messages(codec: Path) -> dict[str, bytes]:
     library = importlib.import_module("captain_messages")
     schema = text.load_schema()
     found = dict(REAL)
-    for handler in TYPES.keys() - REAL.keys():
+    for handler in sorted(TYPES.keys() - REAL.keys()):
         message = library.find(TYPES[handler])
         values = Values(schema, schema.messages[message.name].pdu, seed=1, knows_more=False, is_long=False)
         head = bytes((message.versions[-1], message.ids[0]))
@@ -139,7 +140,9 @@ def gateway(codec: Path, station: Station, log: Path, prefix: Path, *words: str,
 def inside(script: str, *words: str | Path, codec: Path, prefix: Path) -> Any:
     """What a script of tests/ros2/inside has found, as JSON on its last line. Raises RosError."""
     command = [str(ros.ENV / "bin" / "python"), str(ros.INSIDE / script), *map(str, words)]
-    ended = subprocess.run(command, env=environment(codec, prefix), text=True, capture_output=True, check=False)
+    ended = subprocess.run(
+        command, env=environment(codec, prefix), text=True, capture_output=True, check=False, timeout=LONGEST_S
+    )
     if ended.returncode:
         raise RosError(f"{script}: {(ended.stdout + ended.stderr)[-3000:]}")
     return json.loads(ended.stdout.splitlines()[-1])

@@ -24,18 +24,24 @@ QUIET_S = 3.0  # what has not come so long after the last has not come
 QOS = QoSProfile(depth=1000)
 
 
+def header_of(message: Any) -> Any:
+    """The ItsPduHeader; that of VAM is in one of its own."""
+    header = message.header
+    return header if hasattr(header, "station_id") else header.value
+
+
 def numbered(message: Any, number: int) -> Any:
     """Its stationID; DENM and others say it once more inside, where it stays."""
-    station = message.header.station_id
-    if hasattr(station, "value"):
-        station.value = number
+    header = header_of(message)
+    if hasattr(header.station_id, "value"):
+        header.station_id.value = number
     else:
-        message.header.station_id = number
+        header.station_id = number
     return message
 
 
 def number_of(message: Any) -> int:
-    station = message.header.station_id
+    station = header_of(message).station_id
     return int(getattr(station, "value", station))
 
 
@@ -91,7 +97,7 @@ def main(path: str, duration: float, rate: float) -> None:
         for handler, (ros_type, cdr) in given.items()
         for ends in (("a", "b"), ("b", "a"))
     ]
-    spinning = threading.Thread(target=spin, args=(node,))
+    spinning = threading.Thread(target=spin, args=(node,), daemon=True)
     spinning.start()
     ends = time.monotonic() + PATIENCE_S
     while not all(way.is_connected() for way in ways):

@@ -1,0 +1,180 @@
+"""The gateway in a real ROS 2: built, between a played station and a node, under other names, and the lab test.
+
+.venv/bin/python -m tests.ros2.gateway --prefix DIR     with message packages that are installed in DIR
+"""
+
+import argparse
+import contextlib
+import json
+import os
+import shutil
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+
+from asn1.ros2.model import RosPackage
+from tests.ros2 import codec, gateway_table, packages, ros, stations
+from tests.ros2.ros import RosError
+from tests.ros2.rows import Row
+from tests.system.ports import Ports
+
+SOURCE = ros.ROOT / "firmware" / "gateway"
+FOLDERS = ros.INSIDE / "folders.cmake"
+OTHER = ros.MADE / "other"  # where another definition of CAM is installed
+MESSAGES = ("cam", "spatem", "mapem")  # of those that are installed, besides a DENM of which something is left out
+HEARD_S = 60.0
+STEPS_OF_NAMES = {
+    "etsi_its_conversion": (
+        ["-r", "__node:=etsi_its_conversion"],
+        ["/etsi_its_conversion/cam/out", "/etsi_its_conversion/denm/out"],
+        ["/etsi_its_conversion/cam/in", "/etsi_its_conversion/denm/in"],
+    ),
+    "captain_gateway": (
+        ["-r", "__ns:=/car", "-r", "cam/received:=/v2x/cams", "-r", "/diagnostics:=/diagnostics/vehicle_captain"],
+        ["/v2x/cams", "/car/denm/received", "/diagnostics/vehicle_captain"],
+        ["/car/cam/transmitted", "/car/denm/transmitted"],
+    ),
+}
+
+
+def run(made: list[RosPackage], duration_s: float) -> list[Row]:
+    """A part of make ros2: with the packages that it has built; the lab test with those of its types that are there."""
+    folder = codec.made()
+    rows = build(ros.INSTALLED)
+    return (
+        rows + behave(folder, ros.INSTALLED) + names(folder, ros.INSTALLED) + table(folder, ros.INSTALLED, duration_s)
+    )
+
+
+def build(prefix: Path) -> list[Row]:
+    """Both packages of the gateway by colcon, with what they need that no package index has."""
+    rows = []
+    for place, base in (
+        (SOURCE / "captain_gateway_msgs", prefix),
+        (SOURCE / "captain_gateway", prefix),
+        (ros.INSIDE / "tf2_msgs", prefix),
+        (ros.INSIDE / "other_cam", OTHER),
+    ):
+        began = time.monotonic()
+        _colcon(place, base)
+        rows.append(Row(f"{place.name} built", f"{time.monotonic() - began:.0f} s"))
+    program = prefix / "lib" / "captain_gateway" / "captain_gateway"
+    config = prefix / "share" / "captain_gateway" / "config" / "v2x_gw.yaml"
+    absent = [str(path) for path in (program, config) if not path.exists()]
+    rows.append(Row("captain_gateway installed", "program, parameter files", f"no {absent}" if absent else ""))
+    return rows
+
+
+def _colcon(place: Path, base: Path) -> None:
+    """base: where it is installed; built beside."""
+    work = ros.MADE / "gateway-build" / f"{place.name}-{base.name}"
+    copied = work / "src" / place.name  # Python packages are built where they lie
+    shutil.rmtree(copied, ignore_errors=True)
+    shutil.copytree(place, copied)
+    ros.run(
+        [
+            ros.ENV / "bin" / "colcon", "--log-base", work / "log", "build", "--merge-install", "--paths", copied,
+            "--build-base", work / "build", "--install-base", base, "--cmake-args", "-GNinja", "-DBUILD_TESTING=OFF",
+            "-DCMAKE_C_FLAGS=-O0", "-DCMAKE_CXX_FLAGS=-O0", f"-DCMAKE_PROJECT_INCLUDE={FOLDERS}",
+            f"-DPython3_EXECUTABLE={ros.ENV / 'bin' / 'python'}",
+        ],
+        cwd=work, log=ros.MADE / f"{place.name}.log",
+    )  # fmt: skip
+
+
+def behave(folder: Path, prefix: Path) -> list[Row]:
+    """Everything that may come by either way: tests/ros2/inside/gateway.py."""
+    path = ros.MADE / "gateway_behaviour.json"
+    pdus = {name: stations.REAL[name].hex() for name in MESSAGES if _is_built(prefix, name)}
+    path.write_text(json.dumps(pdus | {"denm": stations.real.DENM.hex()}))
+    with _played() as (ports, words):
+        words += ["-p", "qos_overrides./denm/received.publisher.reliability:=best_effort"]
+        with _gateway(folder, prefix, words) as node:
+            arguments = [json.dumps(ports), path, *([OTHER] if OTHER.exists() else [])]
+            said = stations.inside("gateway.py", *arguments, codec=folder, prefix=prefix)
+        broken = "Traceback" in node.said
+    rows = [Row(f"gateway: {what}", found, trouble) for what, found, trouble in said]
+    return [*rows, Row("gateway: ends", "on SIGINT", f"with {node.said[-500:]}" if broken else "")]
+
+
+def names(folder: Path, prefix: Path) -> list[Row]:
+    """Topics under the names of others, by a parameter file and by rules of ROS."""
+    rows = []
+    for name, (words, published, subscribed) in STEPS_OF_NAMES.items():
+        file = SOURCE / "captain_gateway" / "config" / f"{name}.yaml"
+        with _played() as (_, ports), _gateway(folder, prefix, [*ports, "--params-file", str(file), *words]) as node:
+            _wait(lambda said=node: "gateway to " in said.said, f"{name} did not start")
+            found = stations.inside("topics.py", json.dumps(published + subscribed), codec=folder, prefix=prefix)
+        wrong = [topic for topic in published if not found[topic][0]] + [t for t in subscribed if not found[t][1]]
+        rows.append(
+            Row(f"gateway: {name}.yaml", ", ".join(published + subscribed), f"nobody at {wrong}" if wrong else "")
+        )
+    return rows
+
+
+def table(folder: Path, prefix: Path, duration_s: float) -> list[Row]:
+    """The lab test with those of its types whose packages are built."""
+    absent = [name for name in stations.TYPES if not _is_built(prefix, name)]
+    return gateway_table.run(folder, prefix, duration_s, tuple(name for name in stations.TYPES if name not in absent))
+
+
+def _is_built(prefix: Path, handler: str) -> bool:
+    edition = stations.TYPES[handler]
+    [package] = packages.profiles.packages(packages.SCHEMA, [packages.SCHEMA.messages[edition]], "etsi_its")
+    return (prefix / "share" / package.name).exists()
+
+
+@contextlib.contextmanager
+def _played() -> Iterator[tuple[dict[str, int], list[str]]]:
+    """Ports for a station that is played: by name, and as parameters of a gateway."""
+    held = Ports()
+    ports = {name: held.take() for name in ("to_users", "report", "pull", "from_users")}
+    try:
+        yield ports, [word for name, port in ports.items() for word in ("-p", f"station.{name}:={port}")]
+    finally:
+        held.release()
+
+
+def _gateway(folder: Path, prefix: Path, words: Iterable[str]) -> stations.Node:
+    """As it is installed, where it is; else from the sources."""
+    program = prefix / "lib" / "captain_gateway" / "captain_gateway"
+    python = [str(ros.ENV / "bin" / "python"), "-m", "captain_gateway"]
+    command = [str(program)] if os.access(program, os.X_OK) else python
+    return stations.Node(
+        [*command, "--ros-args", *words], stations.environment(folder, prefix), ros.MADE / "gateway.log"
+    )
+
+
+def _wait(holds: Callable[[], bool], words: str) -> None:
+    ends = time.monotonic() + HEARD_S
+    while not holds():
+        if time.monotonic() > ends:
+            raise RosError(words)
+        time.sleep(0.1)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="python -m tests.ros2.gateway", description=__doc__)
+    parser.add_argument("--prefix", type=Path, default=ros.INSTALLED)
+    parser.add_argument("--codec", type=Path, help="a message library with ROS; default: that of make ros2")
+    parser.add_argument("--duration", type=float, default=60.0, help="of the lab test, in seconds")
+    parser.add_argument("--only", action="append", choices=("build", "behave", "names", "table"))
+    arguments = parser.parse_args()
+    folder = arguments.codec or codec.made()
+    parts: dict[str, Callable[[], list[Row]]] = {
+        "build": lambda: build(arguments.prefix),
+        "behave": lambda: behave(folder, arguments.prefix),
+        "names": lambda: names(folder, arguments.prefix),
+        "table": lambda: table(folder, arguments.prefix, arguments.duration),
+    }
+    rows = []
+    for name in arguments.only or parts:
+        found = parts[name]()
+        print(*found, sep="\n", flush=True)
+        rows += found
+    return int(any(row.trouble for row in rows))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
