@@ -135,6 +135,13 @@ def test_a_number_beyond_the_field_becomes_the_nearest_and_is_said(library):
     assert library.to_cdr("Beyond", {"number": 300}) == (octets(HEAD + "ff"), ["number"])
 
 
+def test_a_string_with_a_zero_in_it_is_said_as_readers_of_ros_end_it_there(library):
+    made, left = library.to_cdr("All", {**ALL, "name": "n\0é"})
+    assert made == octets(ALL_CDR.replace("04000000 6ec3a900 03000000", "05000000 6e00c3a9 00 000000 03000000"))
+    assert left == ["name"]
+    assert library.from_cdr("All", made) == {**ALL, "name": "n\0é"}
+
+
 @pytest.mark.parametrize(
     ("name", "text", "path", "octet", "words"),
     [

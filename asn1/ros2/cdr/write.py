@@ -94,9 +94,8 @@ class _Writer(Lines):
         if field.is_array:
             self.array(field, node, place)
         elif field.type == "string":
-            is_text = node.kind not in (Kind.OID, Kind.RELATIVE_OID)
-            arguments = f"&{place}" if is_text else f"&{node.c_name}_type, &{place}"
-            self.put(f"at = captain_cdr_put_{'text' if is_text else 'oid'}(w, at, {arguments});")
+            kind = "oid" if node.kind in (Kind.OID, Kind.RELATIVE_OID) else "text"
+            self.put(f"at = captain_cdr_put_{kind}(w, at, &{node.c_name}_type, &{place});")
         elif field.type in SIZES:
             self.put(f"at = captain_cdr_put(w, at, (uint64_t){self.number(field, node, place)}, {SIZES[field.type]});")
         elif is_struct(node):

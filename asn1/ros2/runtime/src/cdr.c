@@ -67,8 +67,10 @@ size_t captain_cdr_put_octets(captain_cdr_writer *w, size_t at, const uint8_t *o
     return put(w, captain_cdr_put(w, at, count, 4), octets, count);
 }
 
-size_t captain_cdr_put_text(captain_cdr_writer *w, size_t at, const captain_text *text)
+size_t captain_cdr_put_text(captain_cdr_writer *w, size_t at, const captain_type *type, const captain_text *text)
 {
+    if (text->count > 0 && memchr(text->text, 0, text->count) != NULL)
+        captain_cdr_leave(w, type, text);
     at = captain_cdr_put(w, at, (uint64_t)text->count + 1, 4);
     return captain_cdr_put(w, put(w, at, text->text, text->count), 0, 1);
 }

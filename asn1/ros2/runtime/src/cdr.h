@@ -179,7 +179,8 @@ static inline void *captain_cdr_take(captain_cdr_reader *r, uint32_t count, size
 }
 
 CAPTAIN_HIDDEN size_t captain_cdr_put_octets(captain_cdr_writer *w, size_t at, const uint8_t *octets, uint32_t count);
-CAPTAIN_HIDDEN size_t captain_cdr_put_text(captain_cdr_writer *w, size_t at, const captain_text *text);
+/* A zero in it is written as well, and left out: readers of ROS end a string there. */
+CAPTAIN_HIDDEN size_t captain_cdr_put_text(captain_cdr_writer *w, size_t at, const captain_type *type, const captain_text *text);
 CAPTAIN_HIDDEN size_t captain_cdr_put_oid(captain_cdr_writer *w, size_t at, const captain_type *type, const captain_octets *oid);
 CAPTAIN_HIDDEN size_t captain_cdr_put_small_bits(captain_cdr_writer *w, size_t at, uint64_t bits, unsigned size);
 /* What is larger or smaller than the field can hold becomes the nearest that it can, and is left out. */

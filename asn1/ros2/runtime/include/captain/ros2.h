@@ -48,9 +48,9 @@ captain_status captain_from_cdr(const captain_ros2 *ros2, void *value, const voi
                                 captain_arena *arena, captain_report *report);
 
 /* What the ROS message has no place for: an extension addition that no edition knows, an alternative or item likewise, a component without
- * a field (regional extensions), a number outside of the field's type (the field holds the nearest). type is NULL for an addition, and
- * value its captain_addition; else value points to a value of the type. Strings are valid only during the call; false ends it.
- * cdr: the octets that captain_to_cdr has written of this value, which are written once more. */
+ * a field (regional extensions), a number outside of the field's type (the field holds the nearest), a text with a zero in it, where
+ * readers of ROS end it. type is NULL for an addition, and value its captain_addition; else value points to a value of the type. Strings
+ * are valid only during the call; false ends it. cdr: the octets that captain_to_cdr has written of this value, which are written once more. */
 typedef bool (*captain_on_left_out)(void *context, const char *path, const captain_type *type, const void *value);
 void captain_cdr_left_out(const captain_ros2 *ros2, const void *value, void *cdr, size_t octets,
                           captain_on_left_out on_left_out, void *context);
