@@ -1,0 +1,127 @@
+"""Requests with options, and services, with messages that are no ROS messages."""
+
+import json
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from firmware.gateway.captain_gateway.captain_gateway.codec import Edition
+from firmware.gateway.captain_gateway.captain_gateway.errors import RefusedError
+from firmware.gateway.captain_gateway.captain_gateway.handlers import KINDS
+from firmware.gateway.captain_gateway.captain_gateway.requests import asked
+from firmware.gateway.captain_gateway.captain_gateway.services import Services
+from firmware.options import parse
+from tests.gateway.library import HEAD, Library
+from tests.gateway.real import CAM, DENM
+
+
+def request(area: dict[str, object] | None = None, **changed: object) -> SimpleNamespace:
+    nowhere = {"shape": 0, "latitude": 0.0, "longitude": 0.0, "distance_a": 0, "distance_b": 0, "angle": 0}
+    empty: dict[str, Any] = {
+        "label": "", "type": "cam", "interfaces": [], "btp_port": 0, "traffic_class_is_present": False, "traffic_class": 0,
+        "priority_is_present": False, "priority": 0, "lifetime": 0.0, "hop_limit": 0,
+        "area": SimpleNamespace(**nowhere | (area or {})),
+    }  # fmt: skip
+    return SimpleNamespace(**empty | changed)
+
+
+CIRCLE = {"shape": 1, "latitude": 47.0, "longitude": 15.0, "distance_a": 300}
+RECTANGLE = {**CIRCLE, "shape": 2, "distance_b": 100, "angle": 45}
+
+
+def test_nothing_is_asked_where_nothing_is_present():
+    assert asked(request()) == {}
+
+
+@pytest.mark.parametrize("area", [CIRCLE, RECTANGLE, {**RECTANGLE, "shape": 3}])
+def test_what_is_asked_is_what_the_station_reads(area):
+    made = asked(request(area, interfaces=["*"], btp_port=2001, priority_is_present=True, lifetime=2.5, hop_limit=3,
+                         traffic_class_is_present=True, traffic_class=1))  # fmt: skip
+    read = parse(json.dumps(made).encode())
+    assert (read.options.priority, read.options.traffic_class, read.options.hop_limit) == (0, 1, 3)
+    assert read.area is not None
+    assert read.area.distance_a == 300
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        (request(priority_is_present=True, priority=8), "priority: 8 is not in 0..7"),
+        (request(lifetime=-1.0), "lifetime: -1 is not in"),
+        (request(lifetime=float("nan")), "lifetime: nan"),
+        (request(hop_limit=3), "hop_limit: 3 is that of a GeoBroadcast"),
+        (request({**CIRCLE, "shape": 4}), "area.shape: 4 is not in 1..3"),
+        (request({**CIRCLE, "latitude": 91.0}), "area.latitude: 91 is not in -90..90"),
+        (request({**CIRCLE, "latitude": float("nan")}), "area.latitude: nan"),
+        (request({**CIRCLE, "distance_a": 0}), "area.distance_a: 0 is not in 1..65535"),
+        (request({**RECTANGLE, "distance_b": 0}), "area.distance_b: nobody can be in a rectangle of 0 m"),
+        (request({**RECTANGLE, "angle": 400}), "area.angle: 400 is not in 0..360"),
+    ],
+)
+def test_what_cannot_be_meant_names_the_field_and_what_it_may_be(wrong, words):
+    with pytest.raises(RefusedError) as refused:
+        asked(wrong)
+    assert words in str(refused.value)
+
+
+@pytest.fixture
+def services() -> Services:
+    library = Library()
+    cam = Edition(library, "cam-1.4.1", "etsi_its", KINDS["cam"])
+    return Services(library, "etsi_its", {"cam": SimpleNamespace(edition=cam)})
+
+
+def answer(**more: Any) -> SimpleNamespace:
+    return SimpleNamespace(
+        success=False, reason="", edition="", type="", pdu=b"", cdr=b"", json="", left_out=[], **more
+    )
+
+
+def encoded(services: Services, **chosen: Any) -> SimpleNamespace:
+    return services.encode(SimpleNamespace(**{"type": "cam", "cdr": b"", "json": ""} | chosen), answer())
+
+
+def decoded(services: Services, pdu: bytes, type_: str = "") -> SimpleNamespace:
+    return services.decode(SimpleNamespace(pdu=pdu, type=type_), answer())
+
+
+def test_octets_are_decoded_by_their_header_and_encoded_again(services):
+    found = decoded(services, CAM)
+    assert (found.success, found.edition, found.cdr) == (True, "cam-1.4.1", HEAD + CAM)
+    assert encoded(services, json=found.json).pdu == CAM
+    assert encoded(services, cdr=found.cdr).pdu == CAM
+
+
+def test_a_type_without_a_topic_is_decoded_as_well(services):
+    assert decoded(services, DENM).edition == "denm-1.3.1"
+    assert decoded(services, DENM, "denm-2.2.1").edition == "denm-2.2.1"
+
+
+@pytest.mark.parametrize("name", ["cam", "cam-1.4.1", "cam_msgs/msg/CAM"])
+def test_a_type_may_be_named_in_three_ways(services, name):
+    assert encoded(services, type=name, cdr=HEAD + CAM).pdu == CAM
+
+
+@pytest.mark.parametrize(
+    ("pdu", "type_", "words"),
+    [
+        (b"", "", "0 octets are no message"),
+        (CAM[:30], "", "bit 227"),
+        (b"\2\xc8" + CAM[2:], "", "no message has messageID 200"),
+        (CAM, "can", "type 'can' is neither"),
+    ],
+)
+def test_what_does_not_decode_is_answered_with_why(services, pdu, type_, words):
+    found = decoded(services, pdu, type_)
+    assert not found.success
+    assert words in found.reason
+
+
+@pytest.mark.parametrize(
+    "chosen", [{"cdr": b""}, {"cdr": HEAD + CAM[:30]}, {"json": "{"}, {"json": "{}"}, {"type": "can"}]
+)
+def test_what_cannot_be_encoded_is_answered_with_why(services, chosen):
+    found = encoded(services, **chosen)
+    assert not found.success
+    assert found.reason
