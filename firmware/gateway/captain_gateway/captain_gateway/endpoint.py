@@ -3,13 +3,15 @@
 import json
 import threading
 import time
-from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from collections.abc import Callable, Mapping
+from typing import NamedTuple, Protocol, TypeAlias
 
 import zmq
 
 from .errors import RefusedError
 from .pairing import Arrival, How, Joining, Key, indication
+
+Socket: TypeAlias = "zmq.Socket[bytes]"
 
 # A heartbeat comes once a second: three of them lost is nobody there.
 SILENT_S = 3.0
@@ -73,30 +75,37 @@ class Receiving(threading.Thread):
 
     def _run(self) -> None:
         users = self._subscriber(self._address.to_users, b"")
-        sockets = [users]
+        sockets = {users: self._user_message}
         if self._address.report:
-            sockets.append(self._subscriber(self._address.report, b"indication.", b"confirm.", b"status.", b"time."))
+            topics = (b"indication.", b"confirm.", b"status.", b"time.")
+            sockets[self._subscriber(self._address.report, *topics)] = self._report
+        try:
+            self._listen(users, sockets)
+        finally:
+            for one in sockets:
+                one.close(0)
+
+    def _listen(self, users: Socket, sockets: Mapping[Socket, Callable[[list[bytes]], None]]) -> None:
         poller = zmq.Poller()
         for one in sockets:
             poller.register(one, zmq.POLLIN)
-        heard, is_there = time.monotonic(), None
-        is_busy = False
+        heard, is_there, is_busy = time.monotonic(), None, False
         while not self._is_ending.is_set():
             ready = dict(poller.poll(BUSY_MS if is_busy else IDLE_MS))
             now = time.monotonic()
+            for one, take in sockets.items():
+                if one in ready:
+                    self._take(one, take)
             if users in ready:
                 heard = now
-                self._take(users, self._user_message)
-            if len(sockets) > 1 and sockets[1] in ready:
-                self._take(sockets[1], self._report)
-            if is_there is not (now - heard < SILENT_S) and (heard == now or now - heard >= SILENT_S):
-                is_there = now - heard < SILENT_S
+            # Before anything was heard or missed nobody knows.
+            is_silent = now - heard >= SILENT_S
+            if is_there is is_silent or (is_there is None and (users in ready or is_silent)):
+                is_there = not is_silent
                 self._listener.present(is_there)
             is_busy = self._listener.passed()
-        for one in sockets:
-            one.close(0)
 
-    def _subscriber(self, port: int, *topics: bytes) -> "zmq.Socket[bytes]":
+    def _subscriber(self, port: int, *topics: bytes) -> Socket:
         socket = self._context.socket(zmq.SUB)
         socket.set(zmq.RCVHWM, HIGH_WATER)
         socket.set(zmq.MAXMSGSIZE, MOST_OCTETS)
@@ -108,7 +117,7 @@ class Receiving(threading.Thread):
         return socket
 
     @staticmethod
-    def _take(socket: "zmq.Socket[bytes]", take: Callable[[list[bytes]], None]) -> None:
+    def _take(socket: Socket, take: Callable[[list[bytes]], None]) -> None:
         for _ in range(BATCH):
             try:
                 take(socket.recv_multipart(zmq.NOBLOCK))

@@ -1,0 +1,204 @@
+"""Both ends of the gateway's sockets: a thread that receives, a socket that refuses where nobody takes."""
+
+import json
+import threading
+import time
+from collections.abc import Callable, Iterator
+
+import captain_messages
+import pytest
+import zmq
+
+from drivers.message import RxInfo
+from drivers.wire import raw
+from firmware.gateway.captain_gateway.captain_gateway import endpoint
+from firmware.gateway.captain_gateway.captain_gateway.endpoint import Address, Receiving, Sending
+from firmware.gateway.captain_gateway.captain_gateway.errors import RefusedError
+from firmware.gateway.captain_gateway.captain_gateway.pairing import Arrival, How, Joining, Key, RawReader
+from tests.gateway.real import CAM
+
+PATIENCE_S = 10.0  # reached only by a test that fails
+HOST = "127.0.0.1"
+
+
+class Heard:
+    """What the thread has told."""
+
+    def __init__(self) -> None:
+        self.arrivals: list[Arrival] = []
+        self.indications: list[tuple[Key, How]] = []
+        self.reports: list[tuple[str, dict[str, object]]] = []
+        self.presence: list[bool] = []
+        self.threads: set[str] = set()
+
+    def arrived(self, arrival: Arrival) -> None:
+        self.threads.add(threading.current_thread().name)
+        self.arrivals.append(arrival)
+
+    def indicated(self, key: Key, how: How) -> None:
+        self.indications.append((key, how))
+
+    def reported(self, topic: str, told: dict[str, object]) -> None:
+        self.reports.append((topic, told))
+
+    def present(self, is_there: bool) -> None:
+        self.presence.append(is_there)
+
+    def passed(self) -> bool:
+        return False
+
+
+class Station:
+    """The sockets of one."""
+
+    def __init__(self, context: "zmq.Context[zmq.Socket[bytes]]") -> None:
+        self.users, self.report, self.pull = (
+            context.socket(zmq.XPUB),
+            context.socket(zmq.XPUB),
+            context.socket(zmq.PULL),
+        )
+        ports = [one.bind_to_random_port(f"tcp://{HOST}") for one in (self.users, self.report, self.pull)]
+        self.address = Address(HOST, ports[0], ports[2], 0, ports[1])
+
+    def wait_for_subscriptions(self) -> None:
+        for socket, count in ((self.users, 1), (self.report, 4)):
+            for _ in range(count):
+                assert socket.poll(PATIENCE_S * 1000)
+                socket.recv()
+
+
+@pytest.fixture
+def context() -> Iterator["zmq.Context[zmq.Socket[bytes]]"]:
+    made: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+    yield made
+    made.destroy(linger=0)
+
+
+@pytest.fixture
+def station(context):
+    return Station(context)
+
+
+@pytest.fixture
+def heard(context, station):
+    made = Heard()
+    thread = Receiving(context, station.address, Joining(RawReader(captain_messages)), made)
+    thread.start()
+    station.wait_for_subscriptions()
+    yield made
+    thread.end()
+    assert thread.error is None
+
+
+def until(holds: Callable[[], object]) -> None:
+    ends = time.monotonic() + PATIENCE_S
+    while not holds():
+        assert time.monotonic() < ends, "it never came to hold"
+        time.sleep(0.002)
+
+
+def test_what_the_station_sends_is_told_in_the_thread_that_receives(station, heard):
+    station.users.send_multipart([b"raw.", raw.build(CAM, 5_000_000_000, RxInfo(rssi_dbm=-71))])
+    station.users.send_multipart([b"v2x.cam.", CAM])
+    until(lambda: heard.arrivals)
+    [arrival] = heard.arrivals
+    assert (arrival.type, arrival.pdu, arrival.reception.rssi_dbm) == ("cam", CAM, -71)
+    assert heard.threads == {"receiving"}
+    until(lambda: heard.presence)
+    assert heard.presence == [True]
+
+
+def test_reports_and_indications_are_told_and_rubbish_is_not(station, heard):
+    told = {"digest": "00" * 8, "interface": "g5", "received_ns": 5000, "btp_port": 2001, "source": ""}
+    station.report.send_multipart([b"status.", b"{"])
+    station.report.send_multipart([b"status.", b"[]"])
+    station.report.send_multipart([b"status."])
+    station.report.send_multipart([b"indication.cam.", b"{}"])
+    station.report.send_multipart([b"indication.cam.", json.dumps(told).encode()])
+    station.report.send_multipart([b"status.", b'{"station": "x"}'])
+    until(lambda: heard.reports)
+    assert heard.reports == [("status.", {"station": "x"})]
+    assert heard.indications == [((bytes(8), 5), How("g5", 2001, ""))]
+
+
+def test_a_burst_is_told_whole(station, heard):
+    for number in range(1000):
+        station.users.send_multipart([b"v2x.cam.", number.to_bytes(2, "big")])
+    until(lambda: len(heard.arrivals) == 1000)
+    assert [int.from_bytes(one.pdu, "big") for one in heard.arrivals] == list(range(1000))
+
+
+def test_a_station_that_falls_silent_is_told_once_and_so_is_its_return(context, station, monkeypatch):
+    monkeypatch.setattr(endpoint, "SILENT_S", 0.2)
+    monkeypatch.setattr(endpoint, "IDLE_MS", 20)
+    made = Heard()
+    thread = Receiving(context, station.address, Joining(RawReader(captain_messages)), made)
+    thread.start()
+    station.wait_for_subscriptions()
+    until(lambda: made.presence == [False])
+    station.users.send_multipart([b"hb.counter", b'{"heartbeat_counter": 1}'])
+    until(lambda: made.presence == [False, True])
+    until(lambda: made.presence == [False, True, False])
+    thread.end()
+
+
+def test_a_bug_in_who_listens_ends_the_thread_and_is_kept_for_the_node(context, station):
+    class Broken(Heard):
+        def arrived(self, arrival: Arrival) -> None:
+            raise ZeroDivisionError
+
+    thread = Receiving(context, station.address, Joining(RawReader(captain_messages)), Broken())
+    thread.start()
+    station.wait_for_subscriptions()
+    station.users.send_multipart([b"v2x.cam.", CAM])
+    until(lambda: not thread.is_alive())
+    assert isinstance(thread.error, ZeroDivisionError)
+    thread.end()
+
+
+def sent(sending: Sending, options: dict[str, object]) -> bool:
+    try:
+        sending.send(CAM, options)
+    except RefusedError:
+        return False
+    return True
+
+
+def test_a_message_goes_to_the_pull_with_its_options(context, station):
+    sending = Sending(context, station.address)
+    until(lambda: sent(sending, {"priority": 0}))
+    assert station.pull.poll(PATIENCE_S * 1000)
+    assert station.pull.recv_multipart() == [b"v2x.", CAM, b'{"priority": 0}']
+    assert sent(sending, {})
+    assert station.pull.recv_multipart() == [b"v2x.", CAM]
+    sending.close()
+
+
+def test_where_no_station_is_a_message_is_refused_at_once_and_not_kept(context):
+    holder = context.socket(zmq.PULL)
+    port = holder.bind_to_random_port(f"tcp://{HOST}")
+    holder.close()
+    sending = Sending(context, Address(HOST, 1, port, 2, 0))
+    with pytest.raises(RefusedError, match=f"no station takes messages at tcp://{HOST}:{port}") as refused:
+        sending.send(CAM, {})
+    assert refused.value.cause == "no-station"
+    sending.close()
+
+
+def test_a_box_without_a_pull_gets_two_frames_by_its_first_port(context):
+    users = context.socket(zmq.XSUB)
+    port = users.bind_to_random_port(f"tcp://{HOST}")
+    users.send(b"\1")
+    sending = Sending(context, Address(HOST, 1, 0, port, 0))
+
+    def arrives() -> bool:
+        sending.send(CAM, {"priority": 0})
+        return bool(users.poll(10))
+
+    until(arrives)
+    assert users.recv_multipart() == [b"v2x.", CAM]
+    sending.close()
+
+
+def test_an_address_of_version_six_is_written_in_brackets():
+    assert Address("::1", 1, 2, 3, 4).url(5) == "tcp://[::1]:5"
