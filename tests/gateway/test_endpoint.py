@@ -198,6 +198,7 @@ def test_a_box_without_a_pull_gets_two_frames_by_its_first_port(context):
     until(arrives)
     assert users.recv_multipart() == [b"v2x.", CAM]
     sending.close()
+    users.close()
 
 
 def test_an_address_of_version_six_is_written_in_brackets():
