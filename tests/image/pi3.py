@@ -14,6 +14,8 @@ from tests.image.rows import Options, Row
 from tests.image.screen import ALLOWED, HEAD, PROMPT, Screen
 
 LOADER, TREE = "u-boot.bin", "bcm2837-rpi-3-b.dtb"
+# QEMU's mini UART sends what sets its speed: of 400 MHz * 2 / 16 / 115200 the lower octet, b2, which is no UTF-8.
+DIVISOR = "\ufffd"
 LIMIT_S = 2400.0  # four emulated processors on two
 # What a Pi does in a second takes this machine up to a minute: nothing is given up for that.
 PATIENT = "systemd.default_timeout_start_sec=3600 systemd.service_watchdogs=no systemd.watchdog_sec=0"
@@ -46,7 +48,7 @@ def _started(guest: Guest) -> Iterator[Row]:
     screen.wait(HEAD, LIMIT_S)
     after_s = time.monotonic() - guest.began
     screen.settle()  # a code may have come in part
-    is_plain = ALLOWED.fullmatch(screen.sent) is not None
+    is_plain = ALLOWED.fullmatch(screen.sent.replace(DIVISOR, "")) is not None
     yield Row("the station's screen over serial", f"{after_s:.0f} s after power", "ASCII, VT100", is_plain)
     screen.type("s")
     screen.wait(PROMPT, LIMIT_S)
