@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from drivers.message import Position, RxInfo, Security, SecurityStatus
 from drivers.wire import raw
+from firmware.gateway.captain_gateway.captain_gateway.errors import GatewayError
 from firmware.gateway.captain_gateway.captain_gateway.pairing import (
     LATEST_S,
     MOST,
@@ -29,6 +30,19 @@ RX = RxInfo(
 )  # fmt: skip
 RECEIVED_NS = 1_795_182_426_461_613_000
 OWN = (RECEIVED_NS + 5_000_000, Position(470600000, 154700000))
+
+
+class Small:
+    __file__ = "captain_messages.abi3.so"
+
+    @staticmethod
+    def find(name: str) -> None:
+        raise KeyError(name)
+
+
+def test_a_library_without_the_message_of_a_reception_is_refused_with_what_to_do():
+    with pytest.raises(GatewayError, match="has no rawrx-1"):
+        RawReader(Small)
 
 
 def message(pdu: bytes = CAM) -> bytes:

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 from asn1.library import PROFILES
 from asn1.ros2.model import RosPackage
-from tests.ros2 import cdr, debian, hashes, packages, recording, ros, typed, wheel
+from tests.ros2 import cdr, debian, gateway, hashes, packages, recording, ros, typed, wheel
 from tests.ros2.ros import RosError
 from tests.ros2.rows import Row
 
@@ -26,6 +26,7 @@ PARTS: dict[str, Callable[[list[RosPackage]], list[Row]]] = {
     "typed": typed.travel,
     "debian": debian.build,
     "recording": recording.read,
+    "gateway": gateway.run,
 }
 
 

@@ -13,7 +13,7 @@ RATE_HZ = 10.0
 
 def run(codec: Path, prefix: Path, duration_s: float, handlers: Sequence[str] = tuple(stations.TYPES)) -> list[Row]:
     """A row for each type and way; the whole table is in build/ros2/gateway.md."""
-    pdus = {name: pdu for name, pdu in stations.messages(codec).items() if name in handlers}
+    pdus = stations.messages(codec, handlers)
     library = importlib.import_module("captain_messages")
     given = {}
     for handler, pdu in pdus.items():

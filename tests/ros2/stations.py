@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -38,19 +38,21 @@ LONGEST = 400  # of a made message, octets
 MADE = 200
 
 
-def messages(codec: Path) -> dict[str, bytes]:
-    """One of each of TYPES by handler: a real one, else the longest of some made ones, of which nothing is left out."""
+def messages(codec: Path, handlers: Sequence[str]) -> dict[str, bytes]:
+    """One for each handler: a real one, else the longest of some made ones, of which nothing is left out."""
     sys.path.insert(0, str(codec))
     library = importlib.import_module("captain_messages")
     schema = text.load_schema()
-    found = dict(REAL)
-    for handler in sorted(TYPES.keys() - REAL.keys()):
+    found = {handler: REAL[handler] for handler in handlers if handler in REAL}
+    for handler in handlers:
+        if handler in REAL:
+            continue
         message = library.find(TYPES[handler])
         values = Values(schema, schema.messages[message.name].pdu, seed=1, knows_more=False, is_long=False)
         head = bytes((message.versions[-1], message.ids[0]))
         made = [head + message.encode(values.value())[2:] for _ in range(MADE)]
         found[handler] = max((one for one in made if len(one) < LONGEST and not message.to_cdr(one)[1]), key=len)
-    return {handler: found[handler] for handler in TYPES}
+    return {handler: found[handler] for handler in handlers}
 
 
 @contextlib.contextmanager

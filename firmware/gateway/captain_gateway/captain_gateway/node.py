@@ -96,7 +96,13 @@ class Gateway:
         for name in self._chosen["handlers"]:
             kind = handlers.KINDS[name]
             values = self._parameters.handler(name)
-            edition = Edition(library, values["edition"] or kind.editions[0], self._profile, kind)
+            try:
+                edition = Edition(library, values["edition"] or kind.editions[0], self._profile, kind)
+            except GatewayError:
+                if values["edition"]:
+                    raise  # somebody means it
+                absent.append(f"{name} (not in the message library)")
+                continue
             type_ = _type(edition.ros_type)
             if type_ is None:
                 absent.append(f"{name} ({edition.ros_type.split('/', maxsplit=1)[0]})")

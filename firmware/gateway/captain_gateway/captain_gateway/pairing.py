@@ -6,6 +6,8 @@ from collections import OrderedDict
 from types import ModuleType
 from typing import Any, NamedTuple
 
+from .errors import GatewayError
+
 # An indication comes within a millisecond of its message; on a machine that is late, with what else has piled up.
 LATEST_S = 0.05
 # Indications of messages that never come: of duplicates that the station has suppressed.
@@ -48,7 +50,7 @@ STATUS = {"none": 0, "invalid-fmt": 1, "verified-pkt": 2, "unverifiable-pkt": 3}
 
 
 class RawReader:
-    """Reads RawRxMessage by the message library."""
+    """Reads RawRxMessage by the message library. Raises GatewayError where that has no such message."""
 
     PATHS = (
         "localInfo.timestamp.sec", "localInfo.timestamp.usec",
@@ -61,7 +63,12 @@ class RawReader:
     )  # fmt: skip
 
     def __init__(self, library: ModuleType) -> None:
-        self._read = library.find("rawrx-1").reader(*self.PATHS)
+        try:
+            self._read = library.find("rawrx-1").reader(*self.PATHS)
+        except LookupError as error:
+            raise GatewayError(
+                f"{library.__file__} has no rawrx-1, what a station says of a reception: generate it with that or --all"
+            ) from error
 
     def __call__(self, octets: bytes) -> tuple[Reception, bytes]:
         """What is known, and the payload. Raises ValueError."""
