@@ -17,12 +17,14 @@ PROMPT = r"(?m)^operator@\S+:\S*\$ *$"
 class Screen:
     """A terminal of 80 columns and 24 lines, of what the guest says from now on.
 
-    sent  all that it was fed.
+    sent   all that it was fed.
+    noise  what the machine adds of its own, which no terminal would be sent.
     """
 
-    def __init__(self, guest: Guest) -> None:
+    def __init__(self, guest: Guest, noise: str = "") -> None:
         self.sent = ""
         self._guest = guest
+        self._noise = noise
         self._at = len(guest.text)
         self._shown = pyte.Screen(COLUMNS, LINES)
         self._stream = pyte.Stream(self._shown)
@@ -38,17 +40,13 @@ class Screen:
             said = self._guest.more(self._at, ends - time.monotonic())
             if not said:
                 raise NotSeenError(f"the screen does not show {pattern!r}:\n{self.text}")
-            self._at += len(said)
-            self.sent += said
-            self._stream.feed(said)
+            self._feed(said)
         return found
 
     def settle(self, quiet_s: float = 0.5) -> str:
         """Its text once it has said nothing for a moment: the whole of a frame has come."""
         while said := self._guest.more(self._at, quiet_s):
-            self._at += len(said)
-            self.sent += said
-            self._stream.feed(said)
+            self._feed(said)
         return self.text
 
     def type(self, text: str) -> None:
@@ -65,3 +63,9 @@ class Screen:
     def forget(self) -> None:
         """Begin with an empty screen."""
         self._shown.reset()
+
+    def _feed(self, said: str) -> None:
+        self._at += len(said)
+        shown = said.replace(self._noise, "") if self._noise else said
+        self.sent += shown
+        self._stream.feed(shown)
