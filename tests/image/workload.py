@@ -30,6 +30,11 @@ IDENTITY = {"machine-id": DATA / "identity/machine-id", "ssh": DATA / "ssh/ssh_h
 NOTES = Path("/run/early")
 BY_PARTUUID = Path("/dev/disk/by-partuuid")
 RECORDS_HZ = 20
+LITTER = DATA / "litter"
+LITTER_OCTETS, LITTER_BLOCKS, LITTER_ROUNDS, LITTER_HZ = 8 << 20, 16, 100, 20
+BLOCK = 4096
+# What nobody waits for is on its way to the card soon, so that the drive's cache has some of it whenever the power goes.
+WRITEBACK = {"dirty_writeback_centisecs": "10", "dirty_expire_centisecs": "20"}
 PDU = bytes.fromhex("020200000539") + bytes(300)
 SLOT_OCTETS = 2 << 20  # of the end of the slot that does not run: an update in small
 MIB = 1 << 20
@@ -39,8 +44,9 @@ def main() -> None:
     disk = _disk()
     say("found", {"fsck": fsck(), "kept": found(), "notes": NOTES.read_text().splitlines()[1:], "fs": _mounted()[1]})
     given = json.loads(sys.stdin.readline().removeprefix("go "))
-    if os.fork() == 0:
-        record()
+    for process in (record, litter):
+        if os.fork() == 0:
+            process()
     random, numbers = Random(given["seed"]), given["numbers"]
     works: dict[str, Callable[[int, Random], None]] = {
         **{path.name: _state(path) for path in STATES},
@@ -101,6 +107,22 @@ def record() -> None:
         number += 1
         time.sleep(1 / RECORDS_HZ)
         recording.idle()
+
+
+def litter() -> None:
+    """As a data base without care: blocks all over a file, which grows, gets another name, and goes. Never ends."""
+    for name, value in WRITEBACK.items():
+        (Path("/proc/sys/vm") / name).write_text(value)
+    LITTER.mkdir(exist_ok=True)
+    random = Random(0)
+    while True:
+        file = os.open(LITTER / "new", os.O_RDWR | os.O_CREAT | os.O_TRUNC)
+        for _ in range(LITTER_ROUNDS):
+            for _ in range(LITTER_BLOCKS):
+                os.pwrite(file, random.randbytes(BLOCK), random.randrange(LITTER_OCTETS // BLOCK) * BLOCK)
+            time.sleep(1 / LITTER_HZ)
+        os.close(file)
+        (LITTER / "new").rename(LITTER / "old")
 
 
 def _state(path: Path) -> Callable[[int, Random], None]:
