@@ -62,9 +62,10 @@ bench-v2n: setup-test ## what a broker in trouble costs the other interfaces, an
 bench-time: setup-test ## what pulses and the time made of them cost a station, and its messages; TIME='--pairs 2'
 	@.venv/bin/python -m tests.bench.time_path $(TIME)
 
-bench-ros2: setup-ros2 ## UPER to ROS 2's CDR and back beside rclpy's typed messages and asn1tools with rosbags; ARGS='cam-1.4.1'
+bench-ros2: setup-ros2 ## UPER to ROS 2's CDR and back beside typed messages and asn1tools with rosbags; the gateway; ARGS='cam-1.4.1'
 	@.ci/ros2
 	@.venv/bin/python -m tests.bench.ros2 $(ARGS)
+	@.venv/bin/python -m tests.bench.gateway
 
 truth: setup-test ## made values of every message, ours against every other codec; ARGS='--count 1000000'
 	@.venv/bin/python -m tests.asn1.truth $(ARGS)

@@ -92,6 +92,9 @@ def main() -> int:
     parser.add_argument("--prefix", type=Path, default=ros.INSTALLED, help="where message packages are installed")
     parser.add_argument("--codec", type=Path, help="a message library with ROS; default: that of make ros2")
     arguments = parser.parse_args()
+    if not (arguments.prefix / "share" / "captain_gateway_msgs").exists():
+        print("gateway: not measured: needs message packages: make ros2 ARGS=--short")
+        return 0
     library = arguments.codec or codec.made()
     sys.path.insert(0, str(library))
     cdr = importlib.import_module("captain_messages").find("cam-1.4.1").to_cdr(CAM)[0]
@@ -114,6 +117,7 @@ def main() -> int:
 def _through(kind: str, rate: float, count: int, library: Path, prefix: Path, has_metadata: bool) -> Found:
     played = Played()
     words = [ros.ENV / "bin" / "python", "-m", "captain_gateway", "--ros-args", "-p", "handlers:=[cam]"]
+    words += ["-p", "qos_overrides./cam/received.publisher.depth:=1000"]  # as the other publisher has it
     words += [word for name, port in played.ports.items() for word in ("-p", f"station.{name}:={port}")]
     environment = stations.environment(library, prefix)
     log = ros.MADE / "gateway_bench.log"

@@ -16,6 +16,7 @@ from firmware.gateway.captain_gateway.captain_gateway.endpoint import Address, R
 from firmware.gateway.captain_gateway.captain_gateway.errors import RefusedError
 from firmware.gateway.captain_gateway.captain_gateway.pairing import Arrival, How, Joining, Key, RawReader
 from tests.gateway.real import CAM
+from tests.system.ports import Ports
 
 PATIENCE_S = 10.0  # reached only by a test that fails
 HOST = "127.0.0.1"
@@ -175,14 +176,14 @@ def test_a_message_goes_to_the_pull_with_its_options(context, station):
 
 
 def test_where_no_station_is_a_message_is_refused_at_once_and_not_kept(context):
-    holder = context.socket(zmq.PULL)
-    port = holder.bind_to_random_port(f"tcp://{HOST}")
-    holder.close()
+    held = Ports()  # a port where nobody listens
+    port = held.take()
     sending = Sending(context, Address(HOST, 1, port, 2, 0))
     with pytest.raises(RefusedError, match=f"no station takes messages at tcp://{HOST}:{port}") as refused:
         sending.send(CAM, {})
     assert refused.value.cause == "no-station"
     sending.close()
+    held.release()
 
 
 def test_a_box_without_a_pull_gets_two_frames_by_its_first_port(context):

@@ -48,6 +48,7 @@ def test_what_is_asked_is_what_the_station_reads(area):
     ("wrong", "words"),
     [
         (request(priority_is_present=True, priority=8), "priority: 8 is not in 0..7"),
+        (request(label="x" * 257), "label: 257 characters; 256 are kept"),
         (request(lifetime=-1.0), "lifetime: -1 is not in"),
         (request(lifetime=float("nan")), "lifetime: nan"),
         (request(hop_limit=3), "hop_limit: 3 is that of a GeoBroadcast"),

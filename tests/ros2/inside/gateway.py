@@ -160,7 +160,9 @@ class Test:
         self.until(
             lambda: self.cam.get_subscription_count() and self.denm.get_subscription_count(), "the gateway's topics"
         )
-        self.until_said("a station is heard at")
+        self.until(
+            lambda: self.diagnostics["station"].level != b"\2" if "station" in self.diagnostics else False, "a station"
+        )
 
         def comes() -> bool:  # all subscriptions have travelled when a message and its metadata come
             self.station.indicate("cam", self.numbered(1), RX, OWN, "g5")

@@ -1,7 +1,7 @@
 """What is counted of one handler, and how often a complaint is logged."""
 
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 
 @dataclass
@@ -20,6 +20,11 @@ class Counts:
     why_not_sent: str = ""
     outcomes: Counter[str] = field(default_factory=Counter)
     why_refused: str = ""
+
+    def now(self) -> "Counts":
+        """As they are: a copy, while another thread counts on. dict() of a Counter is one step of the interpreter."""
+        counters = {name: Counter(dict(getattr(self, name))) for name in ("not_published", "not_sent", "outcomes")}
+        return replace(self, **counters)  # type: ignore[arg-type]
 
 
 class Complaints:

@@ -1,6 +1,5 @@
 """Says once a second how everything is, on /diagnostics, and looks who else is at the topics."""
 
-import copy
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -38,16 +37,14 @@ class Diagnostics:
     def _say(self) -> None:
         said = self._others()
         for name, channel in self._channels.items():
-            said.append(self._of(name, channel))
-            self._since[name] = copy.deepcopy(channel.counts)
+            counts, since = channel.counts.now(), self._since[name]
+            active = channel.receiving.active, channel.transmitting.active
+            said.append(diagnosis.of_handler(name, counts, since, self._strangers[name], active))
+            self._since[name] = counts
         message = DiagnosticArray()
         message.header.stamp = self._node.get_clock().now().to_msg()
         message.status = [self._status(one) for one in said]
         self._publisher.publish(message)
-
-    def _of(self, name: str, channel: Channel) -> Status:
-        active = channel.receiving.active, channel.transmitting.active
-        return diagnosis.of_handler(name, channel.counts, self._since[name], self._strangers[name], active)
 
     def _status(self, one: Status) -> DiagnosticStatus:
         return DiagnosticStatus(

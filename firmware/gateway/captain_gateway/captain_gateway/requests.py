@@ -9,6 +9,7 @@ from .services import Services
 
 SHAPES = ("", "circle", "rectangle", "ellipse")  # as Area.msg numbers them
 MOST_DISTANCE, MOST_ANGLE = 65535, 360
+LONGEST_LABEL = 256  # characters: a station reads no more than 4096 octets of options
 
 
 class Gateway(Protocol):
@@ -97,6 +98,8 @@ class Requests:
 def asked(request: Any) -> dict[str, object]:
     """Options of the station's endpoint, out of captain_gateway_msgs/msg/Request. Raises RefusedError."""
     found: dict[str, object] = {}
+    if len(request.label) > LONGEST_LABEL:
+        raise RefusedError("request", f"label: {len(request.label)} characters; {LONGEST_LABEL} are kept")
     if request.interfaces:
         found["interfaces"] = list(request.interfaces)
     if request.btp_port:
