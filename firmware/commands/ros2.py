@@ -7,6 +7,7 @@ import shutil
 import subprocess
 from collections.abc import Mapping
 from pathlib import Path
+from typing import NamedTuple
 
 from board import tool
 from board.errors import StationError
@@ -54,7 +55,7 @@ print(json.dumps(found))
 """
 WHEEL = "captain-asn1 generate --all --form wheel --ros2 --to DIR, then python3 -m pip install DIR/*.whl"
 REMEDIES = {
-    "rclpy": "source a ROS 2: . /opt/ros/jazzy/setup.bash; where there is none: https://docs.ros.org, or for trying "
+    "rclpy": "source a ROS 2: . /opt/ros/jazzy/setup.bash; where there is none: https://docs.ros.org, or to try "
     "things out python3 -m pip install 'ros-jazzy-rclpy[fastrtps]' (x86-64, Python 3.11 and 3.12)",
     "zmq": "apt-get install python3-zmq, or python3 -m pip install pyzmq",
     "captain_messages": WHEEL,
@@ -83,7 +84,9 @@ def main(arguments: argparse.Namespace) -> int:
         print("\n".join(told(found, lacking)))
         return 1 if lacking else 0
     if lacking:
-        raise StationError("; ".join(lacking), "captain ros2 --check shows what is there")
+        first, *others = lacking
+        more = f" (and {len(others)} more: captain ros2 --check)" if others else ""
+        raise StationError(first.what + more, first.remedy)
     command = [found["executable"], "-m", "captain_gateway", "--ros-args", *_station(arguments.station)]
     return os.execve(command[0], [*command, *arguments.ros_args], environment)
 
@@ -121,31 +124,43 @@ def probe(environment: Mapping[str, str]) -> dict[str, str]:
     return {str(name): str(value) for name, value in found.items()}
 
 
-def missing(found: Mapping[str, str]) -> list[str]:
-    """What is missing, each with what to do about it."""
+class Lack(NamedTuple):
+    """Something that is missing, and what to do about it."""
+
+    what: str
+    remedy: str
+
+
+def missing(found: Mapping[str, str]) -> list[Lack]:
+    """Of what probe() has found, what is not enough."""
+    python = found["executable"]
     version = tuple(int(part) for part in found["python"].split(".")[:2])
     if version < OLDEST:
-        return [f"{found['executable']} is Python {found['python']}: the gateway needs 3.10 or later: Humble has it"]
+        return [
+            Lack(f"{python} is Python {found['python']}", "the gateway needs 3.10 or later, which ROS 2 Humble has")
+        ]
     lacking = [
-        f"{found['executable']} has no {name} ({found[f'no {name}']}): {remedy}"
+        Lack(f"{python} has no {name}: {found[f'no {name}']}", remedy)
         for name, remedy in REMEDIES.items()
         if name not in found
     ]
     if found.get("captain_messages") == "without ROS":
-        lacking.append(f"captain_messages was generated without --ros2: {WHEEL}")
+        lacking.append(Lack(f"captain_messages of {python} was generated without --ros2", WHEEL))
     return lacking
 
 
-def told(found: Mapping[str, str], lacking: list[str]) -> list[str]:
+def told(found: Mapping[str, str], lacking: list[Lack]) -> list[str]:
     """Lines of --check."""
-    lines = [f"python3           {found['executable']}, {found['python']}"]
+    lines = [f"{'python3':22}{found['executable']}, {found['python']}"]
     for name in (*REMEDIES, "captain_gateway_msgs"):
-        lines.append(f"{name:18}{found.get(name, 'no: ' + found.get(f'no {name}', ''))}")
+        lines.append(f"{name:22}{found.get(name, 'no: ' + found.get(f'no {name}', ''))}")
     if "captain_gateway_msgs" not in found:
-        lines.append(
-            "without captain_gateway_msgs: no metadata, no requests with options, no services; colcon builds it"
-        )
-    return lines + [f"missing: {line}" for line in lacking] if lacking else [*lines, "nothing is missing"]
+        lines.append("without captain_gateway_msgs (colcon builds it): no metadata, no requests, no services")
+    return (
+        lines + [f"missing: {lack.what}; {lack.remedy}" for lack in lacking]
+        if lacking
+        else [*lines, "nothing is missing"]
+    )
 
 
 def _station(place: tuple[str, int] | None) -> list[str]:

@@ -63,6 +63,8 @@ def test_a_source_is_for_python_3_10(path):
     names |= {one.name for node in ast.walk(tree) if isinstance(node, ast.Import) for one in node.names}
     assert names & NOT_BEFORE_3_11 == set()
     for node in ast.walk(tree):
+        if isinstance(node, ast.ClassDef):  # a NamedTuple is generic since 3.11
+            assert len(node.bases) < 2 or "NamedTuple" not in map(ast.unparse, node.bases), node.name
         # int.to_bytes and int.from_bytes have a default order of octets since 3.11.
         if (
             isinstance(node, ast.Call)

@@ -8,6 +8,7 @@ import contextlib
 import json
 import os
 import shutil
+import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -22,7 +23,9 @@ from tests.system.ports import Ports
 
 SOURCE = ros.ROOT / "firmware" / "gateway"
 FOLDERS = ros.INSIDE / "folders.cmake"
+CAPTAIN = ros.ROOT / ".venv" / "bin" / "captain"
 OTHER = ros.MADE / "other"  # where another definition of CAM is installed
+WITH_ROS = ("node", "parameters", "own_topics", "diagnostics", "endpoint")  # the last has zmq
 MESSAGES = ("cam", "spatem", "mapem")  # of those that are installed, besides a DENM of which something is left out
 HEARD_S = 60.0
 WHOLE_S, SHORT_S = 60.0, 5.0  # of the lab test: with all of its types, and with some
@@ -81,8 +84,22 @@ def build(prefix: Path) -> list[Row]:
     program = prefix / "lib" / "captain_gateway" / "captain_gateway"
     config = prefix / "share" / "captain_gateway" / "config" / "v2x_gw.yaml"
     absent = [str(path) for path in (program, config) if not path.exists()]
+    rows.append(_of_python("3.10"))
     rows.append(Row("captain_gateway installed", "program, parameter files", f"no {absent}" if absent else ""))
     return rows
+
+
+def _of_python(version: str) -> Row:
+    """Whether the sources are for the Python of another ROS: those that need neither that nor zmq are imported."""
+    python = shutil.which(f"python{version}")
+    modules = [path.stem for path in (SOURCE / "captain_gateway" / "captain_gateway").glob("*.py")]
+    pure = sorted(set(modules) - {"__init__", "__main__", *WITH_ROS})
+    if python is None:
+        return Row(f"Python {version}", "not here")
+    command = [python, "-c", f"import {', '.join(f'captain_gateway.{name}' for name in pure)}"]
+    environment = {"PYTHONPATH": str(SOURCE / "captain_gateway"), "PYTHONDONTWRITEBYTECODE": "1"}
+    said = subprocess.run(command, env=environment, text=True, capture_output=True, check=False)
+    return Row(f"Python {version}", f"{len(pure)} modules imported", said.stderr[-300:])
 
 
 def _colcon(place: Path, base: Path) -> None:
@@ -109,12 +126,21 @@ def behave(folder: Path, prefix: Path) -> list[Row]:
     path.write_text(json.dumps(pdus | {"denm": stations.real.DENM.hex()}))
     with _played() as (ports, words):
         words += ["-p", "qos_overrides./denm/received.publisher.reliability:=best_effort"]
-        with _gateway(folder, prefix, words) as node:
+        command = [CAPTAIN, "ros2", "--ros-args", *words]
+        with stations.Node(command, stations.environment(folder, prefix), ros.MADE / "gateway.log") as node:
             arguments = [json.dumps(ports), path, *([OTHER] if OTHER.exists() else [])]
             said = stations.inside("gateway.py", *arguments, codec=folder, prefix=prefix)
         broken = "Traceback" in node.said
-    rows = [Row(f"gateway: {what}", found, trouble) for what, found, trouble in said]
+    rows = [_checked(folder, prefix), *(Row(f"gateway: {what}", found, trouble) for what, found, trouble in said)]
     return [*rows, Row("gateway: ends", "on SIGINT", f"with {node.said[-500:]}" if broken else "")]
+
+
+def _checked(folder: Path, prefix: Path) -> Row:
+    """What captain ros2 says of this ROS."""
+    environment = stations.environment(folder, prefix)
+    said = subprocess.run([CAPTAIN, "ros2", "--check"], env=environment, text=True, capture_output=True, check=False)
+    last = (said.stdout.splitlines() or [said.stderr])[-1]
+    return Row("captain ros2 --check", last, "" if said.returncode == 0 else said.stdout + said.stderr)
 
 
 def names(folder: Path, prefix: Path) -> list[Row]:

@@ -57,19 +57,19 @@ def test_nothing_is_missing_where_all_is_there():
     ],
 )
 def test_what_is_missing_is_named_with_how_to_get_it(name, words):
-    [line] = ros2.missing(without(name))
-    assert f"has no {name} (ModuleNotFoundError" in line
-    assert words in line
+    [lack] = ros2.missing(without(name))
+    assert f"has no {name}: ModuleNotFoundError" in lack.what
+    assert words in lack.remedy
 
 
 def test_a_message_library_without_ros_is_as_good_as_none():
-    [line] = ros2.missing(WHOLE | {"captain_messages": "without ROS"})
-    assert "generated without --ros2" in line
+    [lack] = ros2.missing(WHOLE | {"captain_messages": "without ROS"})
+    assert "generated without --ros2" in lack.what
 
 
 def test_an_old_python_is_told_before_what_it_lacks():
-    [line] = ros2.missing(without("rclpy") | {"python": "3.8.10"})
-    assert "3.10 or later" in line
+    [lack] = ros2.missing(without("rclpy") | {"python": "3.8.10"})
+    assert "3.10 or later" in lack.remedy
 
 
 def test_without_the_packages_of_messages_of_its_own_it_runs_and_says_what_it_cannot():
@@ -91,7 +91,8 @@ def test_a_machine_without_ros_is_told_in_words(python, capsys):
     assert cli.main(["ros2"]) == 1
     said = capsys.readouterr().err
     assert "has no rclpy" in said
-    assert "has no captain_messages" in said
+    assert "(and 1 more: captain ros2 --check)" in said
+    assert "source a ROS 2" in said
     assert "Traceback" not in said
 
 
@@ -111,7 +112,7 @@ def test_check_shows_what_there_is_and_starts_nothing(python, capsys):
     python(without("rclpy"))
     assert cli.main(["ros2", "--check"]) == 1
     said = capsys.readouterr().out
-    assert "rclpy             no: ModuleNotFoundError" in said
+    assert "rclpy                 no: ModuleNotFoundError" in said
     assert "missing: " in said
     python(WHOLE)
     assert cli.main(["ros2", "--check"]) == 0

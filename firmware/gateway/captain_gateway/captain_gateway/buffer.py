@@ -2,15 +2,15 @@
 
 from collections import OrderedDict
 from collections.abc import Hashable
-from typing import Generic, NamedTuple, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 from .settings import Transmit
 
 Item = TypeVar("Item")
 
 
-class _Waiting(NamedTuple, Generic[Item]):
-    item: Item
+class _Waiting(NamedTuple):  # of items; a NamedTuple is generic since Python 3.11
+    item: Any
     since: float
     is_sent: bool
 
@@ -19,7 +19,7 @@ class Buffer(Generic[Item]):
     """Of one handler that has a rate: put() at any time, due() once in a period."""
 
     def __init__(self) -> None:
-        self._latest: OrderedDict[Hashable, _Waiting[Item]] = OrderedDict()
+        self._latest: OrderedDict[Hashable, _Waiting] = OrderedDict()
         self._all: list[Item] = []
 
     def put(self, key: Hashable, item: Item, now: float, settings: Transmit) -> list[Item]:

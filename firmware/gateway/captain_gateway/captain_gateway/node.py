@@ -8,6 +8,7 @@ from types import ModuleType
 from typing import Any
 
 import rclpy
+import rclpy.executors
 import zmq
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.qos import QoSProfile, ReliabilityPolicy
