@@ -9,7 +9,6 @@ packages that are built: `make ros2`.
 
 import argparse
 import hashlib
-import importlib
 import json
 import statistics
 import subprocess
@@ -96,8 +95,7 @@ def main() -> int:
         print("gateway: not measured: needs message packages: make ros2 ARGS=--short")
         return 0
     library = arguments.codec or codec.made()
-    sys.path.insert(0, str(library))
-    cdr = importlib.import_module("captain_messages").find("cam-1.4.1").to_cdr(CAM)[0]
+    cdr = stations.load(library).find("cam-1.4.1").to_cdr(CAM)[0]
     print(f"CAM of {len(CAM)} octets, {len(cdr)} as CDR; {arguments.duration:g} s at each rate")
     print(f"{'':34}{'median':>12}{'99 %':>12}{'lost':>6}{'gateway':>10}")
     is_lost = False

@@ -1,6 +1,5 @@
 """The lab test from the side of ROS: two stations, two gateways, ten types of message, each at 10 Hz both ways."""
 
-import importlib
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,7 +13,7 @@ RATE_HZ = 10.0
 def run(codec: Path, prefix: Path, duration_s: float, handlers: Sequence[str] = tuple(stations.TYPES)) -> list[Row]:
     """A row for each type and way; the whole table is in build/ros2/gateway.md."""
     pdus = stations.messages(codec, handlers)
-    library = importlib.import_module("captain_messages")
+    library = stations.load(codec)
     given = {}
     for handler, pdu in pdus.items():
         message = library.find(stations.TYPES[handler])

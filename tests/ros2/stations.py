@@ -1,15 +1,15 @@
 """Stations and gateways as programs of their own, with a message of each type."""
 
 import contextlib
-import importlib
+import importlib.util
 import json
 import os
 import signal
 import subprocess
-import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from asn1 import text
@@ -38,10 +38,20 @@ LONGEST = 400  # of a made message, octets
 MADE = 200
 
 
+def load(codec: Path) -> ModuleType:
+    """The message library of a folder, beside the one that the station has, which knows nothing of ROS."""
+    [path] = codec.glob("captain_messages.*.so")
+    spec = importlib.util.spec_from_file_location("captain_messages", path)
+    assert spec is not None
+    assert spec.loader is not None
+    made = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(made)
+    return made
+
+
 def messages(codec: Path, handlers: Sequence[str]) -> dict[str, bytes]:
     """One for each handler: a real one, else the longest of some made ones, of which nothing is left out."""
-    sys.path.insert(0, str(codec))
-    library = importlib.import_module("captain_messages")
+    library = load(codec)
     schema = text.load_schema()
     found = {handler: REAL[handler] for handler in handlers if handler in REAL}
     for handler in handlers:
