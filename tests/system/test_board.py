@@ -145,11 +145,15 @@ def test_a_driver_is_asked_over_the_control_socket(bench: Bench) -> None:
     assert refused["error"] == "interface g5 (som301e) cannot be asked anything"
 
 
+def _is_exact(clock: dict[str, Any]) -> bool:
+    return clock["state"] in BY_PULSES and clock["uncertainty_ns"] < 1_000_000
+
+
 def test_pulses_tell_the_time_and_say_how_well(timed: Bench) -> None:
     # Locked after 15 s: nobody waits for that here. tests/firmware/test_station_time.py does, in virtual time.
-    clock = timed.station.until(lambda status: status["clock"]["state"] in BY_PULSES, MODULES_S)["clock"]
+    # On a machine that does more than this the first pulses may be taken late, and the station says so.
+    clock = timed.station.until(lambda status: _is_exact(status["clock"]), MODULES_S)["clock"]
     assert clock["error_ns"] == abs(clock["offset_ns"]) + clock["uncertainty_ns"]
-    assert clock["uncertainty_ns"] < 1_000_000
     assert (clock["receiver"], clock["pulse"]["is_open"], clock["missing"]) == ("gnss", True, "")
     assert clock["its_ms"] / 1000 == pytest.approx(time.time() - ITS_EPOCH + clock["leap"]["seconds"], abs=2.0)
 

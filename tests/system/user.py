@@ -68,12 +68,22 @@ class User:
         return self
 
     def join_receiving(self, air: Air) -> None:
+        """Until a probe arrives: what else does may lie here since an earlier subscription."""
+        probes: set[bytes] = set()
         for probe in _probes():
             air.send(probe)
-            if self.sub.poll(JOIN_MS) and self.sub.recv_multipart()[0] == b"raw.":
+            probes.add(probe)
+            if self._receives(probes):
                 break
         air.send(last := mark())
         self.forget_until(last)
+
+    def _receives(self, probes: set[bytes]) -> bool:
+        """Whether one of them has come, or comes soon."""
+        while self.sub.poll(JOIN_MS):
+            if self.sub.recv_multipart()[-1] in probes:
+                return True
+        return False
 
     def forget_until(self, pdu: bytes, again: Callable[[], None] = lambda: None) -> None:
         """Read away all that was published up to a PDU; what makes it come is done again at each other message."""
