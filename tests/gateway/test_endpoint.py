@@ -136,11 +136,11 @@ def test_a_station_that_falls_silent_is_told_once_and_so_is_its_return(context, 
     thread = Receiving(context, station.address, Joining(RawReader(captain_messages)), made)
     thread.start()
     station.wait_for_subscriptions()
-    until(lambda: made.presence == [False])
+    until(lambda: made.presence)
     station.users.send_multipart([b"hb.counter", b'{"heartbeat_counter": 1}'])
-    until(lambda: made.presence == [False, True])
-    until(lambda: made.presence == [False, True, False])
+    until(lambda: len(made.presence) == 3)
     thread.end()
+    assert made.presence == [False, True, False]
 
 
 def test_a_bug_in_who_listens_ends_the_thread_and_is_kept_for_the_node(context, station):
