@@ -3,6 +3,8 @@
 import math
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from firmware.gateway.captain_gateway.captain_gateway import own
 from firmware.gateway.captain_gateway.captain_gateway.own import clock, east_north_up, pose, quaternion
@@ -33,6 +35,8 @@ def test_what_the_receiver_does_not_know_is_not_made_up():
         POSITION | {"latitude": None},
         POSITION | {"longitude": float("nan")},
         POSITION | {"latitude": True},
+        POSITION | {"latitude": 90.1},
+        POSITION | {"longitude": -181},
     ],
 )
 def test_a_place_that_is_none_is_not_told(position):
@@ -52,6 +56,8 @@ def test_the_time_of_the_station_is_utc():
         {},
         {"its_ms": None, "leap": {"seconds": 5}},
         {"its_ms": 1, "leap": None},
+        {"its_ms": 1 << 60, "leap": {"seconds": 5}},
+        {"its_ms": -1, "leap": {"seconds": 5}},
         {"its_ms": 1, "leap": {"seconds": None}},
         {"its_ms": "x", "leap": []},
     ],
@@ -78,3 +84,18 @@ def test_a_heading_from_north_is_a_yaw_from_east(heading, yaw):
 def test_the_constants_are_those_of_wgs84():
     flattening = 1 / 298.257223563
     assert pytest.approx(flattening * (2 - flattening), rel=1e-12) == own.ECCENTRICITY_2
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
+    lambda below: (
+        st.lists(below, max_size=3) | st.dictionaries(st.sampled_from([*POSITION, "seconds"]), below, max_size=3)
+    ),
+    max_leaves=5,
+)
+
+
+@given(told=st.dictionaries(st.sampled_from(["position", "its_ms", "leap", "receiver", "state"]), JSON))
+def test_whatever_a_station_says_of_itself_is_read_or_passed_by(told):
+    pose(told)
+    clock(told)

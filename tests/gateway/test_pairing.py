@@ -134,7 +134,22 @@ def test_an_indication_is_known_by_digest_and_microsecond():
 
 
 @pytest.mark.parametrize(
-    "octets", [b"", b"[]", b"{}", b"{", b"7", b"\xff", said(digest="xy"), said(received_ns="late"), said(btp_port=[1])]
+    "octets",
+    [
+        b"",
+        b"[]",
+        b"{}",
+        b"{",
+        b"7",
+        b"\xff",
+        said(digest="xy"),
+        said(received_ns="late"),
+        said(btp_port=[1]),
+        said(btp_port=65536),
+        said(btp_port=float("inf")),
+        said(received_ns=float("nan")),
+        said(interface="\ud800"),
+    ],
 )
 def test_an_indication_that_is_none_is_passed_by(octets):
     assert indication(octets) is None
@@ -164,3 +179,27 @@ def test_indications_of_duplicates_that_never_come_are_forgotten():
         waiting.indication(key(CAM, number * 1000), How("g5", 0, ""))
     assert waiting.message(key(CAM, 0), "first", 0.0) is None
     assert waiting.message(key(CAM, 1000), "second", 0.0) == How("g5", 0, "")
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
+    lambda below: st.lists(below, max_size=3) | st.dictionaries(st.text(max_size=5), below, max_size=3),
+    max_leaves=5,
+)
+
+
+@given(octets=st.binary(max_size=60))
+def test_any_octets_are_an_indication_or_none(octets):
+    indication(octets)
+
+
+@given(told=st.fixed_dictionaries(dict.fromkeys(("digest", "interface", "received_ns", "btp_port", "source"), JSON)))
+def test_any_values_are_an_indication_or_none(told):
+    indication(json.dumps(told).encode())
+
+
+def test_a_text_beyond_the_basic_plane_is_one():
+    assert indication(said(interface="\U0001f697")) == (
+        key(CAM, RECEIVED_NS),
+        How("\U0001f697", 2001, "02:03:04:05:06:07"),
+    )

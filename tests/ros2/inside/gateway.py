@@ -54,6 +54,15 @@ STATUS = {
 # 2026-11-22T00:00:00Z in ITS time
 TIME = {"its_ms": 722217605000, "leap": {"seconds": 5}, "receiver": "gnss", "state": "locked"}
 
+# JSON that a station does not say: a time that no ROS has, half of a character, numbers of other types.
+HOSTILE = (
+    b'{"its_ms": 1152921504606846976, "leap": {"seconds": 5}}',
+    b'{"station": "\\ud800", "interfaces": {"g5": {"state": "\\ud800"}}, "position": {"source": "\\ud800"}}',
+    b'{"digest": "0011223344556677", "interface": "g5", "received_ns": 1e999, "btp_port": 1e9, "source": []}',
+    b'{"position": {"latitude": 1e308, "longitude": -1e308, "source": "x", "altitude_m": 1e308, "heading_deg": 1e308}}',
+    b'{"interfaces": [1, 2], "position": 7, "leap": 7}',
+)
+
 
 class WrongError(Exception):
     """A goal that is not met."""
@@ -337,7 +346,7 @@ class Test:
             [b"v2x.cam.", b""],
         ):
             self.station.users(*frames)
-        for octets in (b"{", b"[]", b"\xff", b'{"digest": 5}', b'{"label": {}}'):
+        for octets in (b"{", b"[]", b"\xff", b'{"digest": 5}', b'{"label": {}}', *HOSTILE):
             for topic in (b"indication.cam.", b"confirm.cam.", b"status.", b"time."):
                 self.station._report.send_multipart([topic, octets])
         self.until_diagnosed("station", "rubbish", "4")

@@ -9,7 +9,7 @@ from typing import NamedTuple, Protocol, TypeAlias
 import zmq
 
 from .errors import RefusedError
-from .pairing import Arrival, How, Joining, Key, indication
+from .pairing import Arrival, How, Joining, Key, indication, table
 
 Socket: TypeAlias = "zmq.Socket[bytes]"
 
@@ -138,11 +138,8 @@ class Receiving(threading.Thread):
             if found is not None:
                 self._listener.indicated(*found)
             return
-        try:
-            told = json.loads(octets)
-        except (ValueError, RecursionError):
-            return
-        if isinstance(told, dict):
+        told = table(octets)
+        if told is not None:
             self._listener.reported(topic.decode("ascii", "backslashreplace"), told)
 
 

@@ -9,6 +9,8 @@ from .filters import ITS_EPOCH_S, Place
 AXIS_M = 6_378_137.0
 ECCENTRICITY_2 = 6.69437999014e-3
 
+MOST_MS = 1_000_000_000_000  # of ITS time: 2035; builtin_interfaces/Time ends in 2038
+
 
 class Pose(NamedTuple):
     """Degrees, m, m/s; None is not known. source: an interface or `configured`. carrier: none, float, fixed."""
@@ -32,6 +34,8 @@ def pose(status: dict[str, Any]) -> Pose | None:
     latitude, longitude = _number(told, "latitude"), _number(told, "longitude")
     source = str(told.get("source") or "")
     if latitude is None or longitude is None or not source:
+        return None
+    if abs(latitude) > 90.0 or abs(longitude) > 180.0:
         return None
     names = ("altitude_m", "horizontal_m", "vertical_m", "heading_deg", "speed_m_s")
     altitude_m, horizontal_m, vertical_m, heading_deg, speed_m_s = (_number(told, name) for name in names)
@@ -59,7 +63,7 @@ def clock(time: dict[str, Any]) -> Clock:
     leap_seconds = seconds if isinstance(seconds, int) and 0 <= seconds < 100 else None
     its_ms = time.get("its_ms")
     unix_ns = None
-    if isinstance(its_ms, int) and leap_seconds is not None:
+    if isinstance(its_ms, int) and 0 <= its_ms < MOST_MS and leap_seconds is not None:
         unix_ns = (its_ms - leap_seconds * 1000 + ITS_EPOCH_S * 1000) * 1_000_000
     return Clock(unix_ns, f"{time.get('receiver') or 'system'}, {time.get('state') or 'unknown'}", leap_seconds)
 

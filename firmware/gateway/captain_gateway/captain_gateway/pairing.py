@@ -12,6 +12,7 @@ from .errors import GatewayError
 LATEST_S = 0.05
 # Indications of messages that never come: of duplicates that the station has suppressed.
 MOST = 1024
+MOST_PORT = 0xFFFF
 
 
 class Reception(NamedTuple):
@@ -131,14 +132,28 @@ def key(pdu: bytes, received_ns: int) -> Key:
     return hashlib.sha256(pdu).digest()[:8], received_ns // 1000
 
 
+def table(octets: bytes) -> dict[str, Any] | None:
+    """A JSON object of which every text can be said in ROS; None for rubbish."""
+    try:
+        told = json.loads(octets)
+        if b"\\ud" in octets.lower():  # half of a surrogate pair is no text
+            json.dumps(told, ensure_ascii=False).encode()
+    except (ValueError, RecursionError):
+        return None
+    return told if isinstance(told, dict) else None
+
+
 def indication(octets: bytes) -> tuple[Key, How] | None:
     """Of an indication as the station's report port has it; None for rubbish."""
-    try:
-        told: dict[str, Any] = json.loads(octets)
-        how = How(str(told["interface"]), int(told["btp_port"] or 0), str(told["source"] or ""))
-        return (bytes.fromhex(told["digest"]), int(told["received_ns"]) // 1000), how
-    except (ValueError, KeyError, TypeError, RecursionError):
+    told = table(octets)
+    if told is None:
         return None
+    try:
+        how = How(str(told["interface"]), int(told["btp_port"] or 0), str(told["source"] or ""))
+        found = (bytes.fromhex(told["digest"]), int(told["received_ns"]) // 1000), how
+    except (ValueError, KeyError, TypeError, OverflowError):
+        return None
+    return found if 0 <= how.btp_port <= MOST_PORT else None
 
 
 class Waiting:

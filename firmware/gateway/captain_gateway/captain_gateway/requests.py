@@ -9,6 +9,7 @@ from .services import Services
 
 SHAPES = ("", "circle", "rectangle", "ellipse")  # as Area.msg numbers them
 MOST_DISTANCE, MOST_ANGLE = 65535, 360
+MOST_TIME = 2.0**31  # builtin_interfaces/Time
 LONGEST_LABEL = 256  # characters: a station reads no more than 4096 octets of options
 
 
@@ -43,13 +44,11 @@ class Requests:
         if not self._confirms.get_subscription_count():
             return
         message = self._messages.msg.Confirm(label=label)
-        seconds = float(told.get("time") or 0.0)
-        message.header.stamp.sec = int(seconds)
-        message.header.stamp.nanosec = int(seconds % 1 * 1e9)
+        seconds = number(told.get("time"))
+        message.header.stamp.sec, message.header.stamp.nanosec = int(seconds), int(seconds % 1 * 1e9)
         for name in ("type", "outcome", "interface", "reason", "meaning", "detail"):
             setattr(message, name, str(told.get(name) or ""))
-        message.queue = float(told.get("queue_us") or 0.0) / 1e6
-        message.send = float(told.get("send_us") or 0.0) / 1e6
+        message.queue, message.send = number(told.get("queue_us")) / 1e6, number(told.get("send_us")) / 1e6
         self._confirms.publish(message)
 
     def diagnosis(self) -> Status:
@@ -93,6 +92,12 @@ class Requests:
             if type_ in (channel.kind.name, channel.edition.name, channel.edition.ros_type):
                 return channel
         raise RefusedError("request", f"type: {type_!r} is none of {', '.join(self._gateway.channels)}")
+
+
+def number(value: object) -> float:
+    """Of what a station says; 0 where it is none that a time can be."""
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    return float(value) if is_number and 0.0 <= value < MOST_TIME else 0.0  # type: ignore[operator, arg-type]
 
 
 def asked(request: Any) -> dict[str, object]:
