@@ -97,10 +97,14 @@ def _moment(guest: Guest, key: Key, unit: str, what: str) -> float:
 
 
 def _marks(guest: Guest, key: Key, station: Station) -> dict[str, float]:
-    first = re.search(r"\[ *([\d.]+)\].*Run /init", said(guest, key, "journalctl -k -o short-monotonic --no-pager"))
+    # When the kernel said it: the journal's own stamp is that of its reading.
+    first = re.search(
+        r'_SOURCE_MONOTONIC_TIMESTAMP" *: *"(\d+)"',
+        said(guest, key, "journalctl -k -o json --no-pager | grep 'Run /init'"),
+    )
     userspace = float(said(guest, key, "systemctl show -P UserspaceTimestampMonotonic")) / 1e6
     return {
-        "kernel": float(first.group(1)) if first else userspace,
+        "kernel": int(first.group(1)) / 1e6 if first else userspace,
         "early boot: root, check and mount of the data": userspace,
         "systemd, until it starts captain": _moment(guest, key, "captain.service", "InactiveExit"),
         "captain: interpreter, imports, configuration": station.loaded,
