@@ -15,8 +15,8 @@ from firmware.codec.library import NoLibraryError, load
 from firmware.codec.live import Live
 from firmware.codec.reading import Pdu
 from firmware.user import client
-from firmware.user.arguments import add_station, address, integer, message_type, seconds, times
-from firmware.user.listening import Listening, Wish
+from firmware.user.arguments import add_station, address
+from firmware.user.listening import Listening, add_wish, wish_of
 from firmware.user.received import Message
 from firmware.user.table import Screen, clean, width_of
 
@@ -69,7 +69,6 @@ exit codes:
   2    wrong usage
   130  Ctrl-C
 """
-HIGHEST_STATION_ID = 0xFFFFFFFF
 
 Show: TypeAlias = Callable[[Message], str]
 
@@ -86,24 +85,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="these fields of each message, a line each: last parts of their paths, as speedValue or header",
     )
     what.add_argument("--headers", action="store_true", help="do not decode")
-    parser.add_argument(
-        "--type",
-        metavar="T",
-        action="append",
-        type=message_type,
-        default=[],
-        help="only this type (cam, denm, ...), or this messageID (200); may be repeated",
-    )
-    parser.add_argument(
-        "--station-id",
-        metavar="N",
-        action="append",
-        type=integer(0, HIGHEST_STATION_ID),
-        default=[],
-        help="only what this station made; may be repeated",
-    )
-    parser.add_argument("--count", metavar="N", type=times, help="end after so many messages")
-    parser.add_argument("--duration", metavar="S", type=seconds, help="end after so many seconds")
+    add_wish(parser)
     add_station(parser)
 
 
@@ -121,8 +103,7 @@ def main(arguments: argparse.Namespace) -> int:
         types = [f"v2x.{kind}." if isinstance(kind, str) else "v2x." for kind in arguments.type]
         topics = ["hb.", "raw.", *types] if types else [""]
         subscriber = client.subscribe(context, place, place.to_users, *topics)
-        wish = Wish(frozenset(arguments.type), frozenset(arguments.station_id), arguments.count, arguments.duration)
-        listening = Listening(subscriber, place, wish)
+        listening = Listening(subscriber, place, wish_of(arguments))
         if show is None:
             _show_table(listening, None if arguments.headers else _decoder())
         else:

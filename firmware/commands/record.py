@@ -18,8 +18,8 @@ from firmware.codec.decoding import Decoder
 from firmware.codec.identify import Identity
 from firmware.codec.library import Library, load
 from firmware.user import client, reception
-from firmware.user.arguments import add_station, address, integer, message_type, seconds, times
-from firmware.user.listening import Listening, Wish
+from firmware.user.arguments import add_station, address
+from firmware.user.listening import Listening, add_wish, wish_of
 from firmware.user.mcap import Mcap
 from firmware.user.received import Message
 
@@ -56,7 +56,6 @@ exit codes:
   2    wrong usage
   130  Ctrl-C; the file is whole
 """
-HIGHEST_STATION_ID = 0xFFFFFFFF
 FLUSH_S = 2.0
 MOST_NAMES = 300  # more than there are messageIDs: a station that makes names up fills no recording with topics
 
@@ -77,36 +76,18 @@ class Topic(NamedTuple):
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--mcap", metavar="FILE", type=Path, required=True, help="the recording, which must not exist")
-    parser.add_argument(
-        "--type",
-        metavar="T",
-        action="append",
-        type=message_type,
-        default=[],
-        help="only this type (cam, denm, ...), or this messageID (200); may be repeated",
-    )
-    parser.add_argument(
-        "--station-id",
-        metavar="N",
-        action="append",
-        type=integer(0, HIGHEST_STATION_ID),
-        default=[],
-        help="only what this station made; may be repeated",
-    )
-    parser.add_argument("--count", metavar="N", type=times, help="end after so many messages")
-    parser.add_argument("--duration", metavar="S", type=seconds, help="end after so many seconds")
+    add_wish(parser)
     add_station(parser)
 
 
 def main(arguments: argparse.Namespace) -> int:
     library = load()
     place = address(arguments)
-    wish = Wish(frozenset(arguments.type), frozenset(arguments.station_id), arguments.count, arguments.duration)
     with client.session() as context, _created(arguments.mcap) as stream:
         recording = Recording(stream, library)
         signal.signal(signal.SIGTERM, _end)
         try:
-            listening = Listening(client.subscribe(context, place, place.to_users, ""), place, wish)
+            listening = Listening(client.subscribe(context, place, place.to_users, ""), place, wish_of(arguments))
             for message in listening.messages(recording.idle):
                 recording.add(message)
         except SystemExit:

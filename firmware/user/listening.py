@@ -1,15 +1,19 @@
 """What a station's users receive, until a count, a duration, or a station that is not there."""
 
+import argparse
 import time
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 from board.errors import StationError
 from firmware.user import client
+from firmware.user.arguments import integer, message_type, seconds, times
 from firmware.user.received import Message, Pairing
 
 # A glance at a table tells no more; each costs the drawing of it.
 REDRAW_S = 0.5
+
+HIGHEST_STATION_ID = 0xFFFFFFFF
 
 
 class Wish(NamedTuple):
@@ -25,6 +29,33 @@ class Wish(NamedTuple):
     stations: frozenset[int] = frozenset()
     most: int | None = None
     for_s: float | None = None
+
+
+def add_wish(parser: argparse.ArgumentParser) -> None:
+    """The options by which a command is told which messages; wish_of() reads them."""
+    parser.add_argument(
+        "--type",
+        metavar="T",
+        action="append",
+        type=message_type,
+        default=[],
+        help="only this type (cam, denm, ...), or this messageID (200); may be repeated",
+    )
+    parser.add_argument(
+        "--station-id",
+        metavar="N",
+        action="append",
+        type=integer(0, HIGHEST_STATION_ID),
+        default=[],
+        help="only what this station made; may be repeated",
+    )
+    parser.add_argument("--count", metavar="N", type=times, help="end after so many messages")
+    parser.add_argument("--duration", metavar="S", type=seconds, help="end after so many seconds")
+
+
+def wish_of(options: argparse.Namespace) -> Wish:
+    """What the options of add_wish() ask for."""
+    return Wish(frozenset(options.type), frozenset(options.station_id), options.count, options.duration)
 
 
 class Listening:
