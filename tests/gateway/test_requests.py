@@ -6,11 +6,14 @@ from typing import Any
 
 import pytest
 
+from firmware.gateway.captain_gateway.captain_gateway.channel import Channel
 from firmware.gateway.captain_gateway.captain_gateway.codec import Edition
+from firmware.gateway.captain_gateway.captain_gateway.counts import Complaints
 from firmware.gateway.captain_gateway.captain_gateway.errors import RefusedError
 from firmware.gateway.captain_gateway.captain_gateway.handlers import KINDS
-from firmware.gateway.captain_gateway.captain_gateway.requests import asked, number
+from firmware.gateway.captain_gateway.captain_gateway.requests import Requests, asked, number
 from firmware.gateway.captain_gateway.captain_gateway.services import Services
+from firmware.gateway.captain_gateway.captain_gateway.settings import HANDLER, receive, transmit
 from firmware.options import parse
 from tests.gateway.library import HEAD, Library
 from tests.gateway.real import CAM, DENM
@@ -21,7 +24,7 @@ def request(area: dict[str, object] | None = None, **changed: object) -> SimpleN
     empty: dict[str, Any] = {
         "label": "", "type": "cam", "interfaces": [], "btp_port": 0, "traffic_class_is_present": False, "traffic_class": 0,
         "priority_is_present": False, "priority": 0, "lifetime": 0.0, "hop_limit": 0,
-        "area": SimpleNamespace(**nowhere | (area or {})),
+        "area": SimpleNamespace(**nowhere | (area or {})), "pdu": [], "cdr": [],
     }  # fmt: skip
     return SimpleNamespace(**empty | changed)
 
@@ -64,6 +67,85 @@ def test_what_cannot_be_meant_names_the_field_and_what_it_may_be(wrong, words):
     with pytest.raises(RefusedError) as refused:
         asked(wrong)
     assert words in str(refused.value)
+
+
+DEFAULTS = {name: option.default for name, option in HANDLER.items()}
+MESSAGES = SimpleNamespace(
+    msg=SimpleNamespace(Confirm=None, Request=None), srv=SimpleNamespace(Encode=None, Decode=None)
+)
+
+
+class Node:
+    """What Requests asks of the gateway: handlers with defaults, whose messages are kept."""
+
+    def __init__(self, *editions: str) -> None:
+        self.node = self
+        self.sent: list[tuple[str, bytes, str]] = []
+        self.complaints: list[str] = []
+        self.channels = {name.partition("-")[0]: self._channel(name) for name in editions}
+
+    def _channel(self, name: str) -> Channel:
+        kind = KINDS[name.rpartition("-")[0].replace("-", "_")]
+        made = Channel(
+            kind, Edition(Library(), name, "etsi_its", kind), receive(DEFAULTS), transmit(DEFAULTS),
+            SimpleNamespace(place=None, leap_seconds=5), Complaints(60.0), self.complaints.append,
+        )  # fmt: skip
+        made.send = self._send
+        return made
+
+    def _send(self, channel: Channel, pdu: bytes, asked: dict[str, object], label: str) -> None:
+        self.sent.append((channel.edition.name, pdu, label))
+
+    def publisher(self, type_: object, topic: str) -> None: ...
+    def create_service(self, type_: object, name: str, call: object) -> None: ...
+
+    def subscription(self, type_: object, topic: str, call: Any) -> None:
+        self.request = call
+
+    def complain(self, about: str, cause: str, text: str) -> None:
+        self.complaints.append(text)
+
+
+@pytest.fixture
+def node(services) -> Node:
+    made = Node("cam-1.4.1", "denm-1.3.1")
+    made.requests = Requests(made, MESSAGES, services)
+    return made
+
+
+@pytest.mark.parametrize("type_", ["", "cam", "cam-1.4.1", "cam_msgs/msg/CAM"])
+def test_a_request_by_octets_is_handed_over_as_it_is(node, type_):
+    node.request(request(type=type_, pdu=list(CAM), label="mine"))
+    assert node.sent == [("cam-1.4.1", CAM, "mine")]
+    assert node.complaints == []
+
+
+def test_a_request_by_a_serialised_message_is_handed_over_as_octets(node):
+    node.request(request(cdr=list(HEAD + CAM)))
+    assert node.sent == [("cam-1.4.1", CAM, "")]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        (request(pdu=[2]), "1 octets are no message: its header alone has 6"),
+        (request(pdu=list(CAM[:6])), "truncated"),
+        (request(pdu=list(CAM[:30])), "bit 227: truncated"),
+        (request(pdu=list(DENM)), "header.message_id: 1 is not that of cam"),
+        (request(), "octet 0"),
+        (request(cdr=[0]), "octet 0"),
+        (request(type="", pdu=[2]), "neither type nor a message in pdu"),
+        (request(type="", pdu=[2, 200, 0, 0, 0, 0]), "no handler has messageID 200"),
+        (request(type="can", pdu=list(CAM)), "'can' is none of cam, denm"),
+        (request(pdu=list(CAM), priority_is_present=True, priority=8), "priority: 8"),
+    ],
+)
+def test_a_request_that_cannot_be_meant_is_refused_in_words_and_counted(node, wrong, words):
+    node.request(wrong)
+    assert node.sent == []
+    [said] = node.complaints
+    assert words in said
+    assert node.requests.diagnosis().values["refused"] == "1"
 
 
 @pytest.fixture

@@ -90,6 +90,8 @@ class Edition:
 
     def check(self, pdu: bytes) -> None:
         """Raise RefusedError for what a station would take for another message, or not at all."""
+        if len(pdu) < ITS_HEADER:
+            raise RefusedError("header", f"{len(pdu)} octets are no message: its header alone has {ITS_HEADER}")
         if pdu[1] not in self.message.ids:
             expected = " or ".join(map(str, self.message.ids))
             raise RefusedError("header", f"header.message_id: {pdu[1]} is not that of {self.message.type}: {expected}")
@@ -98,6 +100,13 @@ class Edition:
             raise RefusedError("header", f"header.protocol_version: {pdu[0]} is not that of {self.name}: {expected}")
         if len(pdu) > MAX_PDU:
             raise RefusedError("too-long", f"the message has {len(pdu)} octets; a station takes {MAX_PDU}")
+
+    def check_body(self, pdu: bytes) -> None:
+        """Raise RefusedError, which names field and bit, for what a user has encoded and does not decode."""
+        try:
+            self.message.view(pdu)
+        except (ValueError, MemoryError) as error:
+            raise RefusedError("undecodable", str(error)) from error
 
     def is_exact(self, pdu: bytes) -> bool | None:
         """Whether encoding it again gives the same octets; None where it does not decode."""

@@ -3,6 +3,7 @@
 from typing import Any, Protocol
 
 from .channel import Channel
+from .codec import ITS_HEADER
 from .diagnosis import OK, WARN, Status
 from .errors import GatewayError, RefusedError
 from .services import Services
@@ -75,14 +76,18 @@ class Requests:
         channel = self._channel(request.type, pdu)
         if not channel.transmitting.active:
             raise RefusedError("inactive", f"{channel.kind.name}.transmit.active is false")
-        pdu = channel.checked(pdu) if pdu else channel.octets(bytes(request.cdr))
+        if pdu:
+            pdu = channel.checked(pdu)
+            channel.edition.check_body(pdu)
+        else:
+            pdu = channel.octets(bytes(request.cdr))
         channel.counts.taken += 1
         channel.hand_over(pdu, options, request.label)
 
     def _channel(self, type_: str, pdu: bytes) -> Channel:
         """Of the handler that the type names; with octets alone, of that which takes their messageID."""
         if not type_:
-            if len(pdu) < 6:
+            if len(pdu) < ITS_HEADER:
                 raise RefusedError("request", "neither type nor a message in pdu: whose message is it?")
             for channel in self._gateway.channels.values():
                 if pdu[1] in channel.edition.message.ids:
