@@ -37,11 +37,24 @@ def test_what_the_receiver_does_not_know_is_not_made_up():
         POSITION | {"latitude": True},
         POSITION | {"latitude": 90.1},
         POSITION | {"longitude": -181},
+        POSITION | {"latitude": 10**400},
     ],
 )
 def test_a_place_that_is_none_is_not_told(position):
     assert pose({"position": position}) is None
     assert pose({}) is None
+
+
+@pytest.mark.parametrize("wrong", [10**400, 1e200, -1e200, float("inf"), float("nan"), "1", True, [], None])
+def test_what_no_receiver_can_mean_is_not_known(wrong):
+    names = ("altitude_m", "horizontal_m", "vertical_m", "heading_deg", "speed_m_s")
+    found = pose({"position": POSITION | dict.fromkeys(names, wrong)})
+    assert found == (47.06, 15.47, None, None, None, None, None, "gnss", "fixed")
+
+
+@pytest.mark.parametrize(("name", "wrong"), [("horizontal_m", -1.0), ("vertical_m", -1), ("speed_m_s", -0.1)])
+def test_a_bound_or_a_speed_is_not_below_nothing(name, wrong):
+    assert getattr(pose({"position": POSITION | {name: wrong}}), name) is None
 
 
 def test_the_time_of_the_station_is_utc():
@@ -87,7 +100,12 @@ def test_the_constants_are_those_of_wgs84():
 
 
 JSON = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
+    st.none()
+    | st.booleans()
+    | st.integers()
+    | st.floats()
+    | st.text(max_size=5)
+    | st.sampled_from([10**400, -(10**400)]),
     lambda below: (
         st.lists(below, max_size=3) | st.dictionaries(st.sampled_from([*POSITION, "seconds"]), below, max_size=3)
     ),

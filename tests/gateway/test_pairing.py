@@ -148,7 +148,10 @@ def test_an_indication_is_known_by_digest_and_microsecond():
         said(btp_port=65536),
         said(btp_port=float("inf")),
         said(received_ns=float("nan")),
+        said(btp_port=10**400),
         said(interface="\ud800"),
+        said(interface="SURROGATE").replace(b"SURROGATE", b"\xed\xa0\x80"),
+        said(interface="\ud800").decode().encode("utf-16-be"),
     ],
 )
 def test_an_indication_that_is_none_is_passed_by(octets):
@@ -182,7 +185,7 @@ def test_indications_of_duplicates_that_never_come_are_forgotten():
 
 
 JSON = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5) | st.just(10**400),
     lambda below: st.lists(below, max_size=3) | st.dictionaries(st.text(max_size=5), below, max_size=3),
     max_leaves=5,
 )

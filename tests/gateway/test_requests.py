@@ -222,6 +222,7 @@ def test_what_cannot_be_encoded_is_answered_with_why(services, chosen):
         (-1.0, 0.0),
         (1e300, 0.0),
         (float("nan"), 0.0),
+        (10**400, 0.0),
     ],
 )
 def test_a_time_of_a_confirm_is_one_that_ros_can_say(value, expected):

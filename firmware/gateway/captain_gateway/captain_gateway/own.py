@@ -10,6 +10,17 @@ AXIS_M = 6_378_137.0
 ECCENTRICITY_2 = 6.69437999014e-3
 
 MOST_MS = 1_000_000_000_000  # of ITS time: 2035; builtin_interfaces/Time ends in 2038
+MOST_M = 1e8  # further than any receiver works: satellites are at 4e7 m
+# What a receiver can mean, as Pose has it.
+LIMITS = {
+    "latitude": (-90.0, 90.0),
+    "longitude": (-180.0, 180.0),
+    "altitude_m": (-MOST_M, MOST_M),
+    "horizontal_m": (0.0, MOST_M),
+    "vertical_m": (0.0, MOST_M),
+    "heading_deg": (-360.0, 360.0),
+    "speed_m_s": (0.0, MOST_M),
+}
 
 
 class Pose(NamedTuple):
@@ -31,14 +42,12 @@ def pose(status: dict[str, Any]) -> Pose | None:
     told = status.get("position")
     if not isinstance(told, dict):
         return None
-    latitude, longitude = _number(told, "latitude"), _number(told, "longitude")
+    latitude, longitude, altitude_m, horizontal_m, vertical_m, heading_deg, speed_m_s = (
+        _number(told, name, *limits) for name, limits in LIMITS.items()
+    )
     source = str(told.get("source") or "")
     if latitude is None or longitude is None or not source:
         return None
-    if abs(latitude) > 90.0 or abs(longitude) > 180.0:
-        return None
-    names = ("altitude_m", "horizontal_m", "vertical_m", "heading_deg", "speed_m_s")
-    altitude_m, horizontal_m, vertical_m, heading_deg, speed_m_s = (_number(told, name) for name in names)
     return Pose(
         latitude, longitude, altitude_m, horizontal_m, vertical_m, heading_deg, speed_m_s, source,
         str(told.get("carrier") or ""),
@@ -95,7 +104,8 @@ def _ecef(latitude_deg: float, longitude_deg: float, altitude_m: float) -> tuple
     return across * math.cos(longitude), across * math.sin(longitude), upward
 
 
-def _number(table: dict[str, Any], name: str) -> float | None:
+def _number(table: dict[str, Any], name: str, low: float, high: float) -> float | None:
+    # Compared before it is made a float: a whole number of JSON may have four hundred digits.
     value = table.get(name)
-    is_number = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool) and low <= value <= high
     return float(value) if is_number else None  # type: ignore[arg-type]

@@ -135,8 +135,11 @@ def key(pdu: bytes, received_ns: int) -> Key:
 def table(octets: bytes) -> dict[str, Any] | None:
     """A JSON object of which every text can be said in ROS; None for rubbish."""
     try:
-        told = json.loads(octets)
-        if b"\\ud" in octets.lower():  # half of a surrogate pair is no text
+        words = (
+            octets.decode()
+        )  # json.loads() of octets guesses the encoding, and lets halves of surrogate pairs through
+        told = json.loads(words)
+        if "\\ud" in words.lower():  # half of a surrogate pair is no text
             json.dumps(told, ensure_ascii=False).encode()
     except (ValueError, RecursionError):
         return None
