@@ -186,6 +186,39 @@ def test_where_no_station_is_a_message_is_refused_at_once_and_not_kept(context):
     held.release()
 
 
+@pytest.mark.parametrize("has_pull", [True, False])
+def test_while_the_station_is_silent_a_message_is_refused_though_its_port_is_open(context, station, has_pull):
+    pull = station.address.pull
+    sending = Sending(context, station.address if has_pull else Address(HOST, 1, 0, pull, 0))
+    until(lambda: sent(sending, {}))
+    sending.is_silent = True
+    with pytest.raises(RefusedError, match=f"the station at tcp://{HOST}:{pull} is silent") as refused:
+        sending.send(CAM, {})
+    assert refused.value.cause == "no-station"
+    sending.is_silent = False
+    assert sent(sending, {})
+    sending.close()
+
+
+def test_what_a_station_does_not_take_is_kept_for_about_a_second(context):
+    pull = context.socket(zmq.PULL)
+    pull.set(zmq.RCVHWM, 1)
+    port = pull.bind_to_random_port(f"tcp://{HOST}")
+    sending = Sending(context, Address(HOST, 1, port, 2, 0))
+    until(lambda: sent(sending, {}))
+    large = bytes(100_000)  # so that the kernel's buffers hold few
+    taken = 0
+    while taken < 10_000:
+        try:
+            sending.send(large, {})
+        except RefusedError:
+            break
+        taken += 1
+    assert taken < 1_500
+    sending.close()
+    pull.close()
+
+
 def test_a_box_without_a_pull_gets_two_frames_by_its_first_port(context):
     users = context.socket(zmq.XSUB)
     port = users.bind_to_random_port(f"tcp://{HOST}")

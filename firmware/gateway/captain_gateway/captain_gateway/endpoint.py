@@ -21,6 +21,8 @@ IDLE_MS, BUSY_MS = 200, 10
 MOST_OCTETS = 1 << 20
 # Messages that libzmq keeps for a thread that is late: 10 s at 1,000 a second.
 HIGH_WATER = 10_000
+# Messages that wait for a station that does not take them: a second's. Older ones are no news to anybody.
+MOST_UNSENT = 1_000
 BATCH = 64
 
 
@@ -144,12 +146,16 @@ class Receiving(threading.Thread):
 
 
 class Sending:
-    """The socket that messages leave by: PUSH, or where the box has no PULL a PUB. Used by one thread."""
+    """The socket that messages leave by: PUSH, or where the box has no PULL a PUB. Used by one thread.
+
+    is_silent  whether the station has been heard of too long ago to be there: set by any thread.
+    """
 
     def __init__(self, context: "zmq.Context[zmq.Socket[bytes]]", address: Address) -> None:
+        self.is_silent = False
         self._has_pull = bool(address.pull)
         self._socket = context.socket(zmq.PUSH if self._has_pull else zmq.PUB)
-        self._socket.set(zmq.SNDHWM, HIGH_WATER)
+        self._socket.set(zmq.SNDHWM, MOST_UNSENT)
         self._socket.set(zmq.LINGER, 200)
         self._socket.set(zmq.IPV6, 1)
         self._socket.set(zmq.IMMEDIATE, 1)  # what is sent to nobody is refused, not kept for whoever comes
@@ -158,7 +164,9 @@ class Sending:
         self._socket.connect(self._where)
 
     def send(self, pdu: bytes, options: dict[str, object]) -> None:
-        """Hand a message to the station. Raises RefusedError where there is none; a PUB never knows."""
+        """Hand a message to the station. Raises RefusedError where there is none; a PUB knows by its silence alone."""
+        if self.is_silent:
+            raise RefusedError("no-station", f"the station at {self._where} is silent: no heartbeat for 3 s")
         frames = [b"v2x.", pdu]
         if options and self._has_pull:
             frames.append(json.dumps(options).encode())

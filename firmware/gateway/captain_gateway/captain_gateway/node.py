@@ -200,6 +200,7 @@ class Gateway:
         else:
             self._log.warning(f"no station is heard at {where}: is it `captain run` there, and station.host right?")
         self._is_there = is_there
+        self._sending.is_silent = not is_there
 
     def passed(self) -> bool:
         if self._waiting.is_empty:
