@@ -15,6 +15,7 @@ from firmware.gateway.captain_gateway.captain_gateway import endpoint
 from firmware.gateway.captain_gateway.captain_gateway.endpoint import Address, Receiving, Sending
 from firmware.gateway.captain_gateway.captain_gateway.errors import RefusedError
 from firmware.gateway.captain_gateway.captain_gateway.pairing import Arrival, How, Joining, Key, RawReader
+from tests.broker.proxy import Proxy
 from tests.gateway.real import CAM
 from tests.system.ports import Ports
 
@@ -141,6 +142,46 @@ def test_a_station_that_falls_silent_is_told_once_and_so_is_its_return(context, 
     until(lambda: len(made.presence) == 3)
     thread.end()
     assert made.presence == [False, True, False]
+
+
+@pytest.fixture
+def lines(station, monkeypatch) -> Iterator[dict[str, Proxy]]:
+    """To each port of the station; their ends look after each other often."""
+    monkeypatch.setattr(endpoint, "HEARTBEAT_MS", 30)
+    monkeypatch.setattr(endpoint, "HEARTBEAT_TIMEOUT_MS", 150)
+    with (
+        Proxy(station.address.to_users) as users,
+        Proxy(station.address.report) as report,
+        Proxy(station.address.pull) as pull,
+    ):
+        yield {"to_users": users, "report": report, "pull": pull}
+
+
+def test_lines_that_swallow_everything_are_noticed_and_replaced(context, station, lines):
+    address = station.address._replace(**{name: line.port for name, line in lines.items()})
+    made = Heard()
+    thread = Receiving(context, address, Joining(RawReader(captain_messages)), made)
+    thread.start()
+    sending = Sending(context, address)
+    station.wait_for_subscriptions()
+    until(lambda: sent(sending, {}))
+    for line in lines.values():
+        line.go_dark()  # as when the other machine loses its power: no end of the connection is told
+    for line in lines.values():
+        until(lambda line=line: line.accepted > 1)
+        line.cut()
+        line.light()
+
+    def arrives() -> bool:
+        station.users.send_multipart([b"v2x.cam.", CAM])
+        station.report.send_multipart([b"status.", b"{}"])
+        sent(sending, {"priority": 0})
+        time.sleep(0.005)
+        return bool(made.arrivals and made.reports and station.pull.poll(0))
+
+    until(arrives)
+    thread.end()
+    sending.close()
 
 
 def test_a_bug_in_who_listens_ends_the_thread_and_is_kept_for_the_node(context, station):

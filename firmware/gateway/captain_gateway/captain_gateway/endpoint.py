@@ -24,6 +24,8 @@ HIGH_WATER = 10_000
 # Messages that wait for a station that does not take them: a second's. Older ones are no news to anybody.
 MOST_UNSENT = 1_000
 BATCH = 64
+# A machine that loses its power or its network ends no connection: ZMTP's own heartbeats do, at both ends.
+HEARTBEAT_MS, HEARTBEAT_TIMEOUT_MS = 1_000, 3_000
 
 
 class Address(NamedTuple):
@@ -111,8 +113,7 @@ class Receiving(threading.Thread):
         socket = self._context.socket(zmq.SUB)
         socket.set(zmq.RCVHWM, HIGH_WATER)
         socket.set(zmq.MAXMSGSIZE, MOST_OCTETS)
-        socket.set(zmq.IPV6, 1)
-        socket.set(zmq.RECONNECT_IVL_MAX, 1000)
+        _watch(socket)
         for topic in topics:
             socket.set(zmq.SUBSCRIBE, topic)
         socket.connect(self._address.url(port))
@@ -157,9 +158,8 @@ class Sending:
         self._socket = context.socket(zmq.PUSH if self._has_pull else zmq.PUB)
         self._socket.set(zmq.SNDHWM, MOST_UNSENT)
         self._socket.set(zmq.LINGER, 200)
-        self._socket.set(zmq.IPV6, 1)
         self._socket.set(zmq.IMMEDIATE, 1)  # what is sent to nobody is refused, not kept for whoever comes
-        self._socket.set(zmq.RECONNECT_IVL_MAX, 1000)
+        _watch(self._socket)
         self._where = address.url(address.pull or address.from_users)
         self._socket.connect(self._where)
 
@@ -177,3 +177,12 @@ class Sending:
 
     def close(self) -> None:
         self._socket.close()
+
+
+def _watch(socket: Socket) -> None:
+    """A connection that is dead, or half of it, is noticed and made again."""
+    socket.set(zmq.IPV6, 1)
+    socket.set(zmq.HEARTBEAT_IVL, HEARTBEAT_MS)
+    socket.set(zmq.HEARTBEAT_TIMEOUT, HEARTBEAT_TIMEOUT_MS)
+    socket.set(zmq.HEARTBEAT_TTL, HEARTBEAT_TIMEOUT_MS)
+    socket.set(zmq.RECONNECT_IVL_MAX, 1000)
