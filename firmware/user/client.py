@@ -23,6 +23,8 @@ FOUND_S = 0.5  # for this machine to take a connection
 MAX_ANSWER = 1 << 20  # octets
 # Messages that libzmq keeps for a user who reads late: 10 s at 1,000 a second.
 HIGH_WATER = 10_000
+# A machine that loses its power or its network ends no connection: ZMTP's own heartbeats do, at both ends.
+HEARTBEAT_MS, HEARTBEAT_TIMEOUT_MS = 1_000, 3_000
 
 Socket: TypeAlias = zmq.Socket[bytes]
 Context: TypeAlias = zmq.Context[zmq.Socket[bytes]]
@@ -104,6 +106,9 @@ def push(context: Context, place: Address) -> Socket:
 def _connect(end: Socket, place: Address, number: int, topics: tuple[str, ...]) -> Socket:
     end.setsockopt(zmq.MAXMSGSIZE, MAX_ANSWER)
     end.setsockopt(zmq.IPV6, 1)
+    end.setsockopt(zmq.HEARTBEAT_IVL, HEARTBEAT_MS)
+    end.setsockopt(zmq.HEARTBEAT_TIMEOUT, HEARTBEAT_TIMEOUT_MS)
+    end.setsockopt(zmq.HEARTBEAT_TTL, HEARTBEAT_TIMEOUT_MS)
     for topic in topics:
         end.setsockopt(zmq.SUBSCRIBE, topic.encode())
     end.connect(place.url(number))
