@@ -6,9 +6,10 @@ import signal
 import sys
 import time
 from collections import Counter
+from contextlib import suppress
 from pathlib import Path
 from types import FrameType
-from typing import BinaryIO, NamedTuple
+from typing import BinaryIO, NamedTuple, Self
 
 from board.errors import RequestError, UsageError
 from firmware import VERSION
@@ -83,15 +84,20 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def main(arguments: argparse.Namespace) -> int:
     library = load()
     place = address(arguments)
-    with client.session() as context, _created(arguments.mcap) as stream:
+    with (
+        client.session() as context, _created(arguments.mcap) as stream, suppress(SystemExit), Ending() as ending,
+    ):  # fmt: skip
         recording = Recording(stream, library)
-        signal.signal(signal.SIGTERM, _end)
+
+        def idle() -> None:
+            ending.check()
+            recording.idle()
+
         try:
             listening = Listening(client.subscribe(context, place, place.to_users, ""), place, wish_of(arguments))
-            for message in listening.messages(recording.idle):
+            for message in listening.messages(idle):
                 recording.add(message)
-        except SystemExit:
-            pass
+                ending.check()
         finally:
             recording.close()
             print(f"captain: {arguments.mcap}: {recording.summary()}", file=sys.stderr)
@@ -107,8 +113,33 @@ def _created(path: Path) -> BinaryIO:
         raise RequestError(f"{path}: {error.strerror}", "does its folder exist, and may you write there?") from error
 
 
-def _end(_signal: int, _frame: FrameType | None) -> None:
-    raise SystemExit(0)
+class Ending:
+    """Ctrl-C and SIGTERM, which end a recording between two records: what is half written would not be read.
+
+    check() raises what the signal stands for, KeyboardInterrupt or SystemExit; so does leaving it.
+    """
+
+    def __init__(self) -> None:
+        self._number = 0
+        self._before = {one: signal.signal(one, self._note) for one in (signal.SIGINT, signal.SIGTERM)}
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+        if kind is None:
+            self.check()
+
+    def check(self) -> None:
+        if self._number == signal.SIGINT:
+            raise KeyboardInterrupt
+        if self._number:
+            raise SystemExit(0)
+
+    def _note(self, number: int, _frame: FrameType | None) -> None:
+        self._number = number
 
 
 def topic_names(library: Library) -> dict[str, str]:

@@ -1,9 +1,11 @@
 """captain record: from a station's messages to a file."""
 
 import math
+import signal
 import struct
 
 import captain_messages
+import pytest
 
 from drivers.message import Position, RxInfo
 from drivers.wire import raw
@@ -91,6 +93,54 @@ def test_a_file_that_is_there_is_left_alone(tmp_path, capsys):
 def test_a_folder_that_is_not_there_is_told(tmp_path, capsys):
     assert cli.main(["record", "--mcap", str(tmp_path / "no" / "a.mcap")]) == 1
     assert "does its folder exist" in capsys.readouterr().err
+
+
+class Interrupted:
+    """A stream whose write number `at` is interrupted by a signal when half of it is done."""
+
+    def __init__(self, stream, at, number):
+        self._stream, self._left, self._number = stream, at, number
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self._stream.close()
+
+    def flush(self):
+        self._stream.flush()
+
+    def write(self, octets):
+        half = len(octets) // 2
+        self._stream.write(octets[:half])
+        if self._left == 0:
+            signal.raise_signal(self._number)
+        self._left -= 1
+        self._stream.write(octets[half:])
+
+
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 0)])
+@pytest.mark.parametrize("at", range(15))
+def test_a_signal_in_the_midst_of_any_write_leaves_the_file_whole(tmp_path, monkeypatch, at, number, status):
+    path = tmp_path / "a.mcap"
+    monkeypatch.setattr(record, "_created", lambda path: Interrupted(path.open("xb"), at, number))
+    monkeypatch.setattr("firmware.user.mcap.CHUNK_OCTETS", 1)  # so that each message is written at once
+    before = signal.getsignal(number)
+    with FakeStation([frames for _ in range(3) for frames in on_air("cam", CAM)]) as station:
+        ended = cli.main(["record", "--mcap", str(path), *station.options, "--count", "3"])
+    assert ended == status
+    assert len(read(path.read_bytes()).messages) in (2, 4, 6)
+    assert signal.getsignal(number) is before
+
+
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 0)])
+def test_a_signal_while_nothing_comes_ends_it(tmp_path, monkeypatch, number, status):
+    monkeypatch.setattr("firmware.user.listening.REDRAW_S", 0.01)
+    monkeypatch.setattr(record.Recording, "idle", lambda recording: signal.raise_signal(number))
+    with FakeStation() as station:
+        ended = cli.main(["record", "--mcap", str(tmp_path / "a.mcap"), *station.options])
+    assert ended == status
+    assert read((tmp_path / "a.mcap").read_bytes()).messages == []
 
 
 def test_what_is_known_of_a_reception_stands_where_the_definition_says():
