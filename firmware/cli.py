@@ -18,7 +18,7 @@ VERBS = {
     "status": "what a running station does: interfaces, queues, counters, drops with their reasons",
     "console": "the status screen of a serial console: 80 columns, 24 lines, a key for a shell",
     "listen": "live table of received messages with their fields, or one JSON object a line",
-    "record": "received messages into a file of ROS 2: for Foxglove, PlotJuggler and ros2 bag",
+    "record": "received messages into a file of ROS 2, of the form MCAP",
     "send": "send messages from hex, base64, files or directories, and say what became of each",
     "decode": "octets of messages to their fields, from hex, base64, files or captures",
     "encode": "fields to octets: the inverse of decode --json",

@@ -1,4 +1,4 @@
-"""captain record: what a station's users receive, into a file that ROS 2's tools, Foxglove and PlotJuggler open."""
+"""captain record: what a station's users receive, into a file of the form that the tools of ROS 2 read, MCAP."""
 
 import argparse
 import re
@@ -26,10 +26,10 @@ from firmware.user.received import Message
 
 DESCRIPTION = """\
 Records what a station's users receive, as messages of ROS 2 in one file of the
-form MCAP: Foxglove and PlotJuggler open it as it is, and so do `ros2 bag info`
-and `ros2 bag play`. The types are those of etsi_its_messages where it has the
-edition; their definitions are in the file. For each type of message there are
-two topics:
+form MCAP, in its profile for ROS 2, which `ros2 bag`, Foxglove and PlotJuggler
+read; it has been read back by mcap-ros2-support, and not tried with them. The
+types are those of etsi_its_messages where it has the edition; their definitions
+are in the file. For each type of message there are two topics:
 
   cam/received            the message, of the type etsi_its_cam_msgs/msg/CAM
   cam/received/metadata   time, signal strength, positions, edition, and the
@@ -61,10 +61,10 @@ FLUSH_S = 2.0
 MOST_NAMES = 300  # more than there are messageIDs: a station that makes names up fills no recording with topics
 
 
-# As the gateway publishes them: what `ros2 bag play` offers.
-QOS = {
-    "offered_qos_profiles": "- history: 1\n  depth: 100\n  reliability: 1\n  durability: 2\n",
-}
+# The profile "ros2" of MCAP asks for it. rosbag2 reads a text that is not empty as profiles with all nine keys,
+# in words or numbers by the version of a record that it alone writes; for an empty one it takes its default, which is
+# reliable and volatile, as the gateway publishes. Source: rosbag2_storage, qos.cpp: Rosbag2QoS::decode.
+QOS = {"offered_qos_profiles": ""}
 
 
 class Topic(NamedTuple):

@@ -1,4 +1,4 @@
-"""MCAP, the recording that Foxglove, PlotJuggler and `ros2 bag` open; written as it comes, not compressed.
+"""MCAP, the form of recording of ROS 2, Foxglove and PlotJuggler; written as it comes, not compressed.
 
 The package `mcap` does the same with lz4 and zstandard, which it imports: more octets of compiled code than all of this
 program's own. Source: the MCAP format specification, version 0.

@@ -45,6 +45,14 @@ def test_a_message_is_recorded_as_that_of_ros_2_with_what_is_known_of_it_beside(
     assert "1 cam-1.4.1" in capsys.readouterr().err
 
 
+def test_no_topic_says_a_quality_of_service_that_rosbag2_would_not_read(tmp_path):
+    path = tmp_path / "a.mcap"
+    recorded(path, ("cam", CAM))
+    offered = path.read_bytes().split(b"offered_qos_profiles")[1:]
+    assert len(offered) == 4  # two topics, each in its chunk and in the summary
+    assert {one[:4] for one in offered} == {bytes(4)}
+
+
 def test_what_no_edition_takes_is_recorded_as_octets(tmp_path, capsys):
     _, found = recorded(tmp_path / "a.mcap", ("cam", b"\2\2\0\0\0\7\xff"))
     assert [topic for topic, _, _ in found.channels.values()] == ["cam/received/metadata"]
