@@ -16,7 +16,7 @@ from firmware.gateway.captain_gateway.captain_gateway.services import Services
 from firmware.gateway.captain_gateway.captain_gateway.settings import HANDLER, receive, transmit
 from firmware.options import parse
 from tests.gateway.library import HEAD, Library
-from tests.gateway.real import CAM, DENM
+from tests.gateway.real import CAM, DENM, real
 
 
 def request(area: dict[str, object] | None = None, **changed: object) -> SimpleNamespace:
@@ -75,6 +75,10 @@ MESSAGES = SimpleNamespace(
 )
 
 
+def kind_of(edition: str) -> str:
+    return edition.rpartition("-")[0].replace("-", "_")
+
+
 class Node:
     """What Requests asks of the gateway: handlers with defaults, whose messages are kept."""
 
@@ -82,10 +86,10 @@ class Node:
         self.node = self
         self.sent: list[tuple[str, bytes, str]] = []
         self.complaints: list[str] = []
-        self.channels = {name.partition("-")[0]: self._channel(name) for name in editions}
+        self.channels = {kind_of(name): self._channel(name) for name in editions}
 
     def _channel(self, name: str) -> Channel:
-        kind = KINDS[name.rpartition("-")[0].replace("-", "_")]
+        kind = KINDS[kind_of(name)]
         made = Channel(
             kind, Edition(Library(), name, "etsi_its", kind), receive(DEFAULTS), transmit(DEFAULTS),
             SimpleNamespace(place=None, leap_seconds=5), Complaints(60.0), self.complaints.append,
@@ -118,6 +122,14 @@ def test_a_request_by_octets_is_handed_over_as_it_is(node, type_):
     node.request(request(type=type_, pdu=list(CAM), label="mine"))
     assert node.sent == [("cam-1.4.1", CAM, "mine")]
     assert node.complaints == []
+
+
+def test_a_request_by_octets_alone_goes_to_the_edition_that_the_octets_are(services):
+    node = Node("cpm-2.1.1", "cpm-tr-2.1.1")
+    Requests(node, MESSAGES, services)
+    cpm = real("cpm", 624)  # of protocolVersion 1, as the technical report has it
+    node.request(request(type="", pdu=list(cpm)))
+    assert node.sent == [("cpm-tr-2.1.1", cpm, "")], node.complaints
 
 
 def test_a_request_by_a_serialised_message_is_handed_over_as_octets(node):

@@ -6,6 +6,7 @@ from .channel import Channel
 from .codec import ITS_HEADER
 from .diagnosis import OK, WARN, Status
 from .errors import GatewayError, RefusedError
+from .routing import Routing
 from .services import Services
 
 SHAPES = ("", "circle", "rectangle", "ellipse")  # as Area.msg numbers them
@@ -33,6 +34,7 @@ class Requests:
         self._gateway = gateway
         self._services = services
         self._messages = messages
+        self._routing = Routing(gateway.channels.values())
         self._taken = self._refused = self._refused_before = 0
         self._why = ""
         self._confirms = gateway.publisher(messages.msg.Confirm, "confirm")
@@ -85,14 +87,14 @@ class Requests:
         channel.hand_over(pdu, options, request.label)
 
     def _channel(self, type_: str, pdu: bytes) -> Channel:
-        """Of the handler that the type names; with octets alone, of that which takes their messageID."""
+        """Of the handler that the type names; with octets alone, of the one that would receive them."""
         if not type_:
             if len(pdu) < ITS_HEADER:
                 raise RefusedError("request", "neither type nor a message in pdu: whose message is it?")
-            for channel in self._gateway.channels.values():
-                if pdu[1] in channel.edition.message.ids:
-                    return channel
-            raise RefusedError("request", f"pdu: no handler has messageID {pdu[1]}")
+            found = self._routing.find(pdu)
+            if found is None:
+                raise RefusedError("request", f"pdu: no handler has messageID {pdu[1]}")
+            return found
         for channel in self._gateway.channels.values():
             if type_ in (channel.kind.name, channel.edition.name, channel.edition.ros_type):
                 return channel
