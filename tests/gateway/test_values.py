@@ -3,8 +3,10 @@
 import json
 
 import pytest
+import zmq
 
 from firmware.gateway.captain_gateway.captain_gateway import settings, values
+from firmware.gateway.captain_gateway.captain_gateway.endpoint import Address
 from firmware.gateway.captain_gateway.captain_gateway.settings import GATEWAY, HANDLER
 from firmware.gateway.captain_gateway.captain_gateway.values import Circle
 from firmware.options import parse
@@ -50,6 +52,49 @@ def test_a_value_that_cannot_be_meant_is_refused_in_words(name, value, words):
 def test_an_unknown_handler_is_refused_with_those_that_there_are():
     with pytest.raises(ValueError, match=r"'can' is no handler; there are cam, cam_ts, denm"):
         GATEWAY["handlers"].read(["cam", "can"])
+
+
+HOSTS = ["127.0.0.1", "::1", "fe80::1%eth0", "captain-7", "captain_7.local", "a.example"]
+NO_HOSTS = [
+    "",
+    " ",
+    "a b",
+    "a:b",
+    "tcp://a",
+    "10.0.0.7:5556",
+    "[::1]",
+    "::1::",
+    "a/b",
+    "*",
+    "-",
+    "\u00fc.example",
+    "a" * 254,
+]
+
+
+@pytest.mark.parametrize("host", HOSTS)
+def test_a_host_is_a_name_or_an_address(host):
+    assert GATEWAY["station.host"].read(host) == host
+    with zmq.Context() as context, context.socket(zmq.SUB) as socket:
+        socket.set(zmq.IPV6, 1)
+        socket.connect(Address(host, 5556, 0, 5555, 0).url(5556))
+
+
+@pytest.mark.parametrize("host", NO_HOSTS)
+def test_what_is_no_host_is_refused_in_words(host):
+    with pytest.raises(ValueError, match="is neither a name nor an address of a host"):
+        GATEWAY["station.host"].read(host)
+
+
+@pytest.mark.parametrize("name", ["station.to_users", "station.from_users"])
+def test_ports_that_every_box_has_are_not_0(name):
+    with pytest.raises(ValueError, match=r"0 is no whole number of 1 \.\.\. 65535"):
+        GATEWAY[name].read(0)
+
+
+@pytest.mark.parametrize("name", ["station.pull", "station.report"])
+def test_a_port_that_a_box_may_lack_is_0(name):
+    assert GATEWAY[name].read(0) == 0
 
 
 def test_topics_of_handlers_have_to_differ():

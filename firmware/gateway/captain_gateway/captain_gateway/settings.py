@@ -12,6 +12,7 @@ from .values import (
     boolean,
     choice,
     circle,
+    host,
     integer,
     kinds,
     number,
@@ -37,14 +38,14 @@ class Option(NamedTuple):
 
 # -- parameters
 
-PORT = integer(0, 65535)
+PORT, PORT_IN_USE = integer(0, 65535), integer(1, 65535)
 USUAL = [kind.name for kind in KINDS.values() if kind.is_usual]
 
 GATEWAY: dict[str, Option] = {
-    "station.host": Option("127.0.0.1", "where the station is", text, True),
-    "station.to_users": Option(5556, "its port that messages come from", PORT, True),
+    "station.host": Option("127.0.0.1", "where the station is: a name or an address", host, True),
+    "station.to_users": Option(5556, "its port that messages come from", PORT_IN_USE, True),
     "station.pull": Option(5557, "its port that takes messages without loss; 0: it has none", PORT, True),
-    "station.from_users": Option(5555, "its port that takes messages where there is no pull", PORT, True),
+    "station.from_users": Option(5555, "its port that takes messages where there is no pull", PORT_IN_USE, True),
     "station.report": Option(5558, "its port that tells of itself, interfaces and confirms; 0: it has none", PORT, True),
     "profile": Option("etsi_its", f"whose message packages: {' or '.join(PROFILES)}", choice(*PROFILES), True),
     "handlers": Option(USUAL, "types that have topics; those whose package is not installed are left out", kinds, True),

@@ -1,12 +1,15 @@
 """How the values of parameters are read: what they may be is said in words where they are not."""
 
+import ipaddress
 import math
+import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
 from .handlers import KINDS
 
+NAME = re.compile(r"[0-9A-Za-z]([0-9A-Za-z._-]{0,251}[0-9A-Za-z])?")  # RFC 1123; an underscore as ZeroMQ takes it
 SHAPES = {"circle": 3, "rectangle": 4, "ellipse": 4}  # numbers that it needs; one more is the angle
 
 Read = Callable[[Any], Any]
@@ -41,6 +44,14 @@ def text(value: object) -> str:
     if not isinstance(value, str):
         raise ValueError(f"{value!r} is no text")
     return value
+
+
+def host(value: object) -> str:
+    """As ZeroMQ takes it: a name, or an address of version 4 or 6 without brackets."""
+    found = text(value)
+    if not (_is_address(found) if ":" in found else NAME.fullmatch(found)):
+        raise ValueError(f"{found!r} is neither a name nor an address of a host")
+    return found
 
 
 def choice(*words: str) -> Read:
@@ -135,6 +146,14 @@ def template(value: object) -> str:
     if "{type}" not in found:
         raise ValueError(f"{found!r} has no {{type}}, by which the topics of the handlers differ")
     return found
+
+
+def _is_address(text: str) -> bool:
+    try:
+        ipaddress.IPv6Address(text)
+    except ValueError:
+        return False
+    return True
 
 
 def _elements(value: object) -> list[Any]:
