@@ -40,18 +40,23 @@ class Parameters:
                     return SetParametersResult(successful=False, reason=f"{one.name}: {error}")
             return SetParametersResult(successful=True)
 
-        def tell(parameters: list[Any]) -> SetParametersResult | None:
+        def tell(parameters: list[Any]) -> None:
             for one in parameters:
                 if one.name in self._options:
                     changed(one.name, _plain(one.value))
-            return None
 
-        self._node.add_on_set_parameters_callback(check)
+        def check_and_tell(parameters: list[Any]) -> SetParametersResult:
+            result = check(parameters)
+            if result.successful:
+                tell(parameters)
+            return result
+
         # Humble has no callback behind the change: there it is told when it is checked, and nobody else refuses.
         if hasattr(self._node, "add_post_set_parameters_callback"):
+            self._node.add_on_set_parameters_callback(check)
             self._node.add_post_set_parameters_callback(tell)
         else:
-            self._node.add_on_set_parameters_callback(lambda parameters: tell(parameters) or check(parameters))
+            self._node.add_on_set_parameters_callback(check_and_tell)
 
     def _declare(self, name: str, option: Option) -> Any:
         # Of any type: an empty list has none, and a whole number is a number.
