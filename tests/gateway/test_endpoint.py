@@ -27,6 +27,7 @@ class Heard:
     """What the thread has told."""
 
     def __init__(self) -> None:
+        self.joining = Joining(RawReader(captain_messages))
         self.arrivals: list[Arrival] = []
         self.indications: list[tuple[Key, How]] = []
         self.reports: list[tuple[str, dict[str, object]]] = []
@@ -84,7 +85,7 @@ def station(context):
 @pytest.fixture
 def heard(context, station):
     made = Heard()
-    thread = Receiving(context, station.address, Joining(RawReader(captain_messages)), made)
+    thread = Receiving(context, station.address, made.joining, made)
     thread.start()
     station.wait_for_subscriptions()
     yield made
@@ -110,7 +111,7 @@ def test_what_the_station_sends_is_told_in_the_thread_that_receives(station, hea
     assert heard.presence == [True]
 
 
-def test_reports_and_indications_are_told_and_rubbish_is_not(station, heard):
+def test_reports_and_indications_are_told_and_rubbish_is_counted(station, heard):
     told = {"digest": "00" * 8, "interface": "g5", "received_ns": 5000, "btp_port": 2001, "source": ""}
     station.report.send_multipart([b"status.", b"{"])
     station.report.send_multipart([b"status.", b"[]"])
@@ -121,6 +122,7 @@ def test_reports_and_indications_are_told_and_rubbish_is_not(station, heard):
     until(lambda: heard.reports)
     assert heard.reports == [("status.", {"station": "x"})]
     assert heard.indications == [((bytes(8), 5), How("g5", 2001, ""))]
+    assert (heard.joining.rubbish, heard.joining.sample) == (4, b"{}")
 
 
 def test_a_burst_is_told_whole(station, heard):

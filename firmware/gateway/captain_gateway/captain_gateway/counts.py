@@ -3,6 +3,8 @@
 from collections import Counter
 from dataclasses import dataclass, field, replace
 
+LONGEST_NAME = 64  # characters; those of messages have ten
+
 
 @dataclass
 class Counts:
@@ -25,6 +27,24 @@ class Counts:
         """As they are: a copy, while another thread counts on. dict() of a Counter is one step of the interpreter."""
         counters = {name: Counter(dict(getattr(self, name))) for name in ("not_published", "not_sent", "outcomes")}
         return replace(self, **counters)  # type: ignore[arg-type]
+
+
+class Tally:
+    """Counts by names that others make up: of so many names at most, and of the rest together."""
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self._counts: dict[str, int] = {}
+
+    def count(self, name: str) -> None:
+        name = name[:LONGEST_NAME]
+        if name not in self._counts and len(self._counts) >= self._most:
+            name = "others"
+        self._counts[name] = self._counts.get(name, 0) + 1
+
+    def now(self) -> dict[str, int]:
+        """As they are: a copy, while another thread counts on."""
+        return dict(self._counts)
 
 
 class Complaints:

@@ -134,16 +134,18 @@ class Receiving(threading.Thread):
 
     def _report(self, frames: list[bytes]) -> None:
         if len(frames) != 2:
+            self._joining.reject(b"".join(frames))
             return
         topic, octets = frames
         if topic.startswith(b"indication."):
             found = indication(octets)
             if found is not None:
                 self._listener.indicated(*found)
-            return
-        told = table(octets)
-        if told is not None:
+                return
+        elif (told := table(octets)) is not None:
             self._listener.reported(topic.decode("ascii", "backslashreplace"), told)
+            return
+        self._joining.reject(octets)
 
 
 class Sending:

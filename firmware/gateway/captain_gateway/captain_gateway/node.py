@@ -17,7 +17,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from . import diagnosis, handlers, metadata, settings
 from .channel import Channel, period_s
 from .codec import ITS_HEADER, Edition
-from .counts import Complaints
+from .counts import Complaints, Tally
 from .diagnostics import Diagnostics
 from .endpoint import Address, Receiving, Sending
 from .errors import GatewayError
@@ -50,7 +50,7 @@ class Gateway:
         self._messages = _interfaces()
         self.channels = self._make_channels(library)
         self._routing = Routing(self.channels.values())
-        self._without: dict[str, int] = {}
+        self._without = Tally(MOST_TYPES)
         self._waiting = Waiting()
         self._told: dict[str, object] = {}
         self._is_there: bool | None = None
@@ -161,8 +161,7 @@ class Gateway:
         channel = self._routing.find(arrival.pdu) if len(arrival.pdu) >= ITS_HEADER else None
         if channel is None:
             name = arrival.type or f"messageID {arrival.pdu[1]}" if len(arrival.pdu) >= ITS_HEADER else "too short"
-            if name in self._without or len(self._without) < MOST_TYPES:
-                self._without[name] = self._without.get(name, 0) + 1
+            self._without.count(name)
             return
         note = channel.receive(arrival)
         if note is None:
@@ -261,7 +260,7 @@ class Gateway:
         """What diagnostics say beside the handlers. A bug in the thread that receives ends the node here."""
         if self._receiving.error is not None:
             raise self._receiving.error
-        more = {f"without a handler: {name}": str(count) for name, count in sorted(self._without.items())}
+        more = {f"without a handler: {name}": str(count) for name, count in sorted(self._without.now().items())}
         if self.own.why_no_transform:
             more["transform"] = f"none: {self.own.why_no_transform}"
         where, joining = self.address.url(self.address.to_users), self._joining

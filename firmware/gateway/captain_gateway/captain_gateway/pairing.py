@@ -91,7 +91,7 @@ def _ns(seconds: int, microseconds: int) -> int:
 
 
 class Joining:
-    """Joins `raw.` and `v2x.<type>.` of 5556, which follow each other; rubbish is counted."""
+    """Joins `raw.` and `v2x.<type>.` of 5556, which follow each other; rubbish is counted, that of 5558 as well."""
 
     def __init__(self, read: RawReader) -> None:
         self.rubbish = 0
@@ -102,7 +102,7 @@ class Joining:
     def feed(self, frames: list[bytes]) -> Arrival | None:
         """Take one ZeroMQ message. Returns an Arrival for `v2x.<type>.`, None for the rest; never raises."""
         if len(frames) != 2:
-            self._count(b"".join(frames))
+            self.reject(b"".join(frames))
             return None
         envelope, octets = frames
         if envelope == b"raw.":
@@ -110,16 +110,17 @@ class Joining:
             try:
                 self._raw = self._read(octets)
             except (ValueError, MemoryError):
-                self._count(octets)
+                self.reject(octets)
         elif envelope.startswith(b"v2x.") and envelope.endswith(b".") and len(envelope) > 4:
             kept, self._raw = self._raw, None
             reception = kept[0] if kept is not None and kept[1] == octets else None
             return Arrival(envelope[4:-1].decode("ascii", "backslashreplace"), octets, reception)
         elif envelope != b"hb.counter":
-            self._count(envelope)
+            self.reject(envelope)
         return None
 
-    def _count(self, sample: bytes) -> None:
+    def reject(self, sample: bytes) -> None:
+        """Count what is no message of a station."""
         self.rubbish += 1
         self.sample = sample[:32]
 
