@@ -10,6 +10,7 @@ from .channel import Channel
 from .counts import Counts
 from .diagnosis import Status
 from .peers import peer, strangers
+from .timers import every
 
 PERIOD_S = 1.0
 PEERS_S = 2.0
@@ -31,8 +32,8 @@ class Diagnostics:
         self._others = others
         self._since = {name: Counts() for name in channels}
         self._strangers: dict[str, list[str]] = {name: [] for name in channels}
-        node.create_timer(PERIOD_S, self._say)
-        node.create_timer(PEERS_S, self._look_at_peers)
+        every(node, PERIOD_S, self._say)
+        every(node, PEERS_S, self._look_at_peers)
 
     def _say(self) -> None:
         said = self._others()

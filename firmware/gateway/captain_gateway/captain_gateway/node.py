@@ -27,6 +27,7 @@ from .parameters import Parameters
 from .requests import Requests
 from .routing import Routing
 from .services import Services
+from .timers import every
 
 # Of every topic: reliable, and the last 100 kept for a node that is late; ten seconds of a station's messages.
 DEPTH = 100
@@ -153,7 +154,7 @@ class Gateway:
             self._node.destroy_timer(channel.timer)
             channel.timer = None
         if channel.transmitting.rate_hz:
-            channel.timer = self._node.create_timer(period_s(channel.transmitting), channel.period)
+            channel.timer = every(self._node, period_s(channel.transmitting), channel.period)
 
     # -- from the station, in the thread that receives
 
