@@ -36,19 +36,26 @@ class OwnTopics:
         self._node = node
         self._map, self._station = frames
         self._origin = origin
+        # That of the last heading: who stops has none, and stands as before. Nobody is said to face east before.
+        self._turn: tuple[float, float] | None = None
         self._fix = qos(NavSatFix, "own/fix")
         self._pose = qos(PoseStamped, "own/pose")
         self._time = qos(TimeReference, "own/time_reference")
         self._transform, self._transforms = None, None
-        self.why_no_transform = "" if has_transform else "own.transform is false"
+        self._lacking = "" if has_transform else "own.transform is false"
         if has_transform:
             try:
                 from tf2_msgs.msg import TFMessage
             except ImportError as error:
-                self.why_no_transform = f"tf2_msgs is not installed: {error}"
+                self._lacking = f"tf2_msgs is not installed: {error}"
             else:
                 self._transforms = TFMessage
                 self._transform = qos(TFMessage, "/tf")
+
+    @property
+    def why_no_transform(self) -> str:
+        """Empty where there is one."""
+        return self._lacking or ("no heading has been known yet" if self._turn is None else "")
 
     def status(self, told: dict[str, Any]) -> None:
         """A status of the station."""
@@ -62,8 +69,10 @@ class OwnTopics:
         if self._origin is None:
             self._origin = (*self.place, pose.altitude_m or 0.0)
         east, north, up = own.east_north_up(self._origin, self.place, self._altitude(pose))
-        z, w = (0.0, 1.0) if pose.heading_deg is None else own.quaternion(pose.heading_deg)
-        self._publish_pose(stamp, (east, north, up), (z, w))
+        if pose.heading_deg is not None:
+            self._turn = own.quaternion(pose.heading_deg)
+        if self._turn is not None:
+            self._publish_pose(stamp, (east, north, up), self._turn)
 
     def time(self, told: dict[str, Any]) -> None:
         """What the station says of its time."""
