@@ -19,10 +19,10 @@ topic for each type of message that is received, and one for each that is to be
 sent. It runs where ROS is, on this machine; the station may be on another.
 
 The gateway is no part of this program. It is run by the python3 of the ROS
-that is sourced, which needs: rclpy; pyzmq; captain_messages, the message
-library as a wheel; captain_gateway, which is built by colcon, or lies beside
-this program's sources; and at least one package of messages. What is missing
-is told, with how to get it.
+that is sourced, which needs: rclpy and the common interfaces; pyzmq;
+captain_messages, the message library as a wheel; captain_gateway, which is
+built by colcon, or lies beside this program's sources; and at least one package
+of messages. What is missing is told, with how to get it.
 """
 EPILOG = """\
 examples:
@@ -41,26 +41,39 @@ exit codes:
 PROBE_S = 30.0
 # Asked of the other Python; what it says goes to its last line, because a ROS may print while it is imported.
 PROBE = """
-import json, importlib, sys
+import json, importlib, pkgutil, re, sys
 found = {"python": sys.version.split()[0], "executable": sys.executable}
-for name in ("rclpy", "zmq", "captain_messages", "captain_gateway", "captain_gateway_msgs"):
+names = ("rclpy", "zmq", "captain_messages", "captain_gateway", "captain_gateway_msgs")
+for name in names + ("diagnostic_msgs", "geometry_msgs", "sensor_msgs"):
     try:
-        module = importlib.import_module(name)
+        module = importlib.import_module(name if name in names else name + ".msg")
         found[name] = getattr(module, "__file__", None) or "yes"
         if name == "captain_messages" and not hasattr(module, "CdrError"):
             found[name] = "without ROS"
     except Exception as error:
         found["no " + name] = f"{type(error).__name__}: {error}"
+packages = sorted(one.name for one in pkgutil.iter_modules() if re.fullmatch("etsi_its_.*_msgs|v2x_msgs", one.name))
+found["messages" if packages else "no messages"] = ", ".join(packages) or "no package of messages is installed"
 print(json.dumps(found))
 """
 WHEEL = "captain-asn1 generate --all --form wheel --ros2 --to DIR, then python3 -m pip install DIR/*.whl"
+COMMON = (
+    "apt-get install ros-<distribution>-common-interfaces, or beside the wheel of rclpy python3 -m pip install "
+    "ros-jazzy-common-interfaces"
+)
 REMEDIES = {
     "rclpy": "source a ROS 2: . /opt/ros/jazzy/setup.bash; where there is none: https://docs.ros.org, or to try "
-    "things out python3 -m pip install 'ros-jazzy-rclpy[fastrtps]' (x86-64, Python 3.11 and 3.12)",
+    "things out python3 -m pip install 'ros-jazzy-rclpy[fastrtps]' ros-jazzy-common-interfaces (x86-64, Python 3.11 "
+    "and 3.12)",
     "zmq": "apt-get install python3-zmq, or python3 -m pip install pyzmq",
     "captain_messages": WHEEL,
     "captain_gateway": "copy firmware/gateway of captain's sources into the src of a colcon workspace, colcon build, "
     "and source its install/setup.bash",
+    "diagnostic_msgs": COMMON,
+    "geometry_msgs": COMMON,
+    "sensor_msgs": COMMON,
+    "messages": "captain-asn1 generate cam-1.4.1 denm-1.3.1 --form ros2 --to DIR, build them by colcon, and source "
+    "their setup file",
 }
 OLDEST = (3, 10)
 

@@ -14,7 +14,8 @@ from firmware.commands import ros2
 WHOLE = {
     "python": "3.12.3", "executable": "/usr/bin/python3", "rclpy": "/opt/ros/rclpy", "zmq": "/usr/zmq",
     "captain_messages": "/site/captain_messages.abi3.so", "captain_gateway": "/ws/captain_gateway",
-    "captain_gateway_msgs": "/ws/captain_gateway_msgs",
+    "captain_gateway_msgs": "/ws/captain_gateway_msgs", "messages": "etsi_its_cam_msgs, etsi_its_denm_msgs",
+    "diagnostic_msgs": "/opt/ros/d", "geometry_msgs": "/opt/ros/g", "sensor_msgs": "/opt/ros/s",
 }  # fmt: skip
 
 
@@ -54,12 +55,28 @@ def test_nothing_is_missing_where_all_is_there():
         ("zmq", "apt-get install python3-zmq"),
         ("captain_messages", "captain-asn1 generate --all --form wheel --ros2"),
         ("captain_gateway", "colcon build"),
+        ("diagnostic_msgs", "ros-jazzy-common-interfaces"),
+        ("geometry_msgs", "apt-get install ros-<distribution>-common-interfaces"),
+        ("sensor_msgs", "ros-jazzy-common-interfaces"),
+        ("messages", "captain-asn1 generate cam-1.4.1 denm-1.3.1 --form ros2"),
     ],
 )
 def test_what_is_missing_is_named_with_how_to_get_it(name, words):
     [lack] = ros2.missing(without(name))
     assert f"has no {name}: ModuleNotFoundError" in lack.what
     assert words in lack.remedy
+
+
+def test_what_the_other_python_has_is_found_by_asking_it(tmp_path, monkeypatch):
+    for name in ("etsi_its_cam_msgs", "v2x_msgs", "etsi_its_conversion", "std_msgs", "diagnostic_msgs"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "__init__.py").touch()
+    (tmp_path / "diagnostic_msgs" / "msg.py").touch()
+    (tmp_path / "python3").symlink_to(sys.executable)
+    found = ros2.probe({"PATH": str(tmp_path), "PYTHONPATH": str(tmp_path)})
+    assert found["messages"] == "etsi_its_cam_msgs, v2x_msgs"
+    assert found["diagnostic_msgs"] == str(tmp_path / "diagnostic_msgs" / "msg.py")
+    assert "no sensor_msgs" in found
 
 
 def test_a_message_library_without_ros_is_as_good_as_none():
@@ -118,11 +135,23 @@ def test_check_shows_what_there_is_and_starts_nothing(python, capsys):
     assert cli.main(["ros2", "--check"]) == 0
 
 
+class ReplacedError(BaseException):
+    """execve(2) does not come back."""
+
+
+def replacing(note):
+    def execve(*given: object) -> None:
+        note(*given)
+        raise ReplacedError
+
+    return execve
+
+
 def test_the_node_takes_the_place_of_the_command_with_the_arguments_of_ros(python, monkeypatch):
     program = python(WHOLE)
     ran: list[tuple[str, list[str], dict[str, str]]] = []
-    monkeypatch.setattr(os, "execve", lambda *given: ran.append(given))
-    with pytest.raises(TypeError):  # main() does not come back
+    monkeypatch.setattr(os, "execve", replacing(lambda *given: ran.append(given)))
+    with pytest.raises(ReplacedError):
         cli.main(["ros2", "--station", "10.0.0.7:6000", "--ros-args", "-p", "profile:=v2x_msgs", "-r", "__ns:=/car"])
     [(path, words, _)] = ran
     assert path == str(program)
@@ -135,12 +164,12 @@ def test_the_node_takes_the_place_of_the_command_with_the_arguments_of_ros(pytho
 def test_a_frozen_program_takes_its_libraries_out_of_the_way(python, monkeypatch):
     python(WHOLE)
     ran: list[dict[str, str]] = []
-    monkeypatch.setattr(os, "execve", lambda path, words, environment: ran.append(dict(environment)))
+    monkeypatch.setattr(os, "execve", replacing(lambda path, words, environment: ran.append(dict(environment))))
     monkeypatch.setattr(sys, "frozen", True, raising=False)
     monkeypatch.setenv("LD_LIBRARY_PATH", "/tmp/_MEI123")
     monkeypatch.setenv("LD_LIBRARY_PATH_ORIG", "/opt/ros/jazzy/lib")
     monkeypatch.setenv("_PYI_ARCHIVE_FILE", "captain")
-    with pytest.raises(TypeError):
+    with pytest.raises(ReplacedError):
         cli.main(["ros2"])
     [environment] = ran
     assert environment["LD_LIBRARY_PATH"] == "/opt/ros/jazzy/lib"
