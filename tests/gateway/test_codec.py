@@ -4,11 +4,18 @@ from types import SimpleNamespace
 
 import pytest
 
-from firmware.gateway.captain_gateway.captain_gateway.codec import KEPT_OF_A_STATION, KEPT_STATIONS, Edition, Kept, load
+from firmware.gateway.captain_gateway.captain_gateway.codec import (
+    KEPT_OF_A_STATION,
+    KEPT_STATIONS,
+    MOST_TRIED,
+    Edition,
+    Kept,
+    load,
+)
 from firmware.gateway.captain_gateway.captain_gateway.errors import GatewayError, RefusedError
 from firmware.gateway.captain_gateway.captain_gateway.handlers import KINDS
 from firmware.gateway.captain_gateway.captain_gateway.routing import Routing
-from tests.gateway.library import HEAD, Library, Partial
+from tests.gateway.library import HEAD, Library, Message, Partial
 from tests.gateway.real import CAM, DENM, real
 
 
@@ -58,6 +65,36 @@ def test_what_has_no_field_is_kept_and_is_sent_again_with_the_same_message():
     assert one.from_cdr(made.cdr) == CAM
     changed = made.cdr[:-1] + bytes([made.cdr[-1] ^ 1])
     assert one.from_cdr(changed)[6] == 0  # another message: it is sent as ROS says it
+
+
+class Choosy(Partial):
+    """What it kept back cannot be said without the original."""
+
+    tried = 0
+
+    def from_cdr(self, cdr: bytes, profile: str, original: bytes | None = None) -> bytes:
+        type(self).tried += original is not None
+        if cdr[:4] != HEAD or original is None:
+            return Message.from_cdr(self, b"" if cdr[:4] != HEAD else HEAD + CAM[:30], profile)
+        return super().from_cdr(cdr, profile, original)
+
+
+def test_a_message_that_cannot_be_said_without_its_original_finds_it():
+    one = edition(library=Library(Choosy))
+    assert one.from_cdr(one.to_cdr(CAM).cdr) == CAM
+
+
+@pytest.mark.parametrize(("cdr", "tried"), [(b"\0\0" + CAM, 0), (HEAD + CAM, MOST_TRIED)])
+def test_a_wrong_message_is_compared_with_a_few_originals_and_foreign_octets_with_none(cdr, tried, monkeypatch):
+    monkeypatch.setattr(Choosy, "tried", 0)
+    one = edition(library=Library(Choosy))
+    for station in range(100):
+        one.to_cdr(CAM[:2] + station.to_bytes(4, "big") + CAM[6:])
+    for number in range(9):
+        one.to_cdr(CAM[:-1] + bytes([number]))
+    with pytest.raises(RefusedError):
+        one.from_cdr(cdr)
+    assert Choosy.tried == tried
 
 
 def test_what_has_no_field_is_not_given_to_another_station():

@@ -12,6 +12,8 @@ MAX_PDU = 1500  # octets, what a station takes
 # Of a station's messages of a type; one that relays messages returns each before so many others have come.
 KEPT_OF_A_STATION = 16
 KEPT_STATIONS = 256
+# Originals, of all stations, that a message which cannot be said is compared with: each costs an encoding.
+MOST_TRIED = 64
 
 INSTALL = (
     "install its wheel: captain-asn1 generate --all --form wheel --ros2 --to DIR, then "
@@ -77,12 +79,13 @@ class Edition:
         try:
             pdu: bytes = self.message.from_cdr(cdr, self.profile)
         except (ValueError, MemoryError) as error:
+            if type(error).__name__ == "CdrError" and _is_broken(error):
+                raise RefusedError("foreign", str(error)) from error
             # What no edition knows cannot be said in ROS: unless it is a message that came like this.
             for original in self._kept.newest():
                 if self._is_made_of(cdr, original):
                     return original
-            cause = "foreign" if type(error).__name__ == "CdrError" and _is_broken(error) else "out-of-range"
-            raise RefusedError(cause, str(error)) from error
+            raise RefusedError("out-of-range", str(error)) from error
         for original in self._kept.of(pdu):
             if self._is_made_of(cdr, original):
                 return original
@@ -158,9 +161,9 @@ class Kept:
         return list(self._stations.get(pdu[:ITS_HEADER], ()))[::-1]
 
     def newest(self) -> list[bytes]:
-        """The newest of each of the stations heard last."""
-        recent = list(self._stations.values())[-KEPT_OF_A_STATION:]
-        return [pdu for own in recent for pdu in list(own)[::-1]]
+        """The newest of all, MOST_TRIED at most: those of the station that was heard last come first."""
+        recent = list(self._stations.values())[-MOST_TRIED:][::-1]
+        return [pdu for own in recent for pdu in list(own)[::-1]][:MOST_TRIED]
 
 
 def _is_broken(error: BaseException) -> bool:
