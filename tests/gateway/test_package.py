@@ -99,3 +99,22 @@ def test_every_message_of_its_own_is_built():
         if path.suffix in (".msg", ".srv")
     ]
     assert sorted(made) == sorted(there)
+
+
+ROS = {
+    "rclpy", "builtin_interfaces", "diagnostic_msgs", "geometry_msgs", "rcl_interfaces", "sensor_msgs", "tf2_msgs",
+    "captain_gateway_msgs", "launch", "launch_ros",
+}  # fmt: skip
+
+
+def test_every_package_of_ros_that_is_imported_is_a_dependency():
+    named = set(re.findall(r"<exec_depend>(.*)</exec_depend>", (NODE / "package.xml").read_text()))
+    assert {
+        name.partition(".")[0]
+        for path in SOURCES
+        for one in ast.walk(ast.parse(path.read_text()))
+        for name in ([one.module or ""] if isinstance(one, ast.ImportFrom) else [])
+        + ([alias.name for alias in one.names] if isinstance(one, ast.Import) else [])
+        if name.partition(".")[0] in ROS
+    } == ROS
+    assert named - {"python3-zmq"} == ROS
