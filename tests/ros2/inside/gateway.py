@@ -72,7 +72,6 @@ class Test:
     def __init__(self, ports: dict[str, int], messages: dict[str, bytes]) -> None:
         self.messages = messages
         self.station = Played(ports)
-        self.is_silent = False
         self.node = rclpy.create_node("test")
         self.cams: list[tuple[Any, dict[str, int]]] = []
         self.denms: list[Any] = []
@@ -105,7 +104,7 @@ class Test:
     def spin(self, seconds: float) -> None:
         ends = time.monotonic() + seconds
         while time.monotonic() < ends:
-            self.station.turn(self.is_silent)
+            self.station.turn()
             rclpy.spin_once(self.node, timeout_sec=0.02)
 
     def until(self, holds: Callable[[], Any], what: str) -> Any:
@@ -113,7 +112,7 @@ class Test:
         while not (found := holds()):
             if time.monotonic() > ends:
                 raise WrongError(f"{what}: never; last said: {self.said[-2:]}")
-            self.station.turn(self.is_silent)
+            self.station.turn()
             rclpy.spin_once(self.node, timeout_sec=0.02)
         return found
 

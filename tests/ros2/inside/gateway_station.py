@@ -32,11 +32,11 @@ class Played:
         for socket in (self._users, self._report, self._pull):
             socket.close(0)
 
-    def turn(self, is_silent: bool = False) -> None:
+    def turn(self) -> None:
         """Its heartbeat, and what users have sent."""
         if self._users.closed:
             return
-        if not is_silent and time.monotonic() > self._next:
+        if time.monotonic() > self._next:
             self._next = time.monotonic() + HEARTBEAT_S
             self._users.send_multipart([b"hb.counter", b'{"heartbeat_counter": 7}'])
         while True:

@@ -17,7 +17,6 @@ class Counts:
     why_not_published: str = ""
     taken: int = 0
     sent: int = 0
-    repeated: int = 0
     not_sent: Counter[str] = field(default_factory=Counter)
     why_not_sent: str = ""
     outcomes: Counter[str] = field(default_factory=Counter)

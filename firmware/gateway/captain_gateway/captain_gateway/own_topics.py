@@ -8,10 +8,10 @@ from sensor_msgs.msg import NavSatFix, NavSatStatus, TimeReference
 
 from . import own
 from .filters import Place
-from .own import Clock, Pose
+from .own import Pose
 
-# Where a receiver says how far off it is at most: its word is two standard deviations (95 %).
-WORDS_PER_DEVIATION = 2.0
+# How far off a receiver says that it is at most (95 %), in standard deviations.
+DEVIATIONS_OF_A_BOUND = 2.0
 CARRIER = ("float", "fixed")  # phases of it are used, with corrections from a base
 
 
@@ -31,8 +31,6 @@ class OwnTopics:
     ) -> None:
         self.place: Place | None = None
         self.leap_seconds = 5  # since 2017; the station knows better once it has said so
-        self.pose: Pose | None = None
-        self.clock: Clock | None = None
         self._node = node
         self._map, self._station = frames
         self._origin = origin
@@ -59,7 +57,7 @@ class OwnTopics:
 
     def status(self, told: dict[str, Any]) -> None:
         """A status of the station."""
-        pose = self.pose = own.pose(told)
+        pose = own.pose(told)
         if pose is None:
             self.place = None
             return
@@ -76,7 +74,7 @@ class OwnTopics:
 
     def time(self, told: dict[str, Any]) -> None:
         """What the station says of its time."""
-        clock = self.clock = own.clock(told)
+        clock = own.clock(told)
         if clock.leap_seconds is not None:
             self.leap_seconds = clock.leap_seconds
         if clock.unix_ns is None:
@@ -103,8 +101,8 @@ class OwnTopics:
         message.latitude, message.longitude = pose.latitude, pose.longitude
         message.altitude = float("nan") if pose.altitude_m is None else pose.altitude_m
         if pose.horizontal_m is not None:
-            across = (pose.horizontal_m / WORDS_PER_DEVIATION) ** 2
-            upward = across if pose.vertical_m is None else (pose.vertical_m / WORDS_PER_DEVIATION) ** 2
+            across = (pose.horizontal_m / DEVIATIONS_OF_A_BOUND) ** 2
+            upward = across if pose.vertical_m is None else (pose.vertical_m / DEVIATIONS_OF_A_BOUND) ** 2
             message.position_covariance = [across, 0.0, 0.0, 0.0, across, 0.0, 0.0, 0.0, upward]
             message.position_covariance_type = NavSatFix.COVARIANCE_TYPE_APPROXIMATED
         return message
