@@ -47,7 +47,7 @@ docs: setup ## a page per message, in build/docs/messages
 fuzz: setup-fuzz ## random octets, led by coverage, for every message in C and in Python; ARGS='--runs 10000000'
 	@.venv/bin/python -m tests.fuzz $(ARGS)
 
-bench: bench-station bench-messages bench-v2n bench-time ## all of the following
+bench: bench-station bench-messages bench-v2n bench-time bench-ros2 ## all of the following
 
 bench-station: setup-test binary ## latency, loss-free rate, processor and memory beside a C forwarder in the same run
 	@.venv/bin/python -m tests.bench $(ARGS)
