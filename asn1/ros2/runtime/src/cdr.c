@@ -22,7 +22,7 @@ captain_status captain_to_cdr(const captain_ros2 *ros2, const void *value, void 
     size_t count = ros2->write(&writer, 0, value);
     *octets = HEADER + count;
     *left_out = writer.left_count;
-    if (count > CAPTAIN_CDR_MAX)
+    if (*octets > CAPTAIN_CDR_MAX)
         return CAPTAIN_LENGTH;
     return *octets > size ? CAPTAIN_NO_SPACE : CAPTAIN_OK;
 }

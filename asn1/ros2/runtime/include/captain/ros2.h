@@ -31,8 +31,8 @@ extern const size_t captain_ros2_messages_count;
 /* NULL: none. */
 const captain_ros2 *captain_find_ros2(const char *message, const char *profile);
 
-/* A value of any PDU that takes more octets than this is refused (CAPTAIN_LENGTH): what is absent takes octets in CDR, so that a short
- * message with a long list in it could become any size. */
+/* A value of any PDU that takes more octets than this, with its encapsulation, is refused both ways (CAPTAIN_LENGTH): what is absent
+ * takes octets in CDR, so that a short message with a long list in it could become any size. */
 enum { CAPTAIN_CDR_MAX = 1 << 24 };
 
 /* cdr: memory that the value does not point into, as one that was read from CDR points into that.
