@@ -5,7 +5,7 @@ import errno
 import io
 import os
 import sys
-from contextlib import redirect_stdout
+from contextlib import redirect_stderr, redirect_stdout
 from types import ModuleType
 from typing import TextIO
 
@@ -43,6 +43,7 @@ OUTPUT_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 # Their exit status is a verdict over all that they look at: they go on though nobody reads what they say.
 JUDGES = frozenset({"doctor", "selftest", "lab"})
 INTERRUPTED = 130  # as a shell reports SIGINT
+CUT_OFF = 141  # as a shell reports SIGPIPE
 
 
 def load(verb: str) -> ModuleType:
@@ -143,20 +144,23 @@ def load(verb: str) -> ModuleType:
 
 
 def main(argv: list[str]) -> int:
-    """Run one verb. Returns the exit status: 0 done, 1 failed, 2 wrong usage, 130 interrupted."""
+    """Run one verb. Returns the exit status: 0 done, 1 failed, 2 wrong usage, 130 interrupted, 141 its reader left."""
     # A stream that the caller has closed is None: what would be said to it is said to nobody.
     sys.stdout = sys.stdout or open(os.devnull, "w")  # noqa: SIM115 for as long as the process runs
     sys.stderr = sys.stderr or open(os.devnull, "w")  # noqa: SIM115
-    status = 0
+    status = CUT_OFF
     try:
         try:
             return (status := _run(argv) if argv and argv[0] in VERBS else _help(argv))
+        except SystemExit as ended:  # of argparse, which has told how to use it, or that it was used wrongly
+            status = int(ended.code or 0)
+            raise
         finally:
             sys.stdout.flush()  # at exit it would be too late to say nothing
     except BrokenPipeError:
         for stream in (sys.stdout, sys.stderr):
             _mute(stream)
-        return status  # that the reader of our output left is no failure, and makes none undone
+        return status  # what was done is done, though nobody reads that it was
     except OSError as error:
         if error.errno not in OUTPUT_FULL:
             raise
@@ -178,7 +182,8 @@ def _run(argv: list[str]) -> int:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     command.arguments(parser)
-    options = parser.parse_args(argv[1:])
+    with redirect_stdout(_Unheard(sys.stdout)), redirect_stderr(_Unheard(sys.stderr)):
+        options = parser.parse_args(argv[1:])
     try:
         if argv[0] in JUDGES and not sys.stdout.isatty():
             with redirect_stdout(_Unheard(sys.stdout)):
@@ -241,7 +246,7 @@ def _help(argv: list[str]) -> int:
         print(f"captain {VERSION}")
         return 0
     is_asked = bool(argv) and argv[0] in ("--help", "-h", "help")
-    out = sys.stdout if is_asked else sys.stderr
+    out = _Unheard(sys.stdout if is_asked else sys.stderr)
     if argv and not is_asked:
         print(f"captain: {argv[0]!r} is no command", file=out)
     print("usage: captain COMMAND [OPTIONS]\n\nStation software of a V2X box.\n\ncommands:", file=out)

@@ -86,7 +86,7 @@ def main(arguments: argparse.Namespace) -> int:
         _told(f"the next start takes slot {chosen.name}, {_version(chosen)}", arguments.restart)
         return 0
     if not arguments.source:
-        print("restarting now", flush=True)
+        _say("restarting now")
         update.restart()
         return 0
     return _install(arguments)
@@ -99,14 +99,14 @@ def _install(arguments: argparse.Namespace) -> int:
     try:
         found = update.run(arguments.source, progress, only_look=arguments.look)
     except InstallError as error:
-        print(f"captain: {error}", file=sys.stderr)
-        print("  (the other slot is unusable until the next update; this one stays in use)", file=sys.stderr)
+        _say(f"captain: {error}", is_wrong=True)
+        _say("  (the other slot is unusable until the next update; this one stays in use)", is_wrong=True)
         return HALF_WRITTEN
     except KeyboardInterrupt:
-        print("captain: what is being written is written to its end; captain update --status", file=sys.stderr)
+        _say("captain: what is being written is written to its end; captain update --status", is_wrong=True)
         raise
     if arguments.look:
-        print("signature and contents are as they were signed; nothing was written", flush=True)
+        _say("signature and contents are as they were signed; nothing was written")
         return 0
     _told(f"version {clean(found.version)} is installed; the next start takes it", arguments.restart)
     return 0
@@ -120,23 +120,22 @@ def _told(what: str, is_restarting: bool) -> None:
         _say(f"{what}: captain update --restart restarts the box")
 
 
-def _say(line: str) -> None:
+def _say(line: str, is_wrong: bool = False) -> None:
     """Where nobody reads it any more, nothing is said from there on."""
     try:
-        print(line, flush=True)
+        print(line, file=sys.stderr if is_wrong else sys.stdout, flush=True)
     except OSError:
-        sys.stdout = io.StringIO()
+        setattr(sys, "stderr" if is_wrong else "stdout", io.StringIO())
 
 
 def _shown(bundle: Bundle, slots: list[Slot]) -> None:
     here, there = booted(slots), other(slots)
-    print(
+    _say(
         f"version     {clean(bundle.version)}, built {clean(bundle.build)}; slot {here.name} runs {VERSION}\n"
         f"for         {clean(bundle.compatible)}\n"
         f"size        {bundle.size / 1e6:.1f} MB, {bundle.written / 1e6:.0f} MB on the card\n"
         f"signed by   {clean(bundle.signer)}\n"
-        f"goes into   slot {there.name}, in place of {_version(there)}",
-        flush=True,
+        f"goes into   slot {there.name}, in place of {_version(there)}"
     )
 
 

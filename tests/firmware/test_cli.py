@@ -177,3 +177,26 @@ def test_a_command_that_judges_does_so_though_nobody_reads_it(
         patch.setattr(sys, "stdout", stream)
         assert cli.main([verb]) == verdict
     stream.close()
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_wrong_usage_is_wrong_though_nobody_reads_it(unbuffered: str) -> None:
+    assert with_a_reader_that_has_left("status", "--nonsense", unbuffered=unbuffered, errors_too=True).returncode == 2
+    assert with_a_reader_that_has_left("nonsense", unbuffered=unbuffered, errors_too=True).returncode == 2
+
+
+def test_a_command_that_was_cut_off_by_its_reader_is_not_done(monkeypatch: pytest.MonkeyPatch) -> None:
+    read, write = os.pipe()
+    os.close(read)
+
+    def main(arguments: object) -> int:
+        print("half of it", flush=True)
+        return 0
+
+    command = SimpleNamespace(DESCRIPTION="", EPILOG="", arguments=lambda parser: None, main=main)
+    monkeypatch.setattr(cli, "load", lambda verb: command)
+    stream = os.fdopen(write, "w")
+    with monkeypatch.context() as patch:
+        patch.setattr(sys, "stdout", stream)
+        assert cli.main(["status"]) == 141
+    stream.close()

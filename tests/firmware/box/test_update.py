@@ -1,5 +1,6 @@
 """The whole way of an update, and what is said on it, with a service that does as it is told."""
 
+import errno
 import io
 import json
 import os
@@ -191,10 +192,22 @@ def test_an_update_goes_on_when_whoever_began_it_has_hung_up(
             raise BrokenPipeError
 
     monkeypatch.setattr("sys.stdout", Gone())
-    monkeypatch.setattr("firmware.commands.update._shown", lambda found, slots: None)
     assert main(["update", bundle]) == 0
     assert service.asked[-1] == f"install {bundle}"
     assert Folder(tmp_path / "update").last()["result"] == "installed"
+
+
+def test_half_a_slot_is_said_by_the_exit_code_though_both_streams_are_gone(
+    service: Service, bundle: str, monkeypatch: pytest.MonkeyPatch
+):
+    class Gone(io.StringIO):
+        def write(self, text: str) -> int:
+            raise OSError(errno.EIO, "Input/output error")
+
+    monkeypatch.setattr("sys.stdout", Gone())
+    monkeypatch.setattr("sys.stderr", Gone())
+    service.installs(BROKEN, 1)
+    assert main(["update", bundle]) == 3
 
 
 def test_looking_writes_nothing(service: Service, bundle: str, said: Said):
