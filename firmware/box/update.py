@@ -37,11 +37,14 @@ def run(source: str, progress: Progress, folder: Folder | None = None, only_look
     with folder.locked():
         version = ""
         try:
+            both = slots()
+            if not only_look:
+                _is_proven(both)
             path = _had(source, folder, progress)
             found = update_bundle.read(path)
             version = found.version
             update_bundle.fits(found, own)
-            progress.shown(found, slots())
+            progress.shown(found, both)
             update_verity.check(
                 path, found.tree, lambda part: progress.step(round(100 * part), "checking the contents")
             )
@@ -57,6 +60,16 @@ def run(source: str, progress: Progress, folder: Folder | None = None, only_look
         folder.clear()
         folder.tell(source, version, "installed")
     return found
+
+
+def _is_proven(both: list[Slot]) -> None:
+    """Raises StationError where the other slot is the last good one."""
+    here = update_slots.booted(both)
+    if here.is_new:
+        raise StationError(
+            f"slot {here.name} was just updated and has not been well yet, and the other one is the last that was",
+            "wait until it is (captain doctor tells what is not), or captain update --back --restart",
+        )
 
 
 def _had(source: str, folder: Folder, progress: Progress) -> Path:

@@ -139,6 +139,19 @@ def test_before_an_update_the_other_slot_is_named(box: Box, slot: str, new: str)
     assert box.run("before-install", slot, State(), None) == State(new=new)
 
 
+@pytest.mark.parametrize("slot", ["A", "B"])
+def test_a_slot_that_has_not_been_well_yet_does_not_overwrite_the_last_good_one(box: Box, slot: str):
+    before = State(BA, 3, 2, slot)
+    assert box.run("before-install", slot, before, None) == before
+    assert box.ended.returncode == 1
+    assert f"slot {slot} was just updated and has not been well yet" in box.ended.stderr
+
+
+def test_a_slot_that_did_not_get_well_may_be_written_again(box: Box):
+    assert box.run("before-install", "A", State(BA, 3, 0, "B"), None) == State(BA, 3, 0, "B")
+    assert box.ended.returncode == 0
+
+
 def test_an_update_of_a_system_that_was_started_otherwise_is_refused(box: Box):
     assert box.run("before-install", "", State(), None) == State()
     assert box.ended.returncode == 1

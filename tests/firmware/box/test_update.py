@@ -236,13 +236,23 @@ def test_a_service_that_refuses_is_told(service: Service, bundle: str, said: Sai
     assert meant in said()[1]
 
 
-def test_a_bundle_of_another_box_reaches_no_service(
+def test_a_bundle_of_another_box_is_not_installed(
     service: Service, bundle: str, said: Said, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setattr(update_bundle, "read", lambda path: BUNDLE._replace(compatible="captain trixie pi"))
     assert main(["update", bundle]) == 1
     assert "'captain trixie pi', and this box is 'captain trixie quad'" in said()[1]
-    assert service.asked == []
+    assert not any(words.startswith("install") for words in service.asked)
+
+
+def test_a_slot_that_has_not_been_well_yet_takes_no_update(
+    service: Service, bundle: str, said: Said, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(update_counters, "read", lambda: Counters(("A", "B"), {"A": 2, "B": 3}, "A"))
+    assert main(["update", bundle]) == 1
+    assert "slot A was just updated and has not been well yet" in said()[1]
+    assert not any(words.startswith("install") for words in service.asked)
+    assert main(["update", "--look", bundle]) == 0
 
 
 def test_what_was_fetched_and_refused_is_removed_and_a_file_of_a_user_stays(
