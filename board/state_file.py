@@ -45,7 +45,7 @@ def keep(path: Path, octets: bytes, mode: int = 0o644) -> None:
     except OSError as error:
         with contextlib.suppress(OSError):
             os.unlink(new)  # a part of a file would take the room that is lacking
-        raise REFUSALS.note(_refused(path, "written", error)) from error
+        raise REFUSALS.note(refused(path, "written", error)) from error
 
 
 def forget(path: Path) -> None:
@@ -56,7 +56,7 @@ def forget(path: Path) -> None:
     except FileNotFoundError:
         return
     except OSError as error:
-        raise REFUSALS.note(_refused(path, "removed", error)) from error
+        raise REFUSALS.note(refused(path, "removed", error)) from error
 
 
 def read(path: Path, most: int) -> bytes | None:
@@ -67,7 +67,7 @@ def read(path: Path, most: int) -> bytes | None:
     except FileNotFoundError:
         return None
     except OSError as error:
-        raise _refused(path, "read", error) from error
+        raise refused(path, "read", error) from error
     if len(octets) > most:
         raise StorageError(f"{path}: longer than {most} octets", "it is not what the station wrote: remove it")
     return octets
@@ -82,6 +82,12 @@ def settle(folder: Path) -> None:
         os.close(descriptor)
 
 
+def refused(path: Path, what: str, error: OSError) -> StorageError:
+    """What the machine has refused, and what to do. what: written, removed, read."""
+    hint = HINTS.get(error.errno or 0, "look at the card, and at what the kernel says of it: journalctl -k")
+    return StorageError(f"{path}: cannot be {what}: {error.strerror}", hint.format(folder=path.parent))
+
+
 def _write(path: Path, octets: bytes, mode: int) -> None:
     descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC | os.O_NOFOLLOW, mode)
     try:
@@ -92,11 +98,6 @@ def _write(path: Path, octets: bytes, mode: int) -> None:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
-
-
-def _refused(path: Path, what: str, error: OSError) -> StorageError:
-    hint = HINTS.get(error.errno or 0, "look at the card, and at what the kernel says of it: journalctl -k")
-    return StorageError(f"{path}: cannot be {what}: {error.strerror}", hint.format(folder=path.parent))
 
 
 HINTS = {

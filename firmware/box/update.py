@@ -3,10 +3,11 @@
 import socket
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
 
-from board.errors import StationError
+from board.errors import StationError, StorageError
 from firmware.box import update_bundle, update_counters, update_fetch, update_rauc, update_slots, update_verity
 from firmware.box.update_bundle import Bundle
 from firmware.box.update_folder import Folder
@@ -53,13 +54,19 @@ def run(source: str, progress: Progress, folder: Folder | None = None, only_look
             update_rauc.install(path, progress.step)
         except StationError as error:
             if folder.bundle.exists():  # a part is kept, so that it goes on from there
-                folder.clear()
+                _cleared(folder)
             if not only_look:
                 folder.tell(source, version, error.message)
             raise
-        folder.clear()
+        _cleared(folder)
         folder.tell(source, version, "installed")
     return found
+
+
+def _cleared(folder: Folder) -> None:
+    """That a card takes no more writes changes nothing of how an update has ended."""
+    with suppress(StorageError):
+        folder.clear()
 
 
 def _is_proven(both: list[Slot]) -> None:

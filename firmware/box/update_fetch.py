@@ -1,6 +1,7 @@
 """A bundle from a web server, or from a pipe, onto the data partition: it goes on where it was broken off."""
 
 import http.client
+import re
 import socket
 import ssl
 import time
@@ -11,7 +12,7 @@ from urllib.parse import SplitResult, urljoin, urlsplit
 
 from board.errors import StationError
 from drivers import mqtt_trouble
-from firmware.box.update_folder import Folder
+from firmware.box.update_folder import Folder, storing
 from firmware.made_up import is_clock_set
 
 CHUNK = 1 << 16
@@ -23,6 +24,7 @@ NOBODY = "correct the address, or is the server gone, or the network?"
 AGAIN = "captain update with the same address goes on where it was broken off"
 
 Seen = Callable[[int, int], None]  # octets that are there; how many it will be, or 0
+_RANGE = re.compile(r"bytes (\d{1,18})-\d{1,18}/(?:(\d{1,18})|\*)$")  # RFC 9110, clause 14.4
 _STATUS = {
     401: "wants a name and a password, which this program does not send",
     403: "forbids it",
@@ -50,12 +52,19 @@ def from_stream(stream: BinaryIO, folder: Folder, seen: Seen) -> Path:
     """Until its end. Raises StationError when there is no room."""
     folder.clear()
     have = 0
-    with folder.part.open("wb") as file:
-        while octets := stream.read(CHUNK):
+    with storing(folder.part), folder.part.open("wb") as file:
+        while octets := _taken(stream):
             _put(file, octets, folder, is_counted=False)
             have += len(octets)
             seen(have, 0)
     return folder.finish()
+
+
+def _taken(stream: BinaryIO) -> bytes:
+    try:
+        return stream.read(CHUNK)
+    except OSError as error:
+        raise StationError(f"the input cannot be read: {error.strerror}", "send the bundle once more") from error
 
 
 def from_url(url: str, folder: Folder, seen: Seen, sleep: Callable[[float], None] = time.sleep) -> Path:
@@ -91,10 +100,11 @@ def _fetch(url: str, folder: Folder, seen: Seen) -> None:
     with answer.response:
         if answer.begin != have:
             have = 0
+            folder.begin_again()  # before there is asked for room
         if answer.total:
             folder.need(answer.total - have)
         folder.note({"url": url, "tag": answer.tag, "size": answer.total})
-        with folder.part.open("r+b" if have else "wb") as file:
+        with storing(folder.part), folder.part.open("r+b" if have else "wb") as file:
             file.seek(have)
             while True:
                 try:
@@ -135,8 +145,9 @@ def _answer(url: str, response: http.client.HTTPResponse, have: int) -> _Answer:
     size = int(length) if length.isdecimal() else 0
     if response.status == 200:
         return _Answer(response, 0, size, tag)
-    if response.status == 206 and (response.getheader("Content-Range") or "").startswith(f"bytes {have}-"):
-        return _Answer(response, have, have + size, tag)
+    found = _RANGE.match(response.getheader("Content-Range") or "")
+    if response.status == 206 and found and int(found[1]) == have:
+        return _Answer(response, have, int(found[2] or (have + size if size else 0)), tag)
     response.close()
     if response.status >= 500:
         raise _BrokenOffError(f"the server answers {response.status} {response.reason}")
@@ -148,7 +159,7 @@ def _request(url: str, have: int, tag: str) -> http.client.HTTPResponse:
     parts = urlsplit(url)
     if parts.scheme not in ("http", "https") or not parts.hostname:
         raise StationError(f"{url}: is no address of a file", "https://HOST/PATH is one")
-    headers = {"User-Agent": "captain", "Accept-Encoding": "identity"}
+    headers = {"User-Agent": "captain", "Accept-Encoding": "identity", "Connection": "close"}
     if have and tag and not tag.startswith("W/"):
         headers |= {"Range": f"bytes={have}-", "If-Range": tag}
     connection = _connection(parts)
@@ -201,10 +212,7 @@ def _put(file: BinaryIO, octets: bytes, folder: Folder, is_counted: bool) -> Non
     """is_counted: there was room for all of it when it began."""
     if not is_counted:
         folder.need(len(octets))
-    try:
-        file.write(octets)
-    except OSError as error:
-        raise StationError(f"{folder.part}: {error.strerror}", "remove recordings or other files from /data") from error
+    file.write(octets)
 
 
 def _size(path: Path) -> int:

@@ -5,10 +5,11 @@ import json
 import os
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from board.errors import StationError
+from board import state_file
+from board.errors import StationError, StorageError
 
 FOLDER = Path("/data/update")
 # Left free for the station's own state and for the journal, which come first.
@@ -16,8 +17,17 @@ RESERVE = 24 << 20  # octets
 KEPT = 4096  # octets of a small file that is read back
 
 
+@contextmanager
+def storing(path: Path, what: str = "written") -> Iterator[None]:
+    """What the card refuses meanwhile is told. Raises StorageError."""
+    try:
+        yield
+    except OSError as error:
+        raise state_file.refused(path, what, error) from error
+
+
 class Folder:
-    """part: what is being fetched. bundle: what was fetched whole. Nobody else may write there."""
+    """part: what is being fetched. bundle: what was fetched whole. What the card refuses is a StorageError."""
 
     def __init__(self, place: Path = FOLDER, reserve: int = RESERVE) -> None:
         self.place = place
@@ -50,7 +60,8 @@ class Folder:
 
     def room(self) -> int:
         """Octets that a bundle may still take."""
-        found = os.statvfs(self.place)
+        with storing(self.place, "read"):
+            found = os.statvfs(self.place)
         return max(0, found.f_bavail * found.f_frsize - self._reserve)
 
     def need(self, size: int) -> None:
@@ -66,19 +77,26 @@ class Folder:
         return _read(self._about)
 
     def note(self, about: Mapping[str, object]) -> None:
-        _write(self._about, about)
+        state_file.keep(self._about, json.dumps(dict(about)).encode())
+
+    def begin_again(self) -> None:
+        """Without the part."""
+        with storing(self.part, "removed"):
+            self.part.unlink(missing_ok=True)
 
     def clear(self) -> None:
         """Of everything but the last result."""
         for path in (self.part, self.bundle, self._about):
-            path.unlink(missing_ok=True)
+            with storing(path, "removed"):
+                path.unlink(missing_ok=True)
 
     def finish(self) -> Path:
         """The part is all of it, and on the card."""
-        with self.part.open("rb") as file:
-            os.fsync(file.fileno())
-        self.part.rename(self.bundle)
-        self._about.unlink(missing_ok=True)
+        with storing(self.part):
+            with self.part.open("rb") as file:
+                os.fsync(file.fileno())
+            self.part.rename(self.bundle)
+            self._about.unlink(missing_ok=True)
         return self.bundle
 
     def last(self) -> Mapping[str, object]:
@@ -87,10 +105,9 @@ class Folder:
 
     def tell(self, source: str, version: str, result: str) -> None:
         """Keep how an update ended. That there is no room for it is no failure of the update."""
-        try:
-            _write(self._last, {"time": round(time.time()), "source": source, "version": version, "result": result})
-        except OSError:
-            return
+        told = {"time": round(time.time()), "source": source, "version": version, "result": result}
+        with suppress(StorageError):
+            state_file.keep(self._last, json.dumps(told).encode())
 
 
 def _read(path: Path) -> Mapping[str, object]:
@@ -100,13 +117,3 @@ def _read(path: Path) -> Mapping[str, object]:
     except (OSError, ValueError):
         return {}
     return found if isinstance(found, dict) else {}
-
-
-def _write(path: Path, values: Mapping[str, object]) -> None:
-    """Whole or not at all: by rename."""
-    new = path.with_suffix(".new")
-    with new.open("w") as file:
-        json.dump(values, file)
-        file.flush()
-        os.fsync(file.fileno())
-    new.replace(path)

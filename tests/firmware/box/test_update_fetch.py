@@ -1,8 +1,10 @@
 """Bundles from web servers of every kind, broken off and gone on with."""
 
+import errno
 import http.server
 import io
 import json
+import os
 import random
 import re
 import ssl
@@ -13,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from board.errors import StationError
+from board.errors import StationError, StorageError
 from firmware.box import update_fetch
 from firmware.box.update_folder import Folder
 from tests.broker.certificates import Authority
@@ -31,6 +33,7 @@ class Server(http.server.BaseHTTPRequestHandler):
     tag: str
     has_ranges: bool
     has_length: bool
+    is_chunked: bool
     asked: list[tuple[str, str | None]]
     status: int
 
@@ -55,12 +58,16 @@ class Server(http.server.BaseHTTPRequestHandler):
             self.send_header("Content-Range", f"bytes {begin}-{len(FILE) - 1}/{len(FILE)}")
         else:
             self.send_response(200)
-        if self.has_length:
+        if self.is_chunked:
+            self.send_header("Transfer-Encoding", "chunked")
+        elif self.has_length:
             self.send_header("Content-Length", str(len(FILE) - begin))
         self.send_header("ETag", self.tag)
+        self.send_header("Connection", "close")
         self.end_headers()
         octets = FILE[begin:]
-        self.wfile.write(octets[: self.cuts.pop(0)] if self.cuts else octets)
+        octets = octets[: self.cuts.pop(0)] if self.cuts else octets
+        self.wfile.write(b"%x\r\n%s\r\n0\r\n\r\n" % (len(octets), octets) if self.is_chunked else octets)
 
     def log_message(self, format: str, *arguments: object) -> None:  # noqa: A002
         """Of no use here."""
@@ -72,7 +79,7 @@ class Site:
     def __init__(self, context: ssl.SSLContext | None = None) -> None:
         class Own(Server):
             cuts: list[int] = []  # noqa: RUF012 - a class for each site
-            tag, has_ranges, has_length, status = '"1"', True, True, 200
+            tag, has_ranges, has_length, is_chunked, status = '"1"', True, True, False, 200
             asked: list[tuple[str, str | None]] = []  # noqa: RUF012
 
         self.does = Own
@@ -173,6 +180,53 @@ def test_a_part_that_is_longer_than_the_file_is_begun_with_again(site: Site, fol
 def test_a_server_that_does_not_say_how_long_it_is_is_read_to_its_end(site: Site, folder: Folder):
     site.does.has_length = False
     assert fetch(site.url, folder) == FILE
+
+
+def test_the_rest_in_chunks_is_as_long_as_the_server_has_said(site: Site, folder: Folder):
+    folder.part.write_bytes(FILE[:100_000])
+    folder.note({"url": site.url, "tag": '"1"', "size": len(FILE)})
+    site.does.is_chunked = True
+    site.does.protocol_version = "HTTP/1.1"
+    site.does.cuts += [50_000]
+    assert fetch(site.url, folder) == FILE
+    assert [wanted for _, wanted in site.does.asked] == ["bytes=100000-", "bytes=150000-"]
+
+
+def test_the_room_of_a_part_that_is_begun_with_again_is_room(
+    site: Site, folder: Folder, monkeypatch: pytest.MonkeyPatch
+):
+    folder.part.write_bytes(b"old" * 1000)
+    folder.note({"url": site.url, "tag": '"0"', "size": 400_000})
+    monkeypatch.setattr(folder, "room", lambda: 0 if folder.part.exists() else len(FILE))
+    assert fetch(site.url, folder) == FILE
+
+
+@pytest.mark.parametrize("number", [errno.EROFS, errno.ENOSPC, errno.EIO])
+@pytest.mark.parametrize("name", ["open", "fsync", "rename", "unlink"])
+def test_a_card_that_takes_no_writes_is_told(
+    site: Site, folder: Folder, monkeypatch: pytest.MonkeyPatch, name: str, number: int
+):
+    def refuse(*arguments: object, **named: object) -> None:
+        raise OSError(number, words)
+
+    words = os.strerror(number)
+    if name == "fsync":
+        monkeypatch.setattr("os.fsync", refuse)
+    else:
+        monkeypatch.setattr(Path, name, refuse)
+    with pytest.raises(StorageError, match=words):
+        fetch(site.url, folder)
+    with pytest.raises(StorageError, match=words):
+        update_fetch.from_stream(io.BytesIO(FILE), folder, lambda have, size: None)
+
+
+def test_a_pipe_that_cannot_be_read_is_told(folder: Folder):
+    class Broken(io.BytesIO):
+        def read(self, size: int | None = -1) -> bytes:
+            raise OSError(errno.EIO, "Input/output error")
+
+    with pytest.raises(StationError, match="the input cannot be read: Input/output error"):
+        update_fetch.from_stream(Broken(), folder, lambda have, size: None)
 
 
 def test_it_goes_where_it_is_led_but_not_in_circles(site: Site, folder: Folder):
