@@ -50,6 +50,7 @@ def run(source: str, progress: Progress, folder: Folder | None = None, only_look
                 path, found.tree, lambda part: progress.step(round(100 * part), "checking the contents")
             )
             if only_look:
+                _cleared(folder)
                 return found
             update_rauc.install(path, progress.step)
         except StationError as error:

@@ -31,9 +31,10 @@ class Folder:
 
     def __init__(self, place: Path = FOLDER, reserve: int = RESERVE) -> None:
         self.place = place
-        self.part = place / "bundle.part"
-        self.bundle = place / "bundle.raucb"
-        self._about = place / "bundle.json"
+        self._own = place / "fetched"  # the folder itself is operator's, for files of any name
+        self.part = self._own / "bundle.part"
+        self.bundle = self._own / "bundle.raucb"
+        self._about = self._own / "bundle.json"
         self._last = place / "last.json"
         self._reserve = reserve
 
@@ -41,6 +42,7 @@ class Folder:
     def locked(self) -> Iterator[None]:
         """For as long as one update lasts. Raises StationError where another one has it."""
         try:
+            self._own.mkdir(mode=0o700, exist_ok=True)
             lock = os.open(self.place / "lock", os.O_RDONLY | os.O_CREAT | os.O_CLOEXEC, 0o644)
         except OSError as error:
             why = f"{self.place}: {error.strerror}"

@@ -34,13 +34,15 @@ def new_key(folder: Path, name: str = "key") -> Key:
     return Key(path, path.with_suffix(".pub").read_text())
 
 
-def ssh(guest: Guest, key: Path, command: str, limit_s: float = 120.0) -> "subprocess.CompletedProcess[str]":
-    """A command by ssh, as operator; Path("/dev/null") is no key."""
+def ssh(
+    guest: Guest, key: Path, command: str, limit_s: float = 120.0, given: Path = Path("/dev/null")
+) -> "subprocess.CompletedProcess[str]":
+    """A command by ssh, as operator; Path("/dev/null") is no key. given: what it has as its input."""
     words = ["ssh", "-p", str(guest.ports.ssh), "-i", str(key)]
     words += [word for name, value in OPTIONS.items() for word in ("-o", f"{name}={value}")]
-    return subprocess.run(
-        [*words, f"{NAME}@127.0.0.1", command], capture_output=True, text=True, timeout=limit_s, check=False
-    )
+    words += [f"{NAME}@127.0.0.1", command]
+    with given.open("rb") as file:
+        return subprocess.run(words, stdin=file, capture_output=True, text=True, timeout=limit_s, check=False)
 
 
 def said(guest: Guest, key: Key, command: str, limit_s: float = 120.0) -> str:

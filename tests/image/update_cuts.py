@@ -33,7 +33,7 @@ from tests.image.user import user
 COUNT, SHORT = 12, 2
 SEED = 11
 FULL_EACH = 4  # of so many cuts the start of one is that of the whole system
-FETCHED = "/data/update/bundle.raucb"  # what was looked at stays there
+BUNDLE = "/data/update/captain.raucb"  # operator's copy
 
 
 class Where(NamedTuple):
@@ -45,8 +45,8 @@ class Where(NamedTuple):
     is_early: bool = False
 
 
-COUNTERS = Where("while the counters are written", "state", FETCHED)
-SLOT = Where("while the slot is written", "root-b", FETCHED)
+COUNTERS = Where("while the counters are written", "state", BUNDLE)
+SLOT = Where("while the slot is written", "root-b", BUNDLE)
 FETCH = Where("while the bundle is fetched", "data", "URL", is_early=True)
 # All writes of counters are met, one after the other: they are few, and decide.
 ORDER = (SLOT, COUNTERS, COUNTERS, FETCH, COUNTERS, SLOT, COUNTERS, COUNTERS, COUNTERS, FETCH, COUNTERS, SLOT)
@@ -85,7 +85,7 @@ def rows(card: Path, folder: Path, options: Options) -> Iterator[Row]:
     slots = []
     with serving(made.good.parent) as site:
         url = site.url(made.good.name)
-        kept = _kept(own, folder, key, url)
+        kept = _kept(own, folder, key, made.good)
         writes, took_s = _whole(kept, folder, key)
         told = ", ".join(f"{name} {number}" for name, number in writes.items())
         yield Row(f"writes of an update, {took_s:.0f} s", told, "", all(writes.values()))
@@ -112,14 +112,15 @@ def plan(count: int, writes: Mapping[str, int]) -> list[Cut]:
     return planned
 
 
-def _kept(card: Path, folder: Path, key: Key, url: str) -> Kept:
+def _kept(card: Path, folder: Path, key: Key, bundle: Path) -> Kept:
     ports, memory = free_ports(), folder / "memory"
     with served(card, folder, SEED) as drive:
         with powered(drive.url, folder, ports=ports) as guest:
             guest.wait("slots: trying A, 2 tries left")
             wait_for_ssh(guest)
             said(guest, key, ENDED, INSTALL_S)
-            looked = ssh(guest, key.path, f"captain update --look {url} && sync", INSTALL_S)
+            look = f"cat >{BUNDLE} && captain update --look {BUNDLE} && sync"
+            looked = ssh(guest, key.path, look, INSTALL_S, bundle)
             if looked.returncode:
                 raise NotSeenError(f"the bundle is refused: {looked.stdout + looked.stderr}")
             qmp = Qmp(guest.qmp)
@@ -153,7 +154,7 @@ def _whole(kept: Kept, folder: Path, key: Key) -> tuple[dict[str, int], float]:
     """How often an update that is not cut writes to each partition; seconds."""
     with _resumed(kept, folder, SEED) as (guest, drive, _):
         began = time.monotonic()
-        ended = ssh(guest, key.path, f"captain update {FETCHED}", INSTALL_S)
+        ended = ssh(guest, key.path, f"captain update {BUNDLE}", INSTALL_S)
         if ended.returncode:
             raise NotSeenError(f"the update fails: {ended.stdout + ended.stderr}")
         took_s = time.monotonic() - began

@@ -216,6 +216,19 @@ def test_looking_writes_nothing(service: Service, bundle: str, said: Said):
     assert "nothing was written" in said()[0]
 
 
+def test_looking_keeps_nothing_and_touches_no_file_of_a_user(
+    service: Service, bundle: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    own = tmp_path / "update/bundle.raucb"
+    own.write_bytes(b"of somebody who has copied it here")
+    for words in (["--look", "-"], ["-"], ["--look", str(own)], [str(own)]):
+        with open(bundle) as file:
+            monkeypatch.setattr("sys.stdin", file)
+            assert main(["update", *words]) == 0
+    assert own.read_bytes() == b"of somebody who has copied it here"
+    assert list((tmp_path / "update").rglob("*.raucb")) == [own]
+
+
 def test_what_breaks_off_while_it_is_written_has_an_exit_code_of_its_own(service: Service, bundle: str, said: Said):
     service.installs(BROKEN, 1)
     assert main(["update", bundle]) == 3
@@ -265,7 +278,8 @@ def test_what_was_fetched_and_refused_is_removed_and_a_file_of_a_user_stays(
     with open(bundle) as file:
         monkeypatch.setattr("sys.stdin", file)
         assert main(["update", "-"]) == 1
-    assert [path.name for path in sorted((tmp_path / "update").iterdir())] == ["last.json", "lock"]
+    assert [path.name for path in sorted((tmp_path / "update").iterdir())] == ["fetched", "last.json", "lock"]
+    assert list((tmp_path / "update/fetched").iterdir()) == []
     assert main(["update", bundle]) == 1
     assert Path(bundle).exists()
 

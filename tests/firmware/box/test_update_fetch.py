@@ -107,6 +107,12 @@ def site() -> Iterator[Site]:
         yield found
 
 
+@pytest.fixture(autouse=True)
+def fetched(tmp_path: Path) -> None:
+    """As the lock makes it."""
+    (tmp_path / "fetched").mkdir()
+
+
 @pytest.fixture
 def folder(tmp_path: Path) -> Folder:
     return Folder(tmp_path, reserve=0)
