@@ -2,7 +2,7 @@
 
 import socket
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple
@@ -15,6 +15,8 @@ from firmware.box.update_slots import Slot
 
 # A connection to it restarts the box, and nothing else can be asked for: only operator and root reach it.
 RESTART = Path("/run/captain-image/restart")
+# The result of an update from when the service has it until it has told how it ended, to who began it or to who asks.
+BEGUN = "is being installed"
 
 
 class Progress(NamedTuple):
@@ -37,6 +39,7 @@ def run(source: str, progress: Progress, folder: Folder | None = None, only_look
     own = update_bundle.box()
     with folder.locked():
         version = ""
+        update_rauc.idle()  # what it still reads is not replaced
         try:
             both = slots()
             if not only_look:
@@ -52,6 +55,7 @@ def run(source: str, progress: Progress, folder: Folder | None = None, only_look
             if only_look:
                 _cleared(folder)
                 return found
+            folder.tell(source, version, BEGUN)
             update_rauc.install(path, progress.step)
         except StationError as error:
             if folder.bundle.exists():  # a part is kept, so that it goes on from there
@@ -99,10 +103,26 @@ def slots() -> list[Slot]:
     return update_slots.slots(update_rauc.status(), counters)
 
 
+def last(folder: Folder) -> Mapping[str, object]:
+    """How the last update ended: time, source, version, result; of the service, where nobody waited for its end."""
+    told = folder.last()
+    if told.get("result") != BEGUN:
+        return told
+    try:
+        result = update_rauc.idle()
+    except StationError:
+        return told
+    if not result:
+        is_there = any(slot.state == "ok" and slot.version == told.get("version") for slot in slots())
+        result = "installed" if is_there else "broke off before it was whole"
+    return {**told, "result": result}
+
+
 def back() -> Slot:
     """Have the other slot be the next one. Raises StationError where there is nothing that would start in it."""
     update_bundle.box()
     with Folder().locked():
+        update_rauc.idle()
         found = slots()
         chosen = update_slots.other(found)
         if chosen.state not in ("", "ok"):

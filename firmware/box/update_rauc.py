@@ -10,6 +10,7 @@ from board.errors import StationError
 from board.tool import environment
 
 PROGRAM = "rauc"
+BUS = ("busctl", "--json=short", "get-property", "de.pengutronix.rauc", "/", "de.pengutronix.rauc.Installer")
 ANSWER_S = 60.0
 _STEP = re.compile(r"^\s*(\d{1,3})% (.*)$")
 WRITES = ("Updating slots", "Copying image")  # steps from which on a slot is written
@@ -34,6 +35,25 @@ def status(program: str = PROGRAM) -> Mapping[str, object]:
 def activate(slot: str, program: str = PROGRAM) -> None:
     """Have a slot (rootfs.1) be the first that is tried from now on, with all its tries. Raises StationError."""
     _ask([program, "status", "mark-active", slot])
+
+
+def idle() -> str:
+    """How its last installation ended: empty is well. Raises StationError while one lasts, whoever has begun it."""
+    operation, last_error = _properties("Operation", "LastError")
+    if operation != "idle":
+        raise StationError("another update is being installed", "captain update --status shows when it has ended")
+    return last_error
+
+
+def _properties(*names: str) -> list[str]:
+    said = _ask([*BUS, *names])
+    try:
+        found = [str(json.loads(line)["data"]) for line in said.splitlines()]
+    except (ValueError, KeyError, TypeError) as error:
+        raise StationError(f"the service of updates: is not understood: {said[:80]!r}") from error
+    if len(found) != len(names):
+        raise StationError(f"the service of updates: is not understood: {said[:80]!r}")
+    return found
 
 
 def install(path: Path, step: Callable[[int, str], None], program: str = PROGRAM) -> None:

@@ -19,6 +19,7 @@ from firmware.user import health
 from firmware.user.table import Table, clean, lines_for
 
 HALF_WRITTEN = 3
+UNTOUCHED = "no slot was touched"
 EVERY_PERCENT = 10
 EVERY_S = 5.0
 
@@ -103,7 +104,9 @@ def _install(arguments: argparse.Namespace) -> int:
         _say("  (the other slot is unusable until the next update; this one stays in use)", is_wrong=True)
         return HALF_WRITTEN
     except KeyboardInterrupt:
-        _say("captain: what is being written is written to its end; captain update --status", is_wrong=True)
+        is_begun = Folder().last().get("result") == update.BEGUN
+        what = "what is being written is written to its end; captain update --status" if is_begun else UNTOUCHED
+        _say(f"captain: {what}", is_wrong=True)
         raise
     if arguments.look:
         _say("signature and contents are as they were signed; nothing was written")
@@ -168,7 +171,7 @@ class Teller:
 def _status(is_json: bool) -> None:
     own = update_bundle.box()
     slots = update.slots()
-    last = Folder().last()
+    last = update.last(Folder())
     if is_json:
         told = {"slots": [slot._asdict() | {"words": slot.words} for slot in slots], "last": last, "takes": own.takes}
         print(json.dumps(told | {"compatible": own.compatible}), flush=True)

@@ -116,8 +116,16 @@ class Service:
             f"*) cat {folder}/install; exit $(cat {folder}/install.code) ;; esac\n"
         )
         path.chmod(0o755)
+        bus = folder / "busctl"
+        bus.write_text(f"#!/bin/sh\ncat {folder}/bus\n")
+        bus.chmod(0o755)
         self.says(json.dumps(STATUS))
         self.installs(TAKEN)
+        self.is_at("idle")
+
+    def is_at(self, operation: str, last_error: str = "") -> None:
+        lines = [json.dumps({"type": "s", "data": text}) for text in (operation, last_error)]
+        (self.folder / "bus").write_text("\n".join(lines) + "\n")
 
     def says(self, status: str, error: str = "", code: int = 0) -> None:
         for name, text in (("status", status), ("status.err", error), ("status.code", str(code))):
@@ -214,6 +222,56 @@ def test_looking_writes_nothing(service: Service, bundle: str, said: Said):
     assert main(["update", "--look", bundle]) == 0
     assert not any(words.startswith("install") for words in service.asked)
     assert "nothing was written" in said()[0]
+
+
+@pytest.mark.parametrize("words", [["-"], ["--look", "-"], ["--back"]])
+def test_nothing_is_begun_while_the_service_still_installs(
+    service: Service, bundle: str, tmp_path: Path, said: Said, monkeypatch: pytest.MonkeyPatch, words: list[str]
+):
+    # Whoever began it has gone, and with it the lock: the bundle is still read.
+    kept = tmp_path / "update/fetched/bundle.raucb"
+    kept.parent.mkdir()
+    kept.write_bytes(b"is read")
+    service.is_at("installing")
+    with open(bundle) as file:
+        monkeypatch.setattr("sys.stdin", file)
+        assert main(["update", *words]) == 1
+    assert "another update is being installed" in said()[1]
+    assert kept.read_bytes() == b"is read"
+
+
+@pytest.mark.parametrize(
+    ("operation", "last_error", "version", "result"),
+    [
+        ("installing", "", "1.2.3", "is being installed"),
+        ("idle", "", "1.2.3", "installed"),
+        ("idle", "Input/output error", "1.2.3", "Input/output error"),
+        ("idle", "", "1.2.4", "broke off before it was whole"),
+    ],
+)
+def test_what_became_of_an_update_that_was_left_with_ctrl_c_is_asked_of_the_service(
+    service: Service, bundle: str, said: Said, monkeypatch: pytest.MonkeyPatch,
+    operation: str, last_error: str, version: str, result: str,
+):  # fmt: skip
+    def interrupted(path: Path, step: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(update_rauc, "install", interrupted)
+    monkeypatch.setattr(update_bundle, "read", lambda path: BUNDLE._replace(path=path, version=version))
+    assert main(["update", bundle]) == 130
+    assert "is written to its end" in said()[1]
+    service.is_at(operation, last_error)
+    assert main(["update", "--status", "--json"]) == 0
+    assert json.loads(said()[0])["last"]["result"] == result
+
+
+def test_ctrl_c_before_anything_is_written_says_so(service: Service, said: Said, monkeypatch: pytest.MonkeyPatch):
+    def interrupted(path: Path) -> Bundle:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(update_bundle, "read", interrupted)
+    assert main(["update", "x"]) == 130
+    assert "no slot was touched" in said()[1]
 
 
 def test_looking_keeps_nothing_and_touches_no_file_of_a_user(
