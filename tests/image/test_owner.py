@@ -1,6 +1,7 @@
 """The box's side of the owner's files, as shell scripts on files of a test: when they are looked at, what is laid over."""
 
 import os
+import re
 import subprocess
 from pathlib import Path
 
@@ -33,6 +34,7 @@ class Box:
             (folder / name).mkdir(parents=True)
         write(folder, {"usr/lib/clock-epoch": "", "etc/captain/captain.toml": '[endpoint]\naddress = "0.0.0.0"\n'})
         self._program("captain", f'echo looked >>{folder}/looks\nexec {PROJECT}/.venv/bin/captain "$@"\n')
+        self._program("timeout", 'case "$*" in *"${SLOW:-nothing is}"*) exit 124 ;; esac\nexec /usr/bin/timeout "$@"\n')
         self._program("mountpoint", f"[ ! -e {folder}/no-card ]\n")
         self._program("stat", '[ "$1" = -f ] && echo "${DATA:-ext2/ext3}" && exit\nexec /usr/bin/stat "$@"\n')
         self._program("blink", f'echo "$1" >{folder}/blinked\n')
@@ -69,6 +71,26 @@ class Box:
 @pytest.fixture
 def box(tmp_path: Path) -> Box:
     return Box(tmp_path)
+
+
+@pytest.mark.parametrize("slow", ["box apply", "sha256sum"])
+def test_a_set_is_laid_over_though_the_next_one_takes_too_long_to_be_looked_at(box: Box, slow: str):
+    card = box.root / "boot/firmware"
+    write(card, {"box.toml": 'host_name = "rsu-7"\n', "authorized_keys": KEY})
+    box.start()
+    (box.root / "etc/hostname").unlink()
+    write(card, {"box.toml": 'host_name = "rsu-8"\n'})
+    said = box.start(SLOW=slow)
+    assert said == ["the owner's files were not looked through: it took too long; those of before stay"]
+    assert box.has("blinked") == "2\n"
+    assert box.has("etc/hostname") == "rsu-7\n"
+
+
+def test_what_is_looked_at_ends_before_its_unit_is_ended():
+    unit = (OVERLAY / "usr/lib/systemd/system/captain-owner.service").read_text()
+    limit_s = int(unit.partition("TimeoutStartSec=")[2].split()[0])
+    taken_s = sum(int(killed) + int(ended) for killed, ended in re.findall(r"timeout -k (\d+) (\d+) ", OWNER))
+    assert 0 < taken_s <= limit_s - 30
 
 
 def test_a_set_is_laid_over_the_box_and_looked_at_once(box: Box):
