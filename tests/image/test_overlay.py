@@ -150,6 +150,23 @@ def test_no_number_is_given_twice():
     assert len(set(numbers)) == len(numbers)
 
 
+def script(name: str, folder: Path) -> "subprocess.CompletedProcess[str]":
+    """One of the box's, with its data in a folder."""
+    text = (OVERLAY / "usr/lib/captain-image" / name).read_text().replace("/data/", f"{folder}/")
+    return subprocess.run(["sh", "-c", text], capture_output=True, text=True, check=False)
+
+
+@pytest.mark.parametrize("lost", ["ssh_host_ed25519_key", "ssh_host_ed25519_key.pub"])
+def test_a_key_that_a_power_cut_has_emptied_is_made_again(tmp_path: Path, lost: str):
+    assert not any(name.startswith("Condition") for name in unit("captain-host-key.service")["Unit"])
+    (tmp_path / "ssh").mkdir()
+    for _ in range(2):
+        assert script("host-key", tmp_path).returncode == 0
+        (tmp_path / "ssh" / lost).write_bytes(b"")
+    assert script("host-key", tmp_path).returncode == 0
+    assert all(path.stat().st_size for path in (tmp_path / "ssh").iterdir())
+
+
 def test_the_description_installs_what_the_overlay_starts():
     installed = tomllib.loads((PROJECT / "image/image.toml").read_text())["packages"]["install"]
     assert {"chrony", "openssh-server", "nftables", "systemd-resolved", "rauc", "libubootenv-tool"} <= set(installed)
