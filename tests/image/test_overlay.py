@@ -1,8 +1,10 @@
 """What is laid over Debian's userland: files that agree with each other and with the description."""
 
 import configparser
+import os
 import re
 import subprocess
+import time
 import tomllib
 from pathlib import Path
 
@@ -165,6 +167,37 @@ def test_a_key_that_a_power_cut_has_emptied_is_made_again(tmp_path: Path, lost: 
         (tmp_path / "ssh" / lost).write_bytes(b"")
     assert script("host-key", tmp_path).returncode == 0
     assert all(path.stat().st_size for path in (tmp_path / "ssh").iterdir())
+
+
+def kept_s(folder: Path) -> float:
+    assert script("keep-clock", folder).returncode == 0
+    return (folder / "identity/clock").stat().st_mtime
+
+
+def test_the_time_that_is_kept_is_never_set_back_by_a_clock_that_nobody_steers(tmp_path: Path):
+    (tmp_path / "identity").mkdir()
+    now_s = time.time()
+    assert abs(kept_s(tmp_path) - now_s) < 100
+    os.utime(tmp_path / "identity/clock", (now_s + 86_400, now_s + 86_400))
+    assert kept_s(tmp_path) == pytest.approx(now_s + 86_400, abs=1)
+
+
+@pytest.mark.parametrize(("drift_s", "is_set_back"), [(-600, True), (-86_400, False), (86_400, False)])
+def test_a_date_that_was_wrong_is_kept_until_chrony_steers_the_clock(tmp_path: Path, drift_s: int, is_set_back: bool):
+    now_s = time.time()
+    for name, at_s in (("identity/clock", now_s + 1e9), ("chrony/chrony.drift", now_s + drift_s)):
+        (tmp_path / name).parent.mkdir()
+        (tmp_path / name).touch()
+        os.utime(tmp_path / name, (at_s, at_s))
+    assert (abs(kept_s(tmp_path) - now_s) < 100) == is_set_back
+
+
+def test_the_early_boot_and_chrony_agree_where_the_drift_lies_and_which_journal_tells_the_time():
+    drift = (OVERLAY / "usr/lib/captain-image/keep-clock").read_text().partition("drift=")[2].split()[0]
+    assert "/data/chrony     /var/lib/chrony " in (OVERLAY / "etc/fstab").read_text()
+    assert f"driftfile {{state}}/{Path(drift).name}" in Path(str(chrony_configuration.__file__)).read_text()
+    # A closed journal of a date that was wrong stays for months.
+    assert "$kept/journal/*/system.journal;" in (PROJECT / "image/early/init").read_text()
 
 
 def test_the_description_installs_what_the_overlay_starts():
