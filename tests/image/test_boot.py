@@ -2,7 +2,10 @@
 
 import dataclasses
 import re
+import subprocess
 from pathlib import Path
+
+import pytest
 
 from image import boot, state
 from image.description import read
@@ -51,3 +54,14 @@ def test_the_firmware_starts_u_boot_with_the_tree_of_its_board():
 def test_another_base_has_the_firmware_make_the_tree():
     other = dataclasses.replace(OWN, device_tree=dataclasses.replace(OWN.device_tree, way="overlays"))
     assert "dtoverlay=pps-gpio,gpiopin=18\ndtparam=i2c_arm=on\n" in boot.config(other)
+
+
+@pytest.mark.parametrize(("new", "left"), [("0", "3 3"), ("A", "0 3"), ("B", "3 0")])
+def test_a_slot_that_did_not_get_well_has_no_tries_again_where_none_is_left(new: str, left: str):
+    # The last lines of the script are a shell's as well.
+    last = boot.SCRIPT.read_text().partition('all tries again"\n')[2].partition("run save")[0]
+    before = f"setenv() {{ eval $1=$2; }}; BOOT_NEW={new} BOOT_A_LEFT=0 BOOT_B_LEFT=0\n"
+    ended = subprocess.run(
+        ["sh", "-c", f"{before}{last}\necho $BOOT_A_LEFT $BOOT_B_LEFT"], capture_output=True, text=True, check=True
+    )
+    assert ended.stdout == f"{left}\n"
