@@ -71,6 +71,12 @@ def test_the_station_runs_as_its_own_user_with_two_capabilities_and_is_watched()
     assert set(service["SupplementaryGroups"].split()) <= groups
 
 
+def test_no_station_listens_where_the_firewall_has_failed():
+    service = unit("captain.service")["Unit"]
+    assert "nftables.service" in service["Requires"].split()
+    assert "nftables.service" in service["After"].split()
+
+
 def test_the_stations_own_configuration_is_one_it_takes():
     loaded = config.load(OVERLAY / "etc/captain/captain.toml", [], OWN.device_tree.board)
     assert loaded.tables.endpoint.address == "0.0.0.0"
