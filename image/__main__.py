@@ -73,7 +73,8 @@ def _release(arguments: argparse.Namespace, described: description.Description) 
 
 
 def _flash(arguments: argparse.Namespace, described: description.Description) -> int:
-    flash.flash(build.Build(described, arguments.to).planned().image, arguments.device)
+    card = build.Build(described, arguments.to).planned()
+    flash.flash(card.image, card.checksums, arguments.device)
     return 0
 
 

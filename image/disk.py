@@ -59,15 +59,20 @@ def table(disk: Disk) -> str:
 
 
 def make(disk: Disk, parts: Mapping[str, Path], target: Path) -> None:
-    """A card of these partitions, by their names; what has no file stays empty. Raises ImageError."""
-    target.unlink(missing_ok=True)
-    with target.open("wb") as file:
+    """A card of these partitions, by their names; what has no file stays empty. Whole or not at all.
+
+    Raises ImageError.
+    """
+    new = target.with_name(f"{target.name}.new")
+    new.unlink(missing_ok=True)
+    with new.open("wb") as file:
         file.truncate(disk.size_mib * MIB)
-    run(["sfdisk", "-q", "--no-reread", "--no-tell-kernel", target], given=table(disk))
-    with target.open("r+b") as card:
+    run(["sfdisk", "-q", "--no-reread", "--no-tell-kernel", new], given=table(disk))
+    with new.open("r+b") as card:
         for place in places(disk):
             if place.partition.name in parts:
                 _copy(parts[place.partition.name], card.fileno(), place.offset)
+    new.rename(target)
 
 
 def make_fat(partition: Partition, folder: Path, target: Path, epoch: int) -> None:

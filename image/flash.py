@@ -1,6 +1,7 @@
 """Writes an image to a card, after a question that cannot be answered by accident, and reads it back."""
 
 import errno
+import hashlib
 import os
 import stat
 import sys
@@ -84,16 +85,28 @@ class Device:
             return ""
 
 
-def flash(image: Path, path: Path) -> None:
-    """Ask, write it, and read it back. Raises ImageError."""
+def flash(image: Path, checksums: Path, path: Path) -> None:
+    """Ask, write it, and read it back. checksums: of what was built. Raises ImageError."""
     if not image.exists():
         raise ImageError(f"{image}: is not there", "make image builds it")
     if not sys.stdin.isatty():
         raise ImageError("nobody can be asked here: nothing was written", "run it at a terminal")
     if not path.exists() or not stat.S_ISBLK(path.stat().st_mode):
         raise ImageError(f"{path}: is no block device", "lsblk shows which there are")
+    compare(image, checksums)
     users = Users(Path("/proc/self/mountinfo").read_text(), Path("/proc/swaps").read_text())
     write(image, Device(path.resolve()), users, input)
+
+
+def compare(image: Path, checksums: Path) -> None:
+    """Raises ImageError for an image of which the build did not come to its end, or that is another one since."""
+    lines = checksums.read_text().splitlines() if checksums.exists() else []
+    built = [line.split()[0] for line in lines if line.endswith(f"  {image.name}")]
+    if not built:
+        raise ImageError(f"{image}: was not built to its end", "make image builds it")
+    with image.open("rb") as file:
+        if hashlib.file_digest(file, "sha256").hexdigest() != built[0]:
+            raise ImageError(f"{image}: is another one than was built", "make image builds it again")
 
 
 def write(image: Path, device: Device, users: Users, ask: Callable[[str], str]) -> None:

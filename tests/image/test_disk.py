@@ -4,6 +4,7 @@ import dataclasses
 import itertools
 from pathlib import Path
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as some
 
@@ -33,6 +34,18 @@ def test_partitions_never_overlap_and_logical_ones_leave_room_for_their_tables(s
     for place, after in itertools.pairwise(found):
         gap = after.start_mib - place.start_mib - place.partition.size_mib
         assert gap == (1 if after.partition.number >= 5 else 0)
+
+
+def test_a_card_that_breaks_off_while_it_is_made_leaves_the_one_of_before(tmp_path: Path):
+    card, parts = tmp_path / "card.img", tmp_path / "root.ext4"
+    card.write_bytes(b"of before")
+    with pytest.raises(FileNotFoundError):
+        disk.make(OWN, {"root-a": parts}, card)
+    assert card.read_bytes() == b"of before"
+    parts.write_bytes(b"new")
+    disk.make(OWN, {"root-a": parts}, card)
+    assert card.stat().st_size == OWN.size_mib * disk.MIB
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["card.img", "root.ext4"]
 
 
 def test_what_is_a_hole_of_a_partition_is_a_hole_of_the_card(tmp_path: Path):

@@ -1,5 +1,6 @@
 """A card is written to what is one, after a question, and read back; a file stands for it."""
 
+import hashlib
 import os
 from pathlib import Path
 from typing import BinaryIO
@@ -134,13 +135,27 @@ def test_a_device_that_cannot_be_opened_is_told(tmp_path: Path, image: Path):
         written(image, device(tmp_path), "sdx")
 
 
+def test_an_image_is_one_that_was_built_to_its_end(tmp_path: Path, image: Path):
+    sums = tmp_path / "image.sha256"
+    with pytest.raises(ImageError, match="was not built to its end"):
+        flash.compare(image, sums)
+    sums.write_text(f"{'0' * 64}  image.raucb\n{hashlib.sha256(image.read_bytes()).hexdigest()}  image\n")
+    flash.compare(image, sums)
+    with image.open("r+b") as file:
+        file.write(b"x")
+    with pytest.raises(ImageError, match="is another one than was built"):
+        flash.compare(image, sums)
+
+
 def test_a_file_is_no_card_and_nobody_is_asked_without_a_terminal(
     tmp_path: Path, image: Path, monkeypatch: pytest.MonkeyPatch
 ):
+    sums = tmp_path / "image.sha256"
+    sums.write_text(f"{hashlib.sha256(image.read_bytes()).hexdigest()}  image\n")
     with pytest.raises(ImageError, match="nobody can be asked here"):
-        flash.flash(image, tmp_path / "sdx")
+        flash.flash(image, sums, tmp_path / "sdx")
     monkeypatch.setattr("sys.stdin.isatty", lambda: True)
     with pytest.raises(ImageError, match="is no block device"):
-        flash.flash(image, image)
+        flash.flash(image, sums, image)
     with pytest.raises(ImageError, match=r"none: is not there\n.*make image"):
-        flash.flash(tmp_path / "none", tmp_path / "sdx")
+        flash.flash(tmp_path / "none", sums, tmp_path / "sdx")
