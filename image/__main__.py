@@ -65,10 +65,15 @@ def _twice(arguments: argparse.Namespace, described: description.Description) ->
 def _release(arguments: argparse.Namespace, described: description.Description) -> int:
     made = build.Build(described, arguments.to)
     card = made.card()
+    if _verified(made, card):
+        return 1
     to = made.steps.folder.parent / "release"
     rows = list(release.make(made, card, to))
     print(*rows, sep="\n")
     print(to / release.SUMS)
+    if made.keys.kind == keys.DEVELOPMENT:
+        what = f"boxes take any update that is signed by this machine; for others, {keys.KEY} and {keys.CERTIFICATE}"
+        print(f"image: signed by the development key: {what} name a key of your own", file=sys.stderr)
     return 0 if all(row.is_ok for row in rows) else 1
 
 

@@ -3,10 +3,11 @@
 import io
 import tarfile
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
-from image import description, figures, release
+from image import __main__, description, figures, release
 from image.build import Card
 from image.figures import Figure
 from image.project import PROJECT
@@ -94,3 +95,21 @@ def test_a_figure_is_shown_beside_its_goal():
         "most",
         "30",
     ]
+
+
+@pytest.mark.parametrize(("is_sound", "status"), [(True, 0), (False, 1)])
+@pytest.mark.parametrize("kind", ["development", "release"])
+def test_what_is_handed_out_was_looked_through_and_whose_key_signed_it_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+    is_sound: bool, status: int, kind: str,
+):  # fmt: skip
+    made = SimpleNamespace(card=lambda: "card", steps=SimpleNamespace(folder=tmp_path), keys=SimpleNamespace(kind=kind))
+    handed_out = []
+    monkeypatch.setattr("image.__main__.build.Build", lambda described, to: made)
+    monkeypatch.setattr("image.__main__._verified", lambda made, card: 0 if is_sound else 1)
+    monkeypatch.setattr(release, "make", lambda *arguments: handed_out.append(arguments) or [])
+    assert __main__._release(SimpleNamespace(to=tmp_path), None) == status  # type: ignore[arg-type]
+    assert bool(handed_out) is is_sound
+    assert ("boxes take any update that is signed by this machine" in capsys.readouterr().err) == (
+        kind == "development" and is_sound
+    )
