@@ -9,8 +9,7 @@ from typing import NamedTuple
 
 from image import boot, bundle, device_tree, disk, frozen, initrd, kernel, keys, licences, root, slot_names, state
 from image.description import Description
-from image.errors import ImageError
-from image.packages import Archive, Package, read_list, write_list
+from image.packages import Archive, Package, paths, read_list, write_list
 from image.program import run
 from image.project import PROJECT, chrony, epoch, version
 from image.step import Steps, key
@@ -41,6 +40,7 @@ class Build:
         self._archive = Archive(folder / "archive", description.base)
         self._native = Archive(folder / "native", description.base, _native_architecture())
         self._files = self.steps.folder / "archive/archives"
+        self._native_files = self.steps.folder / "native/archives"
         self.keys = keys.chosen(self.steps.folder / "keys", epoch())
 
     def card(self, upgrade: bool = False) -> Card:
@@ -102,17 +102,10 @@ class Build:
 
         return self.steps.made("packages", [*words, *GROUPS, HERE / "packages.py"], make, forced=upgrade)
 
-    def _paths(self, packages: list[Package]) -> list[Path]:
-        found = [self._files / package.file for package in packages]
-        missing = [path.name for path in found if not path.exists()]
-        if missing:
-            raise ImageError(f"{missing[0]} is no longer in {self._files}", "python -m image build --upgrade")
-        return found
-
     def _tools(self, packages: list[Package]) -> Path:
         def make(folder: Path) -> None:
-            for package in packages:
-                run(["dpkg-deb", "-x", self.steps.folder / "native/archives" / package.file, folder])
+            for path in paths(self._native_files, packages):
+                run(["dpkg-deb", "-x", path, folder])
 
         return self.steps.made("tools", [str(packages)], make)
 
@@ -120,7 +113,7 @@ class Build:
         names = list(self.description.packages.install)
 
         def make(folder: Path) -> None:
-            self._paths(packages)
+            paths(self._files, packages)
             root.install(packages, self._files, names, folder / "root.tar")
 
         options = [root.EPOCH, *names]
@@ -128,7 +121,7 @@ class Build:
 
     def _unpacked(self, packages: list[Package]) -> Path:
         return self.steps.made(
-            "kernel", [str(packages)], lambda folder: kernel.unpack(self._paths(packages), folder / "tree")
+            "kernel", [str(packages)], lambda folder: kernel.unpack(paths(self._files, packages), folder / "tree")
         )
 
     def _early(self, unpacked: Path) -> Path:
@@ -145,9 +138,8 @@ class Build:
         python, ours = frozen.own_python(), platform.machine()
 
         def make(folder: Path) -> None:
-            frozen.unpack(self._paths(packages), folder / "root", frozen.PROCESSOR, python)
-            files = [self.steps.folder / "native/archives" / package.file for package in same_here]
-            frozen.unpack(files, folder / "here", ours, python)
+            frozen.unpack(paths(self._files, packages), folder / "root", frozen.PROCESSOR, python)
+            frozen.unpack(paths(self._native_files, same_here), folder / "here", ours, python)
 
         return self.steps.made("freezer", [str(packages), str(same_here), PROJECT / frozen.LOCK], make)
 

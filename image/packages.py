@@ -77,18 +77,40 @@ class Archive:
         return found[0] if found else name
 
     def _fetched(self, uris: str) -> list[Package]:
-        wanted = re.findall(r"^'[^']+' (\S+)_(\S+)_(\S+)\.deb ", uris, re.MULTILINE)
+        found = re.findall(r"^'[^']+' (\S+)_(\S+)_(\S+)\.deb \d+ (?:SHA256:([0-9a-f]{64}))?", uris, re.MULTILINE)
+        wanted, hashes = [parts[:3] for parts in found], [parts[3] for parts in found]
         names = [f"{name}={version.replace('%3a', ':')}" for name, version, _ in wanted]
         files = self._folder / "archives"
         missing = [
             name for name, parts in zip(names, wanted, strict=True) if not (files / f"{'_'.join(parts)}.deb").exists()
         ]
         if missing:
-            self._apt("apt-get", "-qq", "download", *missing, folder=files)  # it compares size and hash with the lists
-        return sorted(_package(files / f"{'_'.join(parts)}.deb") for parts in wanted)
+            self._apt("apt-get", "-qq", "download", *missing, folder=files)
+        # What was kept is compared as well: a part of a file, or one that was put there, is not what is signed.
+        listed = [_package(files / f"{'_'.join(parts)}.deb") for parts in wanted]
+        for package, sha256 in zip(listed, hashes, strict=True):
+            if not sha256:
+                raise ImageError(f"{package.file}: apt's list has no SHA-256 of it", "apt-get of Debian 12 or newer")
+            if package.sha256 != sha256:
+                raise ImageError(f"{files / package.file}: is another one than apt's list names", "remove the file")
+        return sorted(listed)
 
     def _apt(self, *words: str, folder: Path | None = None) -> str:
+        words = (words[0], "-o", "Acquire::ForceHash=SHA256", *words[1:])  # else it names MD5 where it installs
         return run(words, folder=folder, environment={"APT_CONFIG": str(self._folder / "conf")})
+
+
+def paths(folder: Path, packages: Iterable[Package]) -> list[Path]:
+    """Their files, each the one that was listed. Raises ImageError."""
+    found = []
+    for package in packages:
+        path = folder / package.file
+        if not path.exists():
+            raise ImageError(f"{path.name} is no longer in {folder}", "python -m image build --upgrade")
+        if _package(path).sha256 != package.sha256:
+            raise ImageError(f"{path}: is another one than was listed", "remove it; python -m image build --upgrade")
+        found.append(path)
+    return found
 
 
 def write_list(path: Path, packages: Sequence[Package]) -> None:

@@ -1,5 +1,6 @@
 """Steps that are kept, packages that are listed, modules that are unpacked."""
 
+import hashlib
 import lzma
 from contextlib import closing
 from pathlib import Path
@@ -7,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from image import initrd, packages, project
+from image.description import read
 from image.errors import ImageError
 from image.packages import Package
 from image.program import run
@@ -66,3 +68,37 @@ def test_a_program_that_fails_is_quoted_and_one_that_is_missing_is_named():
 def test_the_date_of_a_build_is_what_is_asked_for(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "1750000000")
     assert project.epoch() == 1_750_000_000
+
+
+class Listed(packages.Archive):
+    """An archive whose apt has a list of one package."""
+
+    def __init__(self, folder: Path, octets: bytes) -> None:
+        super().__init__(folder, read(project.PROJECT / "image/image.toml").base)
+        self.said = f"'http://x/a_1_arm64.deb' a_1_arm64.deb 3 SHA256:{hashlib.sha256(octets).hexdigest()}\n"
+        (folder / "archives").mkdir(parents=True)
+        (folder / "archives/a_1_arm64.deb").write_bytes(b"abc")
+
+    def _apt(self, *words: str, folder: Path | None = None) -> str:
+        return self.said
+
+
+def test_a_package_that_is_kept_is_the_one_that_apts_signed_list_names(tmp_path: Path):
+    assert Listed(tmp_path / "same", b"abc").closed(["a"])[0].file == "a_1_arm64.deb"
+    for ask in (packages.Archive.closed, packages.Archive.alone):
+        with pytest.raises(ImageError, match=r"a_1_arm64\.deb: is another one than apt's list names"):
+            ask(Listed(tmp_path / ask.__name__, b"abd"), ["a"])
+    listed = Listed(tmp_path / "none", b"abc")
+    listed.said = "'http://x/a_1_arm64.deb' a_1_arm64.deb 3 \n"
+    with pytest.raises(ImageError, match="apt's list has no SHA-256"):
+        listed.closed(["a"])
+
+
+def test_a_package_that_has_changed_since_it_was_listed_is_not_installed(tmp_path: Path):
+    (tmp_path / "a_1_arm64.deb").write_bytes(b"abc")
+    one = Package("a", "1", "arm64", hashlib.sha256(b"abc").hexdigest(), "a_1_arm64.deb")
+    assert packages.paths(tmp_path, [one]) == [tmp_path / one.file]
+    with pytest.raises(ImageError, match="is another one than was listed"):
+        packages.paths(tmp_path, [one._replace(sha256="0" * 64)])
+    with pytest.raises(ImageError, match="is no longer in"):
+        packages.paths(tmp_path, [one._replace(file="b_1_arm64.deb")])
