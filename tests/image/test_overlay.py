@@ -93,6 +93,16 @@ def test_only_what_the_readme_lists_may_come_in():
     assert re.findall(r'iifname \{ "usb\*", "enx\*", "wwan\*" \} (.*) accept', text) == ["udp sport 67 udp dport 68"]
 
 
+def test_a_network_by_usb_is_never_the_cable_that_the_firewall_trusts():
+    # net.ifnames=0: whoever comes first is eth0, and an address of the maker's own makes a USB network an eth as well.
+    assert "net.ifnames=0" in OWN.kernel.command_line
+    rules = (OVERLAY / "usr/lib/udev/rules.d/70-captain-net.rules").read_text().splitlines()
+    lines = [line for line in rules if not line.startswith("#")]
+    own = 'SUBSYSTEMS=="usb", DRIVERS=="smsc95xx|lan78xx", NAME="eth0", GOTO="captain_net_end"'
+    assert lines.index(own) < lines.index('SUBSYSTEMS=="usb", NAME="usb%n"')
+    assert 'DRIVERS=="bcmgenet", NAME="eth0"' in lines
+
+
 def test_the_networks_speak_no_llmnr_and_only_near_ones_speak_mdns():
     for path in (OVERLAY / "usr/lib/systemd/network").iterdir():
         text = path.read_text()
