@@ -7,6 +7,7 @@ import json
 import os
 import random
 import re
+import socket
 import ssl
 import threading
 from collections.abc import Callable, Iterator
@@ -281,7 +282,6 @@ def test_what_comes_by_a_pipe_is_taken_to_its_end(folder: Folder):
     ("url", "said"),
     [
         ("http://127.0.0.1:9/update", "nobody listens there"),
-        ("http://no.such.host.invalid/update", "no host of this name|no name server answers"),
         ("http:///update", "is no address of a file"),
         ("http://localhost:99999/update", "ort"),
     ],
@@ -289,6 +289,19 @@ def test_what_comes_by_a_pipe_is_taken_to_its_end(folder: Folder):
 def test_a_server_that_is_not_there_is_told_at_once(folder: Folder, url: str, said: str):
     with pytest.raises(StationError, match=said):
         fetch(url, folder)
+
+
+@pytest.mark.parametrize(
+    ("number", "said"),
+    [(socket.EAI_NONAME, "there is no host of this name"), (socket.EAI_AGAIN, "no name server answers")],
+)
+def test_a_name_that_nobody_knows_is_told(folder: Folder, monkeypatch: pytest.MonkeyPatch, number: int, said: str):
+    def unknown(*arguments: object, **named: object) -> None:
+        raise socket.gaierror(number, "as the resolver says it")
+
+    monkeypatch.setattr("socket.getaddrinfo", unknown)
+    with pytest.raises(StationError, match=said):
+        fetch("http://no.such.host.invalid/update", folder)
 
 
 @pytest.fixture(scope="module")
