@@ -11,7 +11,7 @@ from typing import BinaryIO, NamedTuple
 from urllib.parse import SplitResult, urljoin, urlsplit
 
 from board.errors import StationError
-from drivers import mqtt_trouble
+from firmware.box import update_trouble
 from firmware.box.update_folder import Folder, storing
 from firmware.made_up import is_clock_set
 
@@ -195,17 +195,11 @@ def _distrusted(url: str, error: ssl.SSLCertVerificationError) -> StationError:
             f"{url}: the server's certificate is not valid yet, for the clock of this box was not set: it says {now}",
             "wait for a receiver or a server to set it (captain time), or copy the bundle here by ssh",
         )
-    return StationError(f"{url}: {mqtt_trouble.why(error)}", "the authorities are those of the image")
+    return StationError(f"{url}: {_why(error)}", "the authorities are those of the image")
 
 
 def _why(error: Exception) -> str:
-    if isinstance(error, http.client.IncompleteRead):
-        return "the connection has ended too early"
-    if isinstance(error, http.client.HTTPException):
-        return f"what answers there is no web server: {error!r}"[:120]
-    if isinstance(error, TimeoutError) and error.errno is None:
-        return f"nothing came for {WAIT_S:.0f} s"
-    return mqtt_trouble.why(error).replace("no broker listens there", "nobody listens there").replace(" in url", "")
+    return update_trouble.why(error, WAIT_S)
 
 
 def _put(file: BinaryIO, octets: bytes, folder: Folder, is_counted: bool) -> None:
