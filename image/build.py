@@ -1,6 +1,7 @@
 """The whole build, step by step: packages, userland, kernel, early boot, captain, boot partition, card."""
 
 import hashlib
+import inspect
 import json
 import platform
 from concurrent.futures import ThreadPoolExecutor
@@ -15,6 +16,7 @@ from image.project import PROJECT, chrony, epoch, version
 from image.step import Steps, key
 
 HERE = Path(__file__).parent
+FROZEN = HERE / "frozen.py"
 BUILT = PROJECT / "build/image"
 GROUPS = ("userland", "unpacked", "freezer", "here", "tools")
 
@@ -116,12 +118,14 @@ class Build:
             paths(self._files, packages)
             root.install(packages, self._files, names, folder / "root.tar")
 
-        options = [root.EPOCH, *names]
+        options = [root.EPOCH, *names, inspect.getsource(root.install)]  # the rest of root.py makes nothing of it
         return self.steps.made("userland", [str(packages), *options], make)
 
     def _unpacked(self, packages: list[Package]) -> Path:
         return self.steps.made(
-            "kernel", [str(packages)], lambda folder: kernel.unpack(paths(self._files, packages), folder / "tree")
+            "kernel",
+            [str(packages), HERE / "kernel.py"],
+            lambda folder: kernel.unpack(paths(self._files, packages), folder / "tree"),
         )
 
     def _early(self, unpacked: Path) -> Path:
@@ -141,21 +145,21 @@ class Build:
             frozen.unpack(paths(self._files, packages), folder / "root", frozen.PROCESSOR, python)
             frozen.unpack(paths(self._native_files, same_here), folder / "here", ours, python)
 
-        return self.steps.made("freezer", [str(packages), str(same_here), PROJECT / frozen.LOCK], make)
+        return self.steps.made("freezer", [str(packages), str(same_here), PROJECT / frozen.LOCK, FROZEN], make)
 
     def _foreign(self, freezer: Path) -> Path:
         """What of captain is not ours, frozen: as long as our modules import the same, it stays."""
         names = frozen.imports(freezer / "root")
         return self.steps.made(
             "foreign",
-            [key(freezer), *names, frozen.SPEC, HERE / "translated.py"],
+            [key(freezer), *names, frozen.SPEC, HERE / "translated.py", FROZEN],
             lambda folder: frozen.freeze(freezer / "here", freezer / "root", names, folder / "captain"),
         )
 
     def _messages(self, freezer: Path) -> Path:
         return self.steps.made(
             "messages",
-            [key(freezer), *frozen.messages_inputs()],
+            [key(freezer), *frozen.messages_inputs(), FROZEN],
             lambda folder: frozen.compile_messages(freezer / "root", frozen.own_python(), folder),
         )
 
@@ -163,7 +167,7 @@ class Build:
         module = next(messages.glob("*.so"))
         return self.steps.made(
             "program",
-            [key(freezer), key(foreign), key(messages), *frozen.inputs()],
+            [key(freezer), key(foreign), key(messages), *frozen.inputs(), FROZEN],
             lambda folder: frozen.join(freezer / "here", foreign / "captain", module, folder / "captain"),
         )
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from image import initrd, packages, project
+from image import build, initrd, packages, project
 from image.description import read
 from image.errors import ImageError
 from image.packages import Package
@@ -102,3 +102,36 @@ def test_a_package_that_has_changed_since_it_was_listed_is_not_installed(tmp_pat
         packages.paths(tmp_path, [one._replace(sha256="0" * 64)])
     with pytest.raises(ImageError, match="is no longer in"):
         packages.paths(tmp_path, [one._replace(file="b_1_arm64.deb")])
+
+
+class Asked:
+    """Steps that make nothing. inputs: of each, by its name."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.inputs: dict[str, list[str | Path]] = {}
+
+    def made(self, name: str, inputs: list[str | Path], make: object, forced: bool = False) -> Path:
+        self.inputs[name] = inputs
+        return self.folder / name
+
+
+def test_a_step_is_made_again_when_the_code_that_makes_it_has_changed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    made = build.Build.__new__(build.Build)
+    made.description = read(project.PROJECT / "image/image.toml")
+    asked = made.steps = Asked(tmp_path)  # type: ignore[assignment]
+    monkeypatch.setattr(build, "key", str)
+    monkeypatch.setattr("image.frozen.own_python", lambda: tmp_path)
+    monkeypatch.setattr("image.frozen.imports", lambda folder: [])
+    monkeypatch.setattr("image.frozen.inputs", list)
+    monkeypatch.setattr("image.frozen.messages_inputs", list)
+    (tmp_path / "messages").mkdir()
+    (tmp_path / "messages/x.so").touch()
+    made._userland([])
+    made._unpacked([])
+    made._foreign(made._freezer([], []))
+    made._program(tmp_path, tmp_path, made._messages(tmp_path))
+    assert any("mmdebstrap" in str(words) for words in asked.inputs["userland"])
+    assert build.HERE / "kernel.py" in asked.inputs["kernel"]
+    for name in ("freezer", "foreign", "messages", "program"):
+        assert build.HERE / "frozen.py" in asked.inputs[name], name
