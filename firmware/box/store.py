@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 
+from board.state_file import keep, settle
 from firmware.box.card import FOLDER, is_brokers
 from firmware.box.made import Made
 
@@ -44,11 +45,8 @@ class Store:
         self._clean(name)
 
     def tell(self, key: str, blinks: int, lines: Sequence[str]) -> None:
-        """What was found; the same set is not looked at again."""
-        path = self._folder / f"{LOOKED}.new"
-        _put(path, "".join(f"{line}\n" for line in (key, blinks, *lines)).encode(), 0o644)
-        os.rename(path, self._folder / LOOKED)
-        _sync(self._folder)
+        """What was found; the same set is not looked at again. Raises StorageError."""
+        keep(self._folder / LOOKED, "".join(f"{line}\n" for line in (key, blinks, *lines)).encode())
 
     def _write(self, name: str, keys: Sequence[str], files: Mapping[str, bytes], made: Mapping[str, Made]) -> None:
         target = self._folder / name
@@ -69,16 +67,16 @@ class Store:
             else:
                 _put(place, one.text.encode(), one.mode)
         for folder in _folders(new):
-            _sync(folder)
+            settle(folder)
         os.rename(new, target)
-        _sync(self._folder)
+        settle(self._folder)
 
     def _link(self, name: str, target: str) -> None:
         new = self._folder / f"{name}.new"
         new.unlink(missing_ok=True)
         new.symlink_to(target)
         os.rename(new, self._folder / name)
-        _sync(self._folder)
+        settle(self._folder)
 
     def _clean(self, kept: str) -> None:
         """Other sets than the one in force, and what a lost power left."""
@@ -116,11 +114,3 @@ def _give(path: Path, is_own: bool = False) -> None:
 
 def _folders(top: Path) -> Iterator[Path]:
     yield from (Path(folder) for folder, _, _ in os.walk(top, topdown=False))
-
-
-def _sync(folder: Path) -> None:
-    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
