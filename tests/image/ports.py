@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from tests.image import packets
-from tests.image.machine import BARE_VIRT, LOADER, Ports, owned, powered
+from tests.image.machine import BARE_VIRT, LIMIT_S, LOADER, Ports, owned, powered
 from tests.image.neighbour import Neighbour, answers_echo, tcp_scan, udp_scan
 from tests.image.packets import IPV4, TCP, UDP
 from tests.image.root_shell import EXTRA, RootShell
@@ -168,7 +168,7 @@ def _multicast(neighbour: Neighbour, is_answered: bool) -> set[str]:
         return "mDNS" in found
 
     if is_answered:
-        neighbour.wire.wait(is_answer, 60.0, "an answer of mDNS")
+        neighbour.wire.wait(is_answer, LIMIT_S, "an answer of mDNS")
     else:
         for one in neighbour.settle():
             is_answer(packets.frame(bytes(6), bytes(6), IPV4, packets.ip(one.source, one.destination, UDP, one.body)))

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from tests.image.login import Key, host_key, new_key, said, ssh, wait_for_ssh
-from tests.image.machine import Guest, owned, powered
+from tests.image.machine import LIMIT_S, Guest, owned, powered
 from tests.image.rows import Options, Row
 from tests.image.screen import ALLOWED, COLUMNS, HEAD, PROMPT, Screen
 from tests.image.user import CAM, User, user
@@ -126,13 +126,13 @@ def _exchange(one: User, wire: Wire) -> Iterator[Row]:
     frame = frames["cam-shb"]
     one.wait_up("air")
     wire.send(frame)
-    body = one.hear(b"v2x.cam.", 60.0)
+    body = one.hear(b"v2x.cam.", LIMIT_S)
     is_same = frame.endswith(body)
     yield Row(
         "a neighbour's CAM at 5556", f"{len(body)} octets, {'its own' if is_same else 'others'}", "its own", is_same
     )
     one.sent.send_multipart([b"v2x.", CAM])
-    seen = wire.wait(lambda octets: octets[12:14] == GEONETWORKING and octets.endswith(CAM), 60.0, "the user's CAM")
+    seen = wire.wait(lambda octets: octets[12:14] == GEONETWORKING and octets.endswith(CAM), LIMIT_S, "the user's CAM")
     yield Row(
         "a user's CAM of 5555 on the air", f"a frame of {len(seen)} octets", "GeoNetworking, BTP-B, the CAM", True
     )
