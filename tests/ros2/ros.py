@@ -11,6 +11,7 @@ ENV = MADE / "env"
 WORKSPACE = MADE / "workspace"
 INSTALLED = WORKSPACE / "install"
 INSIDE = Path(__file__).parent / "inside"
+DOMAIN = "77"  # of ROS: no node of somebody else is met; ROS_DOMAIN_ID is another, for two runs on one machine
 
 
 class RosError(RuntimeError):
@@ -34,7 +35,7 @@ def environment(prefix: Path = INSTALLED) -> dict[str, str]:
         "MAKEFLAGS": "-j",  # without it colcon waits for a machine that does nothing else
         "CMAKE_BUILD_PARALLEL_LEVEL": os.environ.get("CMAKE_BUILD_PARALLEL_LEVEL", str(os.cpu_count())),
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-        "ROS_DOMAIN_ID": os.environ.get("ROS_DOMAIN_ID", "0"),  # of another run on the same machine another
+        "ROS_DOMAIN_ID": os.environ.get("ROS_DOMAIN_ID", DOMAIN),
     }
 
 

@@ -21,7 +21,6 @@ from tests.system.ports import Ports
 from tests.system.station import Station
 
 GATEWAY = ros.ROOT / "firmware" / "gateway" / "captain_gateway"
-DOMAIN = "77"  # of ROS: no node of somebody else is met
 STOP_S = 15.0
 # The handlers that the lab test has: ten types of message.
 TYPES = {
@@ -98,7 +97,7 @@ def environment(codec: Path, prefix: Path = ros.INSTALLED) -> dict[str, str]:
     """Of a program of ROS that finds the message library and the gateway; the one is not installed there."""
     found = ros.environment(prefix)
     found["PYTHONPATH"] += f":{codec}:{GATEWAY}"
-    return found | {"ROS_DOMAIN_ID": DOMAIN, "PYTHONUNBUFFERED": "1"}
+    return found | {"PYTHONUNBUFFERED": "1"}
 
 
 def endpoint(station: Station) -> list[str]:
