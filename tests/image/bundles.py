@@ -20,6 +20,7 @@ MARK = "usr/lib/captain-image/proof"  # a file that only the good update has
 PROGRAM = "usr/lib/captain/captain"
 FAILS = "#!/bin/sh\necho 'this version does not work' >&2\nexit 1\n"
 CHUNK = 1 << 20
+SOUND = "sound"
 SMALL = 200_000  # octets of contents that are never installed
 
 
@@ -27,12 +28,14 @@ class Bundles(NamedTuple):
     """Files in one folder.
 
     spoiled  file by what is wrong with it.
+    sound    one with nothing wrong but its contents, which no slot could be started with.
     octets   of the good one's file system, and its SHA-256: what a slot holds that has it.
     """
 
     good: Path
     broken: Path
     spoiled: dict[str, Path]
+    sound: Path
     octets: int
     digest: str
 
@@ -49,11 +52,12 @@ def made(card: Path, folder: Path, is_short: bool = False) -> Bundles:
     contents.unlink()
     if is_short:
         slot.unlink()
-        return Bundles(good, good, {}, octets, digest)
+        return Bundles(good, good, {}, good, octets, digest)
     broken, contents = _changed(slot, folder, own, description, BROKEN, {PROGRAM: FAILS})
     for path in (contents, slot):
         path.unlink()
-    return Bundles(good, broken, _spoiled(good, folder, own, description), octets, digest)
+    spoiled = _spoiled(good, folder, own, description)
+    return Bundles(good, broken, spoiled, spoiled.pop(SOUND), octets, digest)
 
 
 def digest_of(path: Path, at: int = 0, octets: int | None = None) -> str:
@@ -112,6 +116,7 @@ def _spoiled(good: Path, folder: Path, own: keys.Keys, description: Description)
         found[name] = folder / f"{name.replace(' ', '-')}.raucb"
         bundle.write(small, words, "9.3.0", 0, signer, found[name], FAST)
 
+    signed(SOUND, description.compatible, own)
     signed("another signer", description.compatible, keys.development(folder / "foreign", 0))
     signed("another device tree", f"{description.compatible}-other", own)
     size = good.stat().st_size

@@ -38,11 +38,16 @@ def ssh(
     guest: Guest, key: Path, command: str, limit_s: float = 120.0, given: Path = Path("/dev/null")
 ) -> "subprocess.CompletedProcess[str]":
     """A command by ssh, as operator; Path("/dev/null") is no key. given: what it has as its input."""
-    words = ["ssh", "-p", str(guest.ports.ssh), "-i", str(key)]
-    words += [word for name, value in OPTIONS.items() for word in ("-o", f"{name}={value}")]
-    words += [f"{NAME}@127.0.0.1", command]
     with given.open("rb") as file:
-        return subprocess.run(words, stdin=file, capture_output=True, text=True, timeout=limit_s, check=False)
+        return subprocess.run(
+            words(guest, key, command), stdin=file, capture_output=True, text=True, timeout=limit_s, check=False
+        )
+
+
+def words(guest: Guest, key: Path, command: str, *options: str) -> list[str]:
+    """Of this machine's command line, for a command as operator. options: of ssh."""
+    own = (word for name, value in OPTIONS.items() for word in ("-o", f"{name}={value}"))
+    return ["ssh", "-p", str(guest.ports.ssh), "-i", str(key), *own, *options, f"{NAME}@127.0.0.1", command]
 
 
 def said(guest: Guest, key: Key, command: str, limit_s: float = 120.0) -> str:

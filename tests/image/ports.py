@@ -12,29 +12,33 @@ from tests.image.neighbour import Neighbour, answers_echo, tcp_scan, udp_scan
 from tests.image.packets import IPV4, TCP, UDP
 from tests.image.root_shell import EXTRA, RootShell
 from tests.image.rows import Options, Row
-from tests.image.wire import ONE_DRIVER, Wire
+from tests.image.wire import MAKERS, ONE_DRIVER, QEMUS, Wire
 
 ALL = range(1, 65536)
 FEW = (22, 53, 67, 68, 80, 123, 323, 546, 5353, 5355, 5555, 5556, 5557, 5558, 8947)
 LISTED = {22, 5555, 5556, 5557, 5558}
-
-
-MODEM = "wwan0"
+MODEM, RADIO = "wwan0", "usb0"
 
 
 class Network(NamedTuple):
-    """A network device of the box. is_near: who is there is a user; else only replies come in."""
+    """A network device of the box.
+
+    is_near  who is there is a user; else only replies come in.
+    address  how its hardware address begins.
+    """
 
     name: str
     device: str
     network: str
     is_near: bool
+    address: bytes = QEMUS
 
 
 NETWORKS = (
     Network("eth0", "virtio-net-pci", "192.0.2.0/24", True),
     Network("wlan0", "virtio-net-pci", "198.51.100.0/24", True),
-    Network("usb0", "usb-net", "192.168.1.0/24", False),  # the SOM301-E's
+    # The SOM301-E's. With an address of a maker's own the kernel calls it eth, as it does the board's port.
+    Network(RADIO, "usb-net", "192.168.1.0/24", False, MAKERS),
     Network(MODEM, "virtio-net-pci", "203.0.113.0/24", False),
 )
 
@@ -60,7 +64,7 @@ def rows(card: Path, folder: Path, options: Options) -> Iterator[Row]:
     own = owned(card, folder, {})
     ports = FEW if options.is_short else ALL
     shell = RootShell(folder)
-    wires = [Wire(folder, one.name, number, one.device) for number, one in enumerate(NETWORKS)]
+    wires = [Wire(folder, one.name, number, one.device, one.address) for number, one in enumerate(NETWORKS)]
     words = [*shell.words, "-device", "qemu-xhci,id=xhci", *(word for wire in wires for word in wire.words)]
     with ExitStack() as opened:
         guest = opened.enter_context(powered(own, folder, words, machine=_without_network))
@@ -72,6 +76,7 @@ def rows(card: Path, folder: Path, options: Options) -> Iterator[Row]:
             wire.start()
         guest.stop_loader(f"{EXTRA} {ONE_DRIVER}")
         shell.open()
+        yield _named(shell, wires[[one.name for one in NETWORKS].index(RADIO)])
         _name(shell, wires)
         for one in NETWORKS:
             yield _lease(shell, one, neighbours[one.name])
@@ -81,7 +86,7 @@ def rows(card: Path, folder: Path, options: Options) -> Iterator[Row]:
         for one in NETWORKS:
             yield from _scanned(one, neighbours[one.name], ports)
             yield from _spoken(one, neighbours[one.name], shell)
-        yield _misled(shell, neighbours["usb0"])
+        yield _misled(shell, neighbours[RADIO])
         yield from _crossed(neighbours)
         yield _heard(neighbours)
         yield _listening(shell)
@@ -92,16 +97,29 @@ def _without_network(card: Path, _: Ports) -> list[str]:
     return [*BARE_VIRT, "-bios", str(LOADER), "-drive", f"file={card},format=raw,if=virtio"]
 
 
+def _named(shell: RootShell, wire: Wire) -> Row:
+    """By udev, once it is done with it: the firewall trusts eth0, which has to be the board's port."""
+    found = shell.run(f"{_found(wire)}; udevadm wait --timeout 300 /sys/class/net/$is; {_found(wire)}; echo $is")
+    return Row("a network at USB, with an address of its maker", found, "usb*, and never eth*", found.startswith("usb"))
+
+
 def _name(shell: RootShell, wires: Sequence[Wire]) -> None:
     """What the kernel of a Pi would have named so: a Wi-Fi and a modem are no virtio devices."""
     for wire in wires:
-        mac = ":".join(f"{octet:02x}" for octet in wire.guest)
-        found = f"$(basename $(dirname $(grep -l {mac} /sys/class/net/*/address)))"
         shell.run(
-            f"until grep -q {mac} /sys/class/net/*/address; do sleep 1; done; is={found};"
+            f"{_found(wire)};"
             f" [ $is = {wire.name} ] || {{ ip link set $is down; ip link set $is name {wire.name};"
             f" networkctl reconfigure {wire.name}; }}"
         )
+
+
+def _found(wire: Wire) -> str:
+    """Words of a shell: $is is what the guest calls it, once it is there."""
+    mac = ":".join(f"{octet:02x}" for octet in wire.guest)
+    return (
+        f"until grep -q {mac} /sys/class/net/*/address; do sleep 1; done;"
+        f" is=$(basename $(dirname $(grep -l {mac} /sys/class/net/*/address)))"
+    )
 
 
 def _lease(shell: RootShell, network: Network, neighbour: Neighbour) -> Row:
@@ -193,7 +211,7 @@ def _crossed(neighbours: Mapping[str, Neighbour]) -> Iterator[Row]:
     """From the networks that may not come in to what lies behind the box, or to its other addresses."""
     behind = neighbours["eth0"]
     behind.settle()
-    for name in ("usb0", "wwan0"):
+    for name in (RADIO, MODEM):
         neighbour = neighbours[name]
         found = tcp_scan(neighbour, 4, FEW, behind.guest)
         yield Row(f"{name}: eth0's address of the box", _said(found), "silence", not found)
@@ -226,7 +244,7 @@ def _listening(shell: RootShell) -> Row:
 def _opened(shell: RootShell, neighbours: Mapping[str, Neighbour]) -> Iterator[Row]:
     """The proof that these scans see: without the firewall the same ones find what it had kept away."""
     shell.run("nft flush ruleset")
-    for name in ("usb0", "wwan0"):
+    for name in (RADIO, MODEM):
         found = tcp_scan(neighbours[name], 4, FEW)
         is_ok = {port for port in found if found[port] == "open"} >= LISTED and "closed" in found.values()
         yield Row(f"{name}: the same scan without the firewall", _said(found), "22 5555 to 5558, others closed", is_ok)

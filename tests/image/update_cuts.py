@@ -27,7 +27,7 @@ from tests.image.machine import Guest, NotSeenError, Ports, free_ports, owned, p
 from tests.image.medium import Fate
 from tests.image.rows import Options, Row
 from tests.image.site import serving
-from tests.image.update import ENDED, INSTALL_S
+from tests.image.slots import ENDED, INSTALL_S
 from tests.image.user import user
 
 COUNT, SHORT = 12, 2

@@ -14,6 +14,8 @@ from tests.image.machine import NotSeenError
 ONE_DRIVER = "module_blacklist=cdc_subset"
 BATCH = 8192  # frames that are kept
 MAX_FRAME = 65536
+# Of a hardware address, its first octets: QEMU's, which nobody was given, and those of a maker. Source: RFC 7042, 2.1.2.
+QEMUS, MAKERS = bytes((0x52, 0x54, 0, 0x43, 0)), bytes((0, 0, 0x5E, 0, 0x53))
 POLL_S = 0.2
 
 
@@ -21,14 +23,16 @@ class Wire:
     """One network device of the guest, and what it sends.
 
     words    of QEMU's command line; device: "virtio-net-pci" or "usb-net".
-    guest    the hardware address of its end; ours: of this one.
+    guest    the hardware address of its end, which begins with address; ours: of this one.
     frames   what came and nobody has looked at, the newest last.
     answer   is given each frame as it comes, and returns what is sent back at once.
     """
 
-    def __init__(self, folder: Path, name: str, number: int, device: str = "virtio-net-pci") -> None:
+    def __init__(
+        self, folder: Path, name: str, number: int, device: str = "virtio-net-pci", address: bytes = QEMUS
+    ) -> None:
         self.name = name
-        self.guest = bytes((0x52, 0x54, 0, 0x43, 0, number))
+        self.guest = bytes((*address, number))
         self.ours = bytes((0x52, 0x54, 0, 0x43, 1, number))
         self.frames: deque[bytes] = deque(maxlen=BATCH)
         self.count = 0
