@@ -11,6 +11,7 @@ import shutil
 import subprocess
 import time
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,7 @@ from tests.clock.card import INSIDE, Card, prepare
 from tests.clock.machine import MADE, PROJECT, Guest, LateError
 from tests.clock.stated import asked
 from tests.clock.truth import Truth
-from tests.image.machine import NotSeenError, free_ports, user_network
+from tests.image.machine import NotSeenError, held_ports, user_network
 from tests.image.modules import built
 from tests.image.rows import Options, Row
 from tests.image.usb import Usb
@@ -94,7 +95,8 @@ class Box:
             on.loop, habits, appeared=lambda path: self._plug("gnss", path), vanished=lambda: self._unplug("gnss")
         )
         self._modem = SimulatedModem(on.loop, self._plug_modem, lambda: self._unplug("cellular"))
-        self._ports = free_ports()
+        self._holding = ExitStack()
+        self._ports = self._holding.enter_context(held_ports())
         made = Card(card, _device_tree(folder), {"captain.toml": CAPTAIN, "board.toml": BOARD.read_text()})
         words = ["-netdev", user_network(self._ports), "-device", "virtio-net-pci,netdev=eth0,romfile="]
         date = time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(time.time() - 86_400))  # a day late, until pulses come
@@ -111,6 +113,7 @@ class Box:
         self._receiver.unplug()
         self._modem.close()
         self._usb.close()
+        self._holding.close()
 
     def rows(self) -> Iterator[Row]:
         self._on.wait_for_guests()

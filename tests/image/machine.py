@@ -8,11 +8,12 @@ import subprocess
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
 from board.child import die_with_parent
+from tests.system import ports as system
 
 LOADER = Path("/usr/lib/u-boot/qemu_arm64/u-boot.bin")
 LIMIT_S = 900.0  # emulated on a busy machine; only a machine that never gets there takes so long
@@ -152,12 +153,11 @@ def powered(
     card: Path, folder: Path, words: Sequence[str] = (), ports: Ports | None = None, machine: Machine = virt
 ) -> Iterator[Guest]:
     """A machine with its power on until the block ends. words: of QEMU's command line, beside the machine's."""
-    ports = ports or free_ports()
-    guest = Guest([*machine(card, ports), *words], folder, ports)
-    try:
+    with ExitStack() as opened:
+        ports = ports or opened.enter_context(held_ports())
+        guest = Guest([*machine(card, ports), *words], folder, ports)
+        opened.callback(guest.cut)
         yield guest
-    finally:
-        guest.cut()
 
 
 def owned(image: Path, folder: Path, files: Mapping[str, str | bytes]) -> Path:
@@ -195,12 +195,14 @@ def _mtools(words: list[str], card: Path, offset: int, *names: str, given: bytes
     )
 
 
-def free_ports() -> Ports:
-    sockets = [socket.create_server(("127.0.0.1", 0)) for _ in GUEST]
-    found = Ports(*(each.getsockname()[1] for each in sockets))
-    for each in sockets:
-        each.close()
-    return found
+@contextmanager
+def held_ports() -> Iterator[Ports]:
+    """Until the block ends nobody else is given them; QEMU, which asks for them by number, listens there."""
+    held = system.Ports()
+    try:
+        yield Ports(*(held.take() for _ in GUEST))
+    finally:
+        held.release()
 
 
 def _connected(path: Path, process: "subprocess.Popen[bytes]") -> socket.socket:

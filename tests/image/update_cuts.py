@@ -23,7 +23,7 @@ from tests.image import bundles
 from tests.image.bundles import Bundles, digest_of
 from tests.image.drive import MIB, Drive, served
 from tests.image.login import Key, new_key, said, ssh, wait_for_ssh
-from tests.image.machine import Guest, NotSeenError, Ports, free_ports, owned, powered
+from tests.image.machine import Guest, NotSeenError, Ports, held_ports, owned, powered
 from tests.image.medium import Fate
 from tests.image.rows import Options, Row
 from tests.image.site import serving
@@ -83,9 +83,9 @@ def rows(card: Path, folder: Path, options: Options) -> Iterator[Row]:
     key = new_key(folder)
     own = owned(card, folder, {"authorized_keys": key.line})
     slots = []
-    with serving(made.good.parent) as site:
+    with serving(made.good.parent) as site, held_ports() as ports:
         url = site.url(made.good.name)
-        kept = _kept(own, folder, key, made.good)
+        kept = _kept(own, folder, key, made.good, ports)
         writes, took_s = _whole(kept, folder, key)
         told = ", ".join(f"{name} {number}" for name, number in writes.items())
         yield Row(f"writes of an update, {took_s:.0f} s", told, "", all(writes.values()))
@@ -112,8 +112,8 @@ def plan(count: int, writes: Mapping[str, int]) -> list[Cut]:
     return planned
 
 
-def _kept(card: Path, folder: Path, key: Key, bundle: Path) -> Kept:
-    ports, memory = free_ports(), folder / "memory"
+def _kept(card: Path, folder: Path, key: Key, bundle: Path, ports: Ports) -> Kept:
+    memory = folder / "memory"
     with served(card, folder, SEED) as drive:
         with powered(drive.url, folder, ports=ports) as guest:
             guest.wait("slots: trying A, 2 tries left")
