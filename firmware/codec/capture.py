@@ -4,11 +4,15 @@ Our own: of the libraries that read both, none is kept (dpkt: last release 2022)
 Sources: draft-ietf-opsawg-pcap, draft-ietf-opsawg-pcapng.
 """
 
+import json
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from types import MappingProxyType
 from typing import BinaryIO, NamedTuple
 
 from board.errors import ProtocolError, RequestError
+from firmware.codec import pcapng
+from firmware.codec.pcapng import Direction
 
 # The first four octets: byte order, and the unit of the time stamps in ns.
 PCAP = {
@@ -22,14 +26,20 @@ PCAPNG = b"\x0a\x0d\x0d\x0a"  # block type of a section header
 # tcpdump's own bound is 262,144 octets a frame; a block of pcapng adds options.
 MAX_BLOCK = 1 << 20
 
-_INTERFACE, _SIMPLE_PACKET, _ENHANCED_PACKET = 1, 3, 6
-_END_OF_OPTIONS, _RESOLUTION, _OFFSET = 0, 9, 14
+_SIMPLE_PACKET, _OFFSET = 3, 14
+_NOTHING: Mapping[str, object] = MappingProxyType({})
 
 
 class Frame(NamedTuple):
     """One frame. number counts from 1; link is the LINKTYPE_ value; when_ns is Unix time, None where it has none.
 
-    missing  octets that were not captured.
+    missing      octets that were not captured.
+    interface    its name, and its description: empty where the file does not say it, as all that follows.
+    direction    whether it came in or went out.
+    comment      in words, several as several lines.
+    lost         frames of the interface between the one before and this that were not recorded.
+    said         what `captain record` knew of it: the keys of topic `frame.`, without those that are fields here.
+    recording    what it said of itself: station, version, configuration.
     """
 
     number: int
@@ -37,6 +47,13 @@ class Frame(NamedTuple):
     when_ns: int | None
     octets: bytes
     missing: int
+    interface: str = ""
+    description: str = ""
+    direction: Direction = Direction.UNKNOWN
+    comment: str = ""
+    lost: int = 0
+    said: Mapping[str, object] = _NOTHING
+    recording: Mapping[str, object] = _NOTHING
 
 
 def is_capture(head: bytes) -> bool:
@@ -77,20 +94,23 @@ class _Interface(NamedTuple):
     snap_length: int
     resolution: int
     offset_s: int
+    name: str
+    description: str
+    recording: Mapping[str, object]  # of its section
 
 
 def _pcapng(stream: BinaryIO) -> Iterator[Frame]:
-    order, interfaces, number = _section(stream), list[_Interface](), 0
+    (order, recording), interfaces, number = _section(stream), list[_Interface](), 0
     while head := _next(stream, 4, number):
         if head == PCAPNG:
-            order, interfaces = _section(stream), []
+            (order, recording), interfaces = _section(stream), []
             continue
         (kind,) = struct.unpack(order + "I", head)
         block = _block(stream, order, number)
         try:
-            if kind == _INTERFACE:
-                interfaces.append(_interface(block, order))
-            elif kind == _ENHANCED_PACKET:
+            if kind == pcapng.INTERFACE:
+                interfaces.append(_interface(block, order, recording))
+            elif kind == pcapng.ENHANCED_PACKET:
                 number += 1
                 yield _enhanced(block, order, interfaces, number)
             elif kind == _SIMPLE_PACKET:
@@ -102,15 +122,15 @@ def _pcapng(stream: BinaryIO) -> Iterator[Frame]:
             ) from error
 
 
-def _section(stream: BinaryIO) -> str:
-    """Byte order of a section, whose block type was read; its options are not looked at."""
+def _section(stream: BinaryIO) -> tuple[str, Mapping[str, object]]:
+    """Byte order of a section, whose block type was read, and what its recorder said."""
     length, magic = _exactly(stream, 4, "a section header"), _exactly(stream, 4, "a section header")
     order = {b"\x1a\x2b\x3c\x4d": ">", b"\x4d\x3c\x2b\x1a": "<"}.get(magic)
     if order is None:
         raise ProtocolError(f"a section has the byte-order magic {magic.hex()}, which is none")
     (octets,) = struct.unpack(order + "I", length)
-    _exactly(stream, _checked(octets, 0) - 12, "a section header")
-    return order
+    rest = _exactly(stream, _checked(octets, 0) - 12, "a section header")
+    return order, _said(_options(rest[12:-4], order), order)
 
 
 def _block(stream: BinaryIO, order: str, number: int) -> bytes:
@@ -127,22 +147,25 @@ def _checked(octets: int, number: int) -> int:
     return octets
 
 
-def _interface(block: bytes, order: str) -> _Interface:
+def _interface(block: bytes, order: str, recording: Mapping[str, object]) -> _Interface:
     link, _, snap_length = struct.unpack_from(order + "HHI", block)
-    resolution, offset_s = 10**6, 0
+    resolution, offset_s, names = 10**6, 0, {pcapng.IF_NAME: "", pcapng.IF_DESCRIPTION: ""}
     for code, value in _options(block[8:], order):
-        if code == _RESOLUTION and value:
+        if code == pcapng.IF_RESOLUTION and value:
             resolution = 2 ** (value[0] & 0x7F) if value[0] & 0x80 else 10 ** value[0]
         elif code == _OFFSET:
             (offset_s,) = struct.unpack(order + "q", value)
-    return _Interface(link, snap_length, resolution, offset_s)
+        elif code in names:
+            names[code] = _words(value)
+    name, description = names.values()
+    return _Interface(link, snap_length, resolution, offset_s, name, description, recording)
 
 
 def _options(octets: bytes, order: str) -> Iterator[tuple[int, bytes]]:
     at = 0
     while at + 4 <= len(octets):
         code, length = struct.unpack_from(order + "HH", octets, at)
-        if code == _END_OF_OPTIONS:
+        if code == pcapng.END_OF_OPTIONS:
             return
         yield code, octets[at + 4 : at + 4 + length]
         at += 4 + (length + 3) // 4 * 4
@@ -155,14 +178,60 @@ def _enhanced(block: bytes, order: str, interfaces: list[_Interface], number: in
     if len(octets) < captured:
         raise ProtocolError(f"frame {number} claims {captured} octets and has {len(octets)}")
     when_ns = one.offset_s * 10**9 + (high << 32 | low) * 10**9 // one.resolution
-    return Frame(number, one.link, when_ns, octets, max(0, original - captured))
+    options = list(_options(block[20 + (captured + 3) // 4 * 4 :], order))
+    flags, lost = (_number(options, order, *which) for which in ((pcapng.EPB_FLAGS, "I"), (pcapng.EPB_DROPS, "Q")))
+    return Frame(
+        number,
+        one.link,
+        when_ns,
+        octets,
+        max(0, original - captured),
+        one.name,
+        one.description,
+        _DIRECTIONS[flags & 3],
+        "\n".join(_words(value) for code, value in options if code == pcapng.COMMENT),
+        lost,
+        _said(options, order),
+        one.recording,
+    )
+
+
+_DIRECTIONS = (Direction.UNKNOWN, Direction.IN, Direction.OUT, Direction.UNKNOWN)
+
+
+def _number(options: list[tuple[int, bytes]], order: str, code: int, form: str) -> int:
+    """Of an option that holds one; 0 where it is not there."""
+    for one, value in options:
+        if one == code:
+            return int(struct.unpack(order + form, value)[0])
+    return 0
+
+
+def _said(options: Iterable[tuple[int, bytes]], order: str) -> Mapping[str, object]:
+    """The object in a custom option of ours; empty where there is none, or another's with the same number."""
+    head = struct.pack(order + "I", pcapng.ENTERPRISE) + pcapng.SAID.encode()
+    for code, value in options:
+        if code == pcapng.CUSTOM_TEXT and value.startswith(head):
+            try:
+                found = json.loads(value[len(head) :])
+            except (ValueError, RecursionError):
+                continue
+            return found if isinstance(found, dict) else _NOTHING
+    return _NOTHING
+
+
+def _words(value: bytes) -> str:
+    return value.decode(errors="replace")
 
 
 def _simple(block: bytes, order: str, interfaces: list[_Interface], number: int) -> Frame:
     (original,) = struct.unpack_from(order + "I", block)
     one = interfaces[0]
     captured = min(original, one.snap_length or original)
-    return Frame(number, one.link, None, block[4 : 4 + captured], original - captured)
+    octets = block[4 : 4 + captured]
+    return Frame(
+        number, one.link, None, octets, original - captured, one.name, one.description, recording=one.recording
+    )
 
 
 def _next(stream: BinaryIO, size: int, number: int) -> bytes:
