@@ -9,9 +9,12 @@ import os
 import resource
 import time
 from collections.abc import Callable
+from functools import cache
+from pathlib import Path
 
 from board.loop import Loop
-from drivers.message import ITS_HEADER, NO_MAC, Confirm, Indication
+from board.time import TimeQuality
+from drivers.message import ITS_HEADER, NO_MAC, UNKNOWN_TIME, Confirm, Indication
 from drivers.reason import MEANING
 from firmware import VERSION
 from firmware.interface import Interface
@@ -25,6 +28,7 @@ TOPICS = (CONFIRM, STATUS, TIME, INDICATION)
 PERIOD_S = 1.0
 AT_ONCE_S = 0.1  # the least time between two of them, however many subscribe
 DIGEST = 16  # hexadecimal digits of a SHA-256: 8 octets tell the messages of a year apart
+BOOT = "/proc/sys/kernel/random/boot_id"  # of this boot of this machine: who has the same has the same clock
 PAGE_KB = resource.getpagesize() // 1024
 
 
@@ -33,6 +37,9 @@ class Report:
 
     status   makes the status object; time that part of it that is about time.
     refresh  brings counters up to date that the kernel keeps; called once a second, whoever listens.
+    quality  of the time, now.
+
+    Confirms and indications are numbered, all types together: who has subscribed to all of them sees what it missed.
     """
 
     def __init__(
@@ -42,12 +49,15 @@ class Report:
         status: Callable[[], dict[str, object]],
         refresh: Callable[[], None],
         time_status: Callable[[], dict[str, object]],
+        quality: Callable[[], TimeQuality] = lambda: UNKNOWN_TIME,
     ) -> None:
         self._loop = loop
         self._publisher = publisher
         self._status = status
         self._refresh = refresh
         self._time_status = time_status
+        self._quality = quality
+        self._confirms = self._indications = 0
         self._is_status_wanted = False
         self._is_time_wanted = False
         self._said = loop.clock()
@@ -78,14 +88,19 @@ class Report:
 
     def confirm(self, confirm: Confirm, targets: tuple[Interface, ...]) -> None:
         """Publish what became of a request; targets are the interfaces of an accepted one."""
+        from hashlib import sha256  # with OpenSSL, which nobody else needs
+
         request = confirm.request
         pdu = request.pdu
+        self._confirms += 1
         said = {
+            "sequence": self._confirms,
             "request": request.number,
             "label": request.label,
             "type": request.kind.name,
             "station_id": int.from_bytes(pdu[2:ITS_HEADER], "big") if len(pdu) >= ITS_HEADER else None,
             "octets": len(pdu),
+            "digest": sha256(pdu).hexdigest()[:DIGEST],
             "outcome": confirm.outcome.value,
             "interfaces": [interface.name for interface in targets],
             "interface": confirm.interface,
@@ -94,6 +109,8 @@ class Report:
             "detail": confirm.detail,
             "queue_us": round(confirm.queue_s * 1e6, 1),
             "send_us": round(confirm.send_s * 1e6, 1),
+            "accepted_ns": time.time_ns() - round((self._loop.clock() - request.accepted) * 1e9),
+            "quality": said_of(self._quality()),
             "time": time.time(),
         }
         self._publisher.publish(b"confirm.%s." % request.kind.name.encode(), json.dumps(said).encode())
@@ -104,8 +121,10 @@ class Report:
 
         said = []
         for one in indications:
-            pdu, rx, quality = one.pdu, one.rx, one.quality
+            pdu, rx = one.pdu, one.rx
+            self._indications += 1
             told = {
+                "sequence": self._indications,
                 "type": one.kind.name,
                 "station_id": int.from_bytes(pdu[2:ITS_HEADER], "big"),
                 "octets": len(pdu),
@@ -116,10 +135,20 @@ class Report:
                 "btp_port": rx.btp_port,
                 "rssi_dbm": rx.rssi_dbm,
                 "source": rx.source or (rx.source_mac.hex(":") if rx.source_mac != NO_MAC else ""),
-                "quality": {"state": quality.state.name.lower(), "error_ns": quality.error_ns},
+                "quality": said_of(one.quality),
             }
             said.append((INDICATION + one.kind.name.encode() + b".", json.dumps(told).encode()))
         self._publisher.publish_all(said)
+
+
+def said_of(quality: TimeQuality) -> dict[str, object]:
+    """How good a time stamp is, as messages say it: true time is offset_ns from it, +- uncertainty_ns."""
+    return {
+        "state": quality.state.name.lower(),
+        "error_ns": quality.error_ns,
+        "offset_ns": quality.offset_ns,
+        "uncertainty_ns": quality.uncertainty_ns,
+    }
 
 
 def memory_kb() -> int:
@@ -133,8 +162,18 @@ def process_status(started: float, now: float) -> dict[str, object]:
     return {
         "version": VERSION,
         "pid": os.getpid(),
+        "boot": _boot(),
         "time": time.time(),
         "uptime_s": round(now - started, 3),
         "cpu_s": round(time.process_time(), 3),
         "memory_kb": memory_kb(),
     }
+
+
+@cache
+def _boot() -> str:
+    """What tells this boot of this machine from all others; empty where the kernel does not say it."""
+    try:
+        return Path(BOOT).read_text().strip()
+    except OSError:
+        return ""

@@ -87,6 +87,9 @@ class Router:
         self.renew_quality()
         return self.quality
 
+    def quality_now(self) -> TimeQuality:
+        return self.quality if self._clock() < self.quality_until else self.renewed_quality()
+
     def flush(self) -> None:
         """Let what has come so far go up."""
         burst = self._burst

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import time
 from collections.abc import Iterator
 from contextlib import closing
 
@@ -103,6 +104,30 @@ def test_a_dropped_request_names_interface_reason_and_times(bench: Bench) -> Non
     assert (said["queue_us"], said["send_us"]) == (1_500_000.0, 250.0)
 
 
+def test_a_confirm_and_an_indication_of_a_pdu_have_the_same_digest(bench: Bench) -> None:
+    bench.report.confirm(Confirm(request_of(pdu=CAM_PDU), Outcome.ACCEPTED), ())
+    bench.report.observe(indications_of(CAM_PDU))
+    (_, confirm), (_, indication) = bench.publisher.said
+    assert confirm["digest"] == indication["digest"] == hashlib.sha256(CAM_PDU).hexdigest()[:16]
+
+
+def test_a_confirm_says_when_its_request_was_accepted_however_late_it_is(bench: Bench) -> None:
+    request = request_of()._replace(accepted=bench.loop.clock())
+    before_ns = time.time_ns()
+    bench.loop.run_for(3.0)  # of virtual time: the system's clock stands nearly still
+    bench.report.confirm(Confirm(request, Outcome.SENT, "g5", None, 2.0, 1.0), ())
+    accepted_ns = bench.publisher.said[0][1]["accepted_ns"]
+    assert isinstance(accepted_ns, int)
+    assert before_ns - 3_000_000_000 <= accepted_ns <= time.time_ns() - 3_000_000_000
+
+
+def test_confirms_and_indications_are_numbered_each_for_itself(bench: Bench) -> None:
+    for _ in range(2):
+        bench.report.confirm(Confirm(request_of(), Outcome.ACCEPTED), ())
+    bench.report.observe(indications_of(CAM_PDU, CAM_PDU, CAM_PDU))
+    assert [said["sequence"] for _, said in bench.publisher.said] == [1, 2, 1, 2, 3]
+
+
 @pytest.mark.parametrize("size", range(6))
 def test_a_pdu_that_holds_no_station_has_none(bench: Bench, size: int) -> None:
     bench.report.confirm(Confirm(request_of(pdu=bytes(size)), Outcome.REFUSED, reason=Reason.SHORT_PDU), ())
@@ -139,6 +164,7 @@ def test_an_indication_says_how_well_the_time_of_its_reception_is_known(bench: B
         (
             b"indication.cam.",
             {
+                "sequence": 1,
                 "type": "cam",
                 "station_id": 1337,
                 "octets": len(CAM_PDU),
@@ -149,7 +175,7 @@ def test_an_indication_says_how_well_the_time_of_its_reception_is_known(bench: B
                 "btp_port": 2001,
                 "rssi_dbm": -71,
                 "source": "02:00:00:00:be:ef",
-                "quality": {"state": "locked", "error_ns": 5_100},
+                "quality": {"state": "locked", "error_ns": 5_100, "offset_ns": -100, "uncertainty_ns": 5_000},
             },
         )
     ]
@@ -159,7 +185,7 @@ def test_what_is_not_known_of_an_indication_is_null_or_empty(bench: Bench) -> No
     bench.report.observe([one._replace(quality=TimeQuality()) for one in indications_of(CAM_PDU)])
     ((_, told),) = bench.publisher.said
     assert (told["btp_port"], told["rssi_dbm"], told["source"]) == (None, None, "")
-    assert told["quality"] == {"state": "unknown", "error_ns": None}
+    assert told["quality"] == {"state": "unknown", "error_ns": None, "offset_ns": None, "uncertainty_ns": None}
 
 
 def test_a_client_of_a_broker_is_the_source_of_what_it_has_sent(bench: Bench) -> None:

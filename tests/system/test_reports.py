@@ -16,10 +16,10 @@ from tests.system.user import Reports, mark
 CAM = bytes.fromhex("020200000539") + b"cam"
 CONFIRM_KEYS = {
     "request", "label", "type", "station_id", "octets", "outcome", "interfaces", "interface",
-    "reason", "meaning", "queue_us", "send_us", "time",
+    "reason", "meaning", "queue_us", "send_us", "time", "sequence", "digest", "accepted_ns", "quality",
 }  # fmt: skip
 STATUS_KEYS = {
-    "station", "version", "profile", "pid", "time", "uptime_s", "interfaces", "endpoint",
+    "station", "version", "profile", "pid", "boot", "time", "uptime_s", "interfaces", "endpoint",
     "drops", "duplicates", "policy", "cpu_s", "memory_kb", "clock",
 }  # fmt: skip
 CLOCK_KEYS = {
@@ -28,7 +28,7 @@ CLOCK_KEYS = {
 }  # fmt: skip
 INDICATION_KEYS = {
     "type", "station_id", "octets", "digest", "interface", "received_ns", "monotonic", "btp_port", "rssi_dbm", "source",
-    "quality",
+    "quality", "sequence",
 }  # fmt: skip
 INTERFACE_KEYS = {
     "driver", "technology", "state", "why", "since_s", "restarts", "neighbours",
