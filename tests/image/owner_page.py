@@ -1,0 +1,97 @@
+"""The README's page "Flash, boot, connect", followed to the letter: only the card's place and the box's name differ."""
+
+import os
+import re
+import shutil
+import subprocess
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+from tests.image.console_notes import notes, taken_away, told
+from tests.image.login import Key, said, wait_for_ssh
+from tests.image.machine import Guest, Ports, powered, put
+from tests.image.rows import Row
+from tests.image.user import user
+
+PROJECT = Path(__file__).resolve().parents[2]
+README = (PROJECT / "README.md").read_text()
+PAGE = README[README.index("## Flash, boot, connect") : README.index("## The serial console")]
+BLOCKS = {
+    kind: re.findall(rf"^```{kind} box\n(.*?)^```", PAGE, re.MULTILINE | re.DOTALL) for kind in ("sh", "toml", "text")
+}
+# Where a desktop mounts the card, and the box's name, which this machine's network does not tell: QEMU forwards ports.
+MOUNTED, NAME = "/media/$USER/BOOT", "captain-7.local"
+HEARTBEAT = "[b'hb.counter'"
+
+
+def rows(card: Path, folder: Path, key: Key) -> Iterator[Row]:
+    """Its commands and files as they stand."""
+    home, mounted, desk = folder / "home", folder / "BOOT", folder / "desk"
+    for path in (home / ".ssh", mounted, desk):
+        path.mkdir(parents=True)
+    for name in ("id_ed25519", "id_ed25519.pub"):
+        shutil.copy(folder / name, home / ".ssh" / name)  # with its mode: ssh takes no key that others may read
+    (desk / "box.toml").write_text(BLOCKS["toml"][0])
+    (desk / "captain.toml").write_text('[station]\nname = "captain-7"\n')
+    prepare, connect = BLOCKS["sh"]
+    done = _run(prepare.replace(MOUNTED, str(mounted)), desk, home)
+    verdict = (done.stdout.strip().splitlines() or [done.stderr])[-1]
+    yield Row("README: Your files", verdict[:40], "the box will take it", verdict.startswith("the box will take it"))
+    taken_away(card, "board.toml", "user-data")
+    put(card, {path.name: path.read_bytes() for path in mounted.iterdir()})
+    with powered(card, folder) as guest:
+        shown = notes(guest)
+        for line in BLOCKS["text"][0].splitlines():
+            yield told(shown, "README: first lines", line.removeprefix("! "))
+        wait_for_ssh(guest)
+        with user(guest.ports) as one:
+            one.heartbeat()
+        status, heartbeat = connect.splitlines()
+        found = _run(status, desk, home, guest.ports).stdout.splitlines()[:1]
+        yield Row("README: ssh, captain status", found[0][:40] if found else "nothing", "it answers", bool(found))
+        found = _run(_local(heartbeat, guest.ports), desk, home).stdout.split(",")[:1]
+        yield Row("README: a heartbeat by pyzmq", found[0] if found else "nothing", HEARTBEAT, found == [HEARTBEAT])
+        yield from _as_written(guest, key)
+
+
+def _as_written(guest: Guest, key: Key) -> Iterator[Row]:
+    """What box.toml of the page has asked for."""
+    for what, command, goal in (
+        ("host name", "hostname", "captain-7"),
+        ("time zone", "readlink /etc/localtime", "/usr/share/zoneinfo/Europe/Berlin"),
+        ("address of eth0", "ip -4 -o address show dev eth0 scope global | awk '{print $4}'", "10.0.2.15/24"),
+        ("it is no lease", "networkctl status eth0 | grep -c 'via DHCP4'", "0"),
+        ("way out", "ip route show default | awk '{print $3}'", "10.0.2.2"),
+        ("passwords on the partition", "cat /boot/firmware/box.toml 2>&1 | grep -c 'Permission denied'", "1"),
+        ("units that have failed", "systemctl --failed --plain --no-legend | wc -l", "0"),
+    ):
+        found = said(guest, key, command)
+        yield Row(f"box.toml: {what}", found[:40], goal, found == goal)
+
+
+def _run(script: str, folder: Path, home: Path, ports: Ports | None = None) -> "subprocess.CompletedProcess[str]":
+    """A block of the page, in a shell with this project's commands; ssh finds the box by its name."""
+    programs = home / "bin"
+    programs.mkdir(exist_ok=True)
+    if ports is not None:
+        options = "StrictHostKeyChecking=no UserKnownHostsFile=/dev/null LogLevel=ERROR BatchMode=yes ConnectTimeout=60"
+        words = [f"HostName=127.0.0.1 Port={ports.ssh} IdentityFile={home}/.ssh/id_ed25519", options]
+        given = " ".join(f"-o {word}" for each in words for word in each.split())
+        (programs / "ssh").write_text(f'#!/bin/sh\nexec /usr/bin/ssh {given} "$@"\n')
+        (programs / "ssh").chmod(0o755)
+    script = script.replace("~/", f"{home}/")
+    path = f"{programs}:{PROJECT}/.venv/bin:{os.environ['PATH']}"
+    environment: Mapping[str, str] = {**os.environ, "HOME": str(home), "PATH": path}
+    return subprocess.run(
+        ["bash", "-eu", "-c", script],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+
+
+def _local(script: str, ports: Ports) -> str:
+    return script.replace(f"{NAME}:5556", f"127.0.0.1:{ports.to_users}")
