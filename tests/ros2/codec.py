@@ -8,14 +8,18 @@ from asn1.ros2.model import RosPackage
 from tests.ros2 import ros
 
 FEW = 2  # up to so many messages have a module of their own, which is compiled within seconds
+RAW_RX = "rawrx-1"  # without it no gateway is
 
 
 def made(packages: Iterable[RosPackage] = ()) -> Path:
-    """Its folder: of these packages' messages where they are few, of all otherwise; only what has changed is compiled."""
+    """Its folder: of these packages' messages and RawRxMessage where they are few, of all otherwise.
+
+    Only what has changed is compiled.
+    """
     schema = text.load_schema()
     chosen = tuple(edition for package in packages for edition in package.tops)
     if 0 < len(chosen) <= FEW:
-        folder = ros.MADE / "-".join(("wheel", *chosen))
+        folder, chosen = ros.MADE / "-".join(("wheel", *chosen)), tuple(dict.fromkeys((*chosen, RAW_RX)))
     else:
         folder, chosen = ros.MADE / "wheel", tuple(schema.messages)
     ros.MADE.mkdir(parents=True, exist_ok=True)

@@ -4,22 +4,19 @@
 """
 
 import argparse
-import contextlib
 import json
 import os
 import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
-from asn1 import library
 from asn1.ros2.model import RosPackage
 from tests.ros2 import codec, gateway_table, packages, ros, stations
 from tests.ros2.ros import RosError
 from tests.ros2.rows import Row
-from tests.system.ports import Ports
 
 SOURCE = ros.ROOT / "firmware" / "gateway"
 FOLDERS = ros.INSIDE / "folders.cmake"
@@ -53,23 +50,13 @@ NAMES = {
 def run(made: list[RosPackage]) -> list[Row]:
     """A part of make ros2: with the packages that it has built; the lab test with those of its types that are there."""
     editions = [edition for package in made for edition in package.tops]
-    if not set(packages.SHORT) <= set(editions):
-        return [Row("gateway", f"left out: it needs {' and '.join(packages.SHORT)}")]
-    folder = _library(editions)
+    if not set(packages.SHORT) <= set(editions) or made[0].profile != "etsi_its":
+        return [Row("gateway", f"left out: it needs {' and '.join(packages.SHORT)} of etsi_its")]
+    folder = codec.made(made)
     rows = build(ros.INSTALLED) + behave(folder, ros.INSTALLED) + names(folder, ros.INSTALLED)
     handlers = [name for name, edition in stations.TYPES.items() if edition in editions]
     duration_s = WHOLE_S if len(handlers) == len(stations.TYPES) else SHORT_S
     return rows + gateway_table.run(folder, ros.INSTALLED, duration_s, handlers)
-
-
-def _library(editions: list[str]) -> Path:
-    """Of a few messages, with RawRxMessage, without which no gateway is; of all where these are more."""
-    if len(editions) > codec.FEW:
-        return codec.made()
-    folder = ros.MADE / "gateway-library"
-    chosen = (*editions, "rawrx-1")
-    library.generate(packages.SCHEMA, chosen, "wheel", folder, lambda name: None, library.Ros2(with_cdr=True))
-    return folder
 
 
 def build(prefix: Path) -> list[Row]:
@@ -130,8 +117,8 @@ def behave(folder: Path, prefix: Path) -> list[Row]:
     known = {message.name for message in stations.load(folder).all()}
     pdus = {name: stations.REAL[name].hex() for name in MESSAGES if stations.TYPES[name] in known}
     path.write_text(json.dumps(pdus | {"denm": stations.real.DENM.hex()}))
-    with _played() as (ports, words):
-        words += ["-p", "qos_overrides./denm/received.publisher.reliability:=best_effort"]
+    with stations.played() as ports:
+        words = [*stations.endpoint(ports), "-p", "qos_overrides./denm/received.publisher.reliability:=best_effort"]
         command = [CAPTAIN, "ros2", "--ros-args", *words]
         with stations.Node(command, stations.environment(folder, prefix), ros.MADE / "gateway.log") as node:
             arguments = [json.dumps(ports), path, *([OTHER] if OTHER.exists() else [])]
@@ -154,7 +141,8 @@ def names(folder: Path, prefix: Path) -> list[Row]:
     rows = []
     for name, (words, published, subscribed) in NAMES.items():
         file = SOURCE / "captain_gateway" / "config" / f"{name}.yaml"
-        with _played() as (_, ports), _gateway(folder, prefix, [*ports, "--params-file", str(file), *words]) as node:
+        chosen = ["--params-file", str(file), *words]
+        with stations.played() as ports, _gateway(folder, prefix, [*stations.endpoint(ports), *chosen]) as node:
             _wait(lambda said=node: "gateway to " in said.said, f"{name} did not start")
             found = stations.inside("topics.py", json.dumps(published + subscribed), codec=folder, prefix=prefix)
         wrong = [topic for topic in published if not found[topic][0]] + [t for t in subscribed if not found[t][1]]
@@ -174,17 +162,6 @@ def _is_built(prefix: Path, handler: str) -> bool:
     edition = stations.TYPES[handler]
     [package] = packages.profiles.packages(packages.SCHEMA, [packages.SCHEMA.messages[edition]], "etsi_its")
     return (prefix / "share" / package.name).exists()
-
-
-@contextlib.contextmanager
-def _played() -> Iterator[tuple[dict[str, int], list[str]]]:
-    """Ports for a station that is played: by name, and as parameters of a gateway."""
-    held = Ports()
-    ports = {name: held.take() for name in ("to_users", "report", "pull", "from_users")}
-    try:
-        yield ports, [word for name, port in ports.items() for word in ("-p", f"station.{name}:={port}")]
-    finally:
-        held.release()
 
 
 def _gateway(folder: Path, prefix: Path, words: Iterable[str]) -> stations.Node:

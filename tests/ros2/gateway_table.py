@@ -24,7 +24,7 @@ def run(codec: Path, prefix: Path, duration_s: float, handlers: Sequence[str] = 
     with stations.pair() as (a, b):
         nodes = [
             stations.gateway(
-                codec, station, ros.MADE / f"gateway_{name}.log", prefix, "-p", chosen, "-r", f"__ns:=/{name}"
+                codec, station.ports, ros.MADE / f"gateway_{name}.log", prefix, "-p", chosen, "-r", f"__ns:=/{name}"
             )
             for station, name in ((a, "a"), (b, "b"))
         ]

@@ -100,9 +100,19 @@ def environment(codec: Path, prefix: Path = ros.INSTALLED) -> dict[str, str]:
     return found | {"PYTHONUNBUFFERED": "1"}
 
 
-def endpoint(station: Station) -> list[str]:
-    """Parameters that name the ports of a station."""
-    return [word for name, port in station.ports.items() for word in ("-p", f"station.{name}:={port}")]
+def endpoint(ports: Mapping[str, int]) -> list[str]:
+    """Parameters of a gateway that name the ports of a station."""
+    return [word for name, port in ports.items() for word in ("-p", f"station.{name}:={port}")]
+
+
+@contextlib.contextmanager
+def played() -> Iterator[dict[str, int]]:
+    """Ports, by name, for a station that a script plays."""
+    held = Ports()
+    try:
+        yield {name: held.take() for name in ("to_users", "report", "pull", "from_users")}
+    finally:
+        held.release()
 
 
 class Node:
@@ -142,10 +152,10 @@ class Node:
         return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
-def gateway(codec: Path, station: Station, log: Path, prefix: Path, *words: str, remap: tuple[str, ...] = ()) -> Node:
-    """A gateway to a station. words: more parameters, as `-p name:=value`."""
+def gateway(codec: Path, ports: Mapping[str, int], log: Path, prefix: Path, *words: str) -> Node:
+    """A gateway to a station with these ports, from the sources. words: of ROS, as `-p name:=value`."""
     command: list[str | Path] = [ros.ENV / "bin" / "python", "-m", "captain_gateway", "--ros-args"]
-    return Node([*command, *endpoint(station), *words, *remap], environment(codec, prefix), log)
+    return Node([*command, *endpoint(ports), *words], environment(codec, prefix), log)
 
 
 def inside(script: str, *words: str | Path, codec: Path, prefix: Path) -> Any:

@@ -1,32 +1,47 @@
-"""Values of every message through a real node, and back to the same UPER."""
+"""Values of every message through the gateway and a real node, and back to the same UPER."""
 
 import json
+from pathlib import Path
+from typing import Any
 
 from asn1.ros2.model import RosPackage
-from tests.ros2 import codec, ros
+from firmware.gateway.captain_gateway.captain_gateway.handlers import KINDS
+from tests.ros2 import codec, ros, stations
 from tests.ros2.rows import Row
 
 VALUES = 200  # of each message, every other of them of a newer sender
+LOG = ros.MADE / "gateway_typed.log"
 
 
 def travel(packages: list[RosPackage]) -> list[Row]:
     """A row for each message. The packages have to be built."""
     folder = codec.made(packages)
-    return [_row(package, edition, str(folder)) for package in packages for edition in package.tops]
+    return [_row(package, edition, folder) for package in packages for edition in package.tops]
 
 
-def _row(package: RosPackage, edition: str, folder: str) -> Row:
+def _row(package: RosPackage, edition: str, folder: Path) -> Row:
     what = f"{edition} as {package.name}/{package.tops[edition]}"
+    handler = next((kind.name for kind in KINDS.values() if edition in kind.editions), "")
     try:
-        return _travelled(what, package, edition, folder)
+        if handler:
+            return _result(what, handler, _through_gateway(package, edition, handler, folder))
+        script = "typed.py", str(folder), edition, package.profile, str(VALUES)
+        return _result(what, handler, json.loads(ros.inside(*script)))
     except ros.RosError as error:
         return Row(what, "ended early", str(error))
 
 
-def _travelled(what: str, package: RosPackage, edition: str, folder: str) -> Row:
-    said = json.loads(ros.inside("typed.py", folder, edition, package.profile, str(VALUES)))
+def _through_gateway(package: RosPackage, edition: str, handler: str, folder: Path) -> Any:
+    words = "-p", f"handlers:=[{handler}]", "-p", f"{handler}.edition:={edition}", "-p", f"profile:={package.profile}"
+    with stations.played() as ports, stations.gateway(folder, ports, LOG, ros.INSTALLED, *words):
+        script = "typed.py", folder, edition, package.profile, str(VALUES), json.dumps(ports), handler
+        return stations.inside(*script, codec=folder, prefix=ros.INSTALLED)
+
+
+def _result(what: str, handler: str, said: Any) -> Row:
+    way = f"station, gateway, {handler}/received" if handler else "no type of the air: without the gateway"
     found = (
-        f"{said['back'] + said['original']} of {said['values']} identical after a typed subscription, "
+        f"{said['back'] + said['original']} of {said['values']} identical after a typed subscription ({way}), "
         f"{said['original']} of them with what was kept beside"
     )
     if said["cut"]:

@@ -1,11 +1,12 @@
 """Made values of one message through a real node, as octets and as objects: a JSON object on stdout.
 
-    typed.py FOLDER EDITION PROFILE COUNT
+    typed.py FOLDER EDITION PROFILE COUNT [PORTS HANDLER]
 
-UPER -> to_cdr -> published as it is -> a typed subscription of rclpy -> published again, typed -> a raw subscription ->
-from_cdr -> UPER. FOLDER holds captain_messages. Counted: UPER that comes back; UPER that comes back with the original,
-because something has no place in the ROS message; and what does not, because rclpy ends a string at its first NUL, which
-IA5String and UTF8String may hold. Half of the values are of a newer sender.
+With ports: a station that is played here -> the gateway -> a typed subscription of rclpy -> published again, typed -> the
+gateway -> the station. Without: UPER -> to_cdr -> published as it is -> a typed subscription -> published again -> a raw
+subscription -> from_cdr -> UPER. FOLDER holds captain_messages. Counted: UPER that comes back; UPER that comes back with
+what was kept beside, because something has no place in the ROS message; and what does not, because rclpy ends a string at
+its first NUL, which IA5String and UTF8String may hold. Half of the values are of a newer sender.
 """
 
 import importlib
@@ -13,6 +14,7 @@ import json
 import sys
 import time
 from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -21,60 +23,144 @@ sys.path[:0] = [sys.argv[1], str(ROOT)]
 
 import captain_messages  # noqa: E402
 import rclpy  # noqa: E402
+from rcl_interfaces.msg import Log  # noqa: E402
 from rclpy.qos import QoSHistoryPolicy, QoSProfile  # noqa: E402
 
 from asn1.text import load_schema  # noqa: E402
+from drivers.message import Position, RxInfo  # noqa: E402
 from tests.asn1.values import Values  # noqa: E402
+from tests.ros2.inside.gateway_station import Played  # noqa: E402
 
 LONGEST_S = 30.0  # of one message, and until two ends know of each other
 QOS = QoSProfile(history=QoSHistoryPolicy.KEEP_LAST, depth=9)
+LONGEST = 1500  # octets of a message that a station takes
+RX, OWN = RxInfo(btp_port=2001, rssi_dbm=-71), Position(470600000, 154700000)
+
+
+class LostError(Exception):
+    """A message did not come."""
 
 
 class Echo:
-    """A node that is sent octets, and sends the message that it made of them back."""
+    """A node that is sent a message, and sends the object that it made of it back."""
 
-    def __init__(self, type_: Any) -> None:
+    def __init__(self, message: Any, profile: str) -> None:
+        package, _, name = message.ros2_type(profile).partition("/msg/")
+        self.type = getattr(importlib.import_module(f"{package}.msg"), name)
+        self.message, self.profile = message, profile
         self.node = rclpy.create_node("captain_typed")
-        self.heard: list[bytes] = []
-        self.there = self.node.create_publisher(type_, "there", QOS)
-        self.back = self.node.create_publisher(type_, "back", QOS)
-        self.node.create_subscription(type_, "there", self.back.publish, QOS)
-        self.node.create_subscription(type_, "back", self.heard.append, QOS, raw=True)
-        self._spin_until(lambda: self.there.get_subscription_count() and self.back.get_subscription_count())
 
-    def __call__(self, cdr: bytes) -> bytes:
+    def __call__(self, octets: bytes) -> bytes:
+        """What comes back of a message in UPER. Raises LostError."""
+        raise NotImplementedError
+
+    def connect(self, octets: bytes) -> None:
+        """Once, before the first: a message that may be lost."""
+
+    def turn(self) -> None:
+        rclpy.spin_once(self.node, timeout_sec=0.1)
+
+    def until(self, is_done: Callable[[], Any]) -> Any:
+        ends = time.monotonic() + LONGEST_S
+        while not (found := is_done()):
+            if time.monotonic() > ends:
+                raise LostError(f"nothing came in {LONGEST_S:.0f} s")
+            self.turn()
+        return found
+
+
+class Alone(Echo):
+    """Without a gateway, which knows the type by no name: its messages go between a station and its users."""
+
+    def __init__(self, message: Any, profile: str) -> None:
+        super().__init__(message, profile)
+        self.heard: list[bytes] = []
+        self.there = self.node.create_publisher(self.type, "there", QOS)
+        self.back = self.node.create_publisher(self.type, "back", QOS)
+        self.node.create_subscription(self.type, "there", self.back.publish, QOS)
+        self.node.create_subscription(self.type, "back", self.heard.append, QOS, raw=True)
+        self.until(lambda: self.there.get_subscription_count() and self.back.get_subscription_count())
+
+    def __call__(self, octets: bytes) -> bytes:
+        cdr, left_out = self.message.to_cdr(octets, self.profile)
         self.heard.clear()
         self.there.publish(cdr)
-        self._spin_until(lambda: self.heard)
-        return bytes(self.heard[0])
+        heard = bytes(self.until(lambda: self.heard)[0])
+        return bytes(self.message.from_cdr(heard, self.profile, original=octets if left_out else None))
 
-    def _spin_until(self, is_done: Any) -> None:
+
+class Gateway(Echo):
+    """Between a station that is played and the node."""
+
+    def __init__(self, message: Any, profile: str, ports: dict[str, int], handler: str) -> None:
+        super().__init__(message, profile)
+        self.handler, self.station = handler, Played(ports)
+        self.said: list[str] = []
+        self.back = self.node.create_publisher(self.type, f"{handler}/transmitted", QOS)
+        heard = self.node.create_subscription(self.type, f"{handler}/received", self.back.publish, QOS)
+        self.node.create_subscription(Log, "/rosout", lambda log: self.said.append(log.msg), 100)
+        self.until(lambda: self.back.get_subscription_count() and heard.get_publisher_count())
+
+    def turn(self) -> None:
+        self.station.turn()
+        rclpy.spin_once(self.node, timeout_sec=0.0005)
+
+    def connect(self, octets: bytes) -> None:
+        """Until the gateway's sockets have found the station, and what was sent meanwhile has come."""
         ends = time.monotonic() + LONGEST_S
-        while not is_done():
-            if time.monotonic() > ends:
-                raise TimeoutError(f"nothing came in {LONGEST_S:.0f} s")
-            rclpy.spin_once(self.node, timeout_sec=0.1)
+        while not self.station.taken and time.monotonic() < ends:
+            self.station.indicate(self.handler, octets, RX, OWN, None)
+            self.spin(0.3)
+        self.spin(0.5)
+
+    def spin(self, seconds: float) -> None:
+        ends = time.monotonic() + seconds
+        while time.monotonic() < ends:
+            self.turn()
+
+    def __call__(self, octets: bytes) -> bytes:
+        self.station.taken.clear()
+        self.said.clear()
+        self.station.indicate(self.handler, octets, RX, OWN, None)
+        try:
+            _, pdu, *_ = self.until(lambda: self.station.taken)[0]
+        except LostError as error:
+            raise LostError(f"{error}; the gateway said: {self.said[-1:]}") from None
+        return bytes(pdu)
 
 
-def main(edition: str, profile: str, count: int) -> dict[str, Any]:
-    schema = load_schema()
+def main(edition: str, profile: str, count: int, ports: dict[str, int], handler: str) -> dict[str, Any]:
     message = captain_messages.find(edition)
-    package, _, name = message.ros2_type(profile).partition("/msg/")
     rclpy.init()
-    echo = Echo(getattr(importlib.import_module(f"{package}.msg"), name))
+    echo = Gateway(message, profile, ports, handler) if ports else Alone(message, profile)
     counts: Counter[str] = Counter()
     trouble = ""
-    makers = [Values(schema, schema.messages[edition].pdu, seed, knows_more=seed == 2) for seed in (1, 2)]
-    for number in range(count):
-        octets = message.encode(makers[number % 2].value())
-        cdr, left_out = message.to_cdr(octets, profile)
-        heard = echo(cdr)
-        how = "original" if left_out else "back"
-        if message.from_cdr(heard, profile, original=octets if left_out else None) != octets:
-            how = "cut" if _has_nul(message.decode(octets)) else "lost"
+    values = list(_values(message, count, head=bytes((message.versions[-1], message.ids[0])) if ports else b""))
+    echo.connect(next(octets for octets in values if not _has_nul(message.decode(octets))))
+    for octets in values:
+        has_nul = _has_nul(message.decode(octets))
+        how = "original" if message.to_cdr(octets, profile)[1] else "back"
+        try:
+            came = b"" if has_nul else echo(octets)
+        except LostError as error:
+            trouble = f"{octets.hex()}: {error}"
+            break
+        if came != octets:
+            how = "cut" if has_nul else "lost"
             trouble = trouble or (f"{octets.hex()} does not come back" if how == "lost" else "")
         counts[how] += 1
     return {"values": count, "trouble": trouble, **{how: counts[how] for how in ("back", "original", "cut")}}
+
+
+def _values(message: Any, count: int, head: bytes) -> Any:
+    """Octets of made ones, every other of a newer sender; head: what each begins with, as the gateway asks for."""
+    schema = load_schema()
+    makers = [Values(schema, schema.messages[message.name].pdu, seed, knows_more=seed == 2) for seed in (1, 2)]
+    for number in range(count):
+        octets = b""
+        while not octets or (head and len(octets) > LONGEST):
+            octets = message.encode(makers[number % 2].value())
+        yield head + octets[len(head) :]
 
 
 def _has_nul(value: Any) -> bool:
@@ -87,4 +173,5 @@ def _has_nul(value: Any) -> bool:
 
 
 if __name__ == "__main__":
-    print(json.dumps(main(sys.argv[2], sys.argv[3], int(sys.argv[4]))))
+    folder, chosen, names, number, *rest = sys.argv[1:]
+    print(json.dumps(main(chosen, names, int(number), json.loads(rest[0]) if rest else {}, rest[-1] if rest else "")))
