@@ -10,8 +10,8 @@ import zlib
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
+from image.bytecode import Module
 from image.errors import ImageError
-from image.own import Module
 
 MODULES = "PYZ.pyz"
 SCRIPT = "__main__"

@@ -5,7 +5,7 @@ import sys
 from contextlib import closing
 from pathlib import Path
 
-from image import foreign, frozen, joined, own
+from image import bytecode, foreign, frozen, layers
 from image.errors import ImageError
 from image.program import run
 from image.project import PROJECT
@@ -35,16 +35,16 @@ def make(to: Path = BUILT, python: Path = FREEZER) -> tuple[Path, Path]:
         parts = {path.name: path for path in sorted((PROJECT / "build/codec/python").glob(f"{foreign.MESSAGES}*.so"))}
         if not parts:
             raise ImageError(f"build/codec/python: has no {foreign.MESSAGES}", "make codec comes first")
-        beside = joined.files(PROJECT, {**parts, frozen.RADIO: PROJECT / frozen.BUILT_RADIO})
+        beside = layers.files(PROJECT, {**parts, frozen.RADIO: PROJECT / frozen.BUILT_RADIO})
 
         directory, file = to / "captain-dir", to / "captain"
 
         def join(folder: Path) -> None:
             shutil.rmtree(directory, ignore_errors=True)
-            run([python, own.__file__, PROJECT, folder / "ours"], environment={"PYTHONHASHSEED": "0"})
-            tools = joined.Tools()
-            joined.directory(kept / "captain-dir", own.read(folder / "ours"), beside, tools, directory)
-            joined.one_file(directory, tools, file)
+            run([python, bytecode.__file__, PROJECT, folder / "ours"], environment={"PYTHONHASHSEED": "0"})
+            tools = layers.Tools()
+            layers.directory(kept / "captain-dir", bytecode.read(folder / "ours"), beside, tools, directory)
+            layers.one_file(directory, tools, file)
 
         is_there = directory.exists() and file.exists()
         steps.made("program", [key(kept), *frozen.inputs(), *beside.values()], join, forced=not is_there)

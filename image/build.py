@@ -1,6 +1,5 @@
 """The whole build, step by step: packages, userland, kernel, early boot, captain, boot partition, card."""
 
-import hashlib
 import inspect
 import json
 import platform
@@ -8,7 +7,21 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
-from image import boot, bundle, device_tree, disk, frozen, initrd, kernel, keys, licences, root, slot_names, state
+from image import (
+    boot,
+    bundle,
+    checksum,
+    device_tree,
+    disk,
+    frozen,
+    initrd,
+    kernel,
+    keys,
+    licences,
+    root,
+    slot_names,
+    state,
+)
 from image.description import Description
 from image.packages import Archive, Package, paths, read_list, write_list
 from image.program import run
@@ -224,7 +237,7 @@ class Build:
             write_list(card.packages, [*lists["userland"], *lists["unpacked"]])
             licences.pack(parts / "root.tar", card.licences)
             kept = (card.image, card.bundle, card.packages, card.licences)
-            card.checksums.write_text("".join(f"{_sha256(path)}  {path.name}\n" for path in kept))
+            card.checksums.write_text(checksum.sums(kept))
 
         update = self._bundle(parts, card.bundle)
         is_there = all(path.exists() for path in card[:6] if isinstance(path, Path))
@@ -249,11 +262,6 @@ class Build:
             lambda _: bundle.make(parts / "root.ext4", words, version(), now, self.keys, tools, target),
             forced=not target.exists(),
         )
-
-
-def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _native_architecture() -> str:

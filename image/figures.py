@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from image import joined
+from image import layers
 from image.build import Card
 from image.description import Description
 
@@ -45,7 +45,7 @@ def sizes(described: Description, folder: Path, card: Card) -> Iterator[Figure]:
         "root", octets / 1e6, "MB", room_mib * 1.048576 * 0.9, f"{files} files; a tenth of the slot stays free"
     )
     program = sum(path.lstat().st_size for path in (folder / "program/captain").rglob("*") if path.is_file())
-    yield Figure("captain", program / 1e6, "MB", joined.MOST_MB)
+    yield Figure("captain", program / 1e6, "MB", layers.MOST_MB)
     yield Figure("early boot", _mb(folder / "early/initrd"), "MB")
     yield Figure("update", _mb(card.bundle), "MB")
     packages = len(json.loads(card.packages.read_text()))

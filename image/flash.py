@@ -1,7 +1,6 @@
 """Writes an image to a card, after a question that cannot be answered by accident, and reads it back."""
 
 import errno
-import hashlib
 import os
 import stat
 import sys
@@ -9,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
+from image import checksum
 from image.errors import ImageError
 
 CHUNK = 4 << 20
@@ -104,9 +104,8 @@ def compare(image: Path, checksums: Path) -> None:
     built = [line.split()[0] for line in lines if line.endswith(f"  {image.name}")]
     if not built:
         raise ImageError(f"{image}: was not built to its end", "make image builds it")
-    with image.open("rb") as file:
-        if hashlib.file_digest(file, "sha256").hexdigest() != built[0]:
-            raise ImageError(f"{image}: is another one than was built", "make image builds it again")
+    if checksum.sha256(image) != built[0]:
+        raise ImageError(f"{image}: is another one than was built", "make image builds it again")
 
 
 def write(image: Path, device: Device, users: Users, ask: Callable[[str], str]) -> None:

@@ -4,7 +4,7 @@ import ast
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from image import own
+from image import bytecode
 
 # Compiled from our descriptions, beside the modules: it comes with them.
 MESSAGES = "captain_messages"
@@ -17,9 +17,9 @@ def imports(root: Path, libraries: Sequence[Path]) -> list[str]:
                and they tell which.
     """
     found: set[str] = set()
-    for path in own.sources(root):
+    for path in bytecode.sources(root):
         for module, names in _statements(ast.parse(path.read_bytes(), str(path))):
-            if module.split(".")[0] in (*own.FOLDERS, MESSAGES):
+            if module.split(".")[0] in (*bytecode.FOLDERS, MESSAGES):
                 continue
             found.add(module)
             found |= {f"{module}.{name}" for name in names if _is_module(f"{module}.{name}", libraries)}

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 
-from image import foreign, joined, licences, own, translated
+from image import bytecode, foreign, layers, licences, translated
 from image.errors import ImageError
 from image.program import run
 from image.project import PROJECT
@@ -19,7 +19,7 @@ SPEC = PROJECT / "firmware/captain.spec"
 OPTIONS = ("--noconfirm", "--log-level", "ERROR")
 LOCK = ".ci/locks/freeze.txt"
 TRIPLE = "aarch64-linux-gnu"
-TOOLS = joined.Tools(f"{TRIPLE}-objcopy", f"{TRIPLE}-strip")
+TOOLS = layers.Tools(f"{TRIPLE}-objcopy", f"{TRIPLE}-strip")
 PROCESSOR = "aarch64"
 PLATFORMS = ("manylinux_2_28", "manylinux_2_17", "manylinux2014")
 LOADER = "PyInstaller/bootloader/Linux-64bit-arm/run"
@@ -38,9 +38,11 @@ root=$1; shift; mount --rbind /dev "$root/dev" && mount -t proc proc "$root/proc
 
 def inputs() -> list[Path]:
     """Files that our part of the program is made from, beside the messages."""
-    folders = [PROJECT / name for name in own.FOLDERS]
+    folders = [PROJECT / name for name in bytecode.FOLDERS]
     found = [path for folder in folders for path in folder.rglob("*") if path.is_file() and path.suffix != ".pyc"]
-    build = [Path(__file__).parent / f"{name}.py" for name in ("archives", "frozen", "joined", "own", "translated")]
+    build = [
+        Path(__file__).parent / f"{name}.py" for name in ("archives", "bytecode", "frozen", "layers", "translated")
+    ]
     return sorted([*found, PROJECT / ".ci/sim", *build])
 
 
@@ -131,14 +133,14 @@ def compile_messages(root: Path, python: Path, target: Path) -> Path:
 def join(here: Path, frozen: Path, messages: Path, target: Path) -> None:
     """captain as a directory. frozen: what freeze() made. Raises ImageError."""
     place = cleared(here / WORK / "ours")
-    for name in (*own.FOLDERS, ".ci"):
+    for name in (*bytecode.FOLDERS, ".ci"):
         shutil.copytree(PROJECT / name, place / name, ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copy(own.__file__, place / "own.py")
+    shutil.copy(bytecode.__file__, place / "bytecode.py")
     run(["sh", ".ci/sim"], folder=place, environment={"CC": f"{TRIPLE}-gcc"})
     inside = Path("/") / place.relative_to(here)
-    run_inside(here, ["/usr/bin/python3", inside / "own.py", inside, inside / "compiled"])
-    beside = joined.files(place, {messages.name: messages, RADIO: place / BUILT_RADIO})
-    joined.directory(frozen, own.read(place / "compiled"), beside, TOOLS, target)
+    run_inside(here, ["/usr/bin/python3", inside / "bytecode.py", inside, inside / "compiled"])
+    beside = layers.files(place, {messages.name: messages, RADIO: place / BUILT_RADIO})
+    layers.directory(frozen, bytecode.read(place / "compiled"), beside, TOOLS, target)
 
 
 def documents(root: Path, program: Path) -> dict[str, bytes]:

@@ -6,7 +6,7 @@ import tarfile
 from collections.abc import Iterable
 from pathlib import Path
 
-from image import archives, joined
+from image import archives, layers
 from image.program import run
 from image.project import PROJECT
 
@@ -30,21 +30,21 @@ def documents(program: Path, site: Path, notices: Iterable[Path]) -> dict[str, b
 
 def carried(program: Path) -> set[str]:
     """Names of all that can be imported: rich, zmq, firmware."""
-    modules = archives.read((program / joined.NAME).read_bytes()).entry(archives.MODULES).octets
-    folders = {path.name for path in (program / joined.INSIDE).iterdir() if path.is_dir()}
+    modules = archives.read((program / layers.NAME).read_bytes()).entry(archives.MODULES).octets
+    folders = {path.name for path in (program / layers.INSIDE).iterdir() if path.is_dir()}
     return {name.split(".")[0] for name in archives.module_names(modules)} | folders
 
 
 def of_libraries(program: Path, owners: str) -> list[str]:
     """Debian's packages that its libraries and interpreter are from. owners: lines "PACKAGE: PATH"."""
-    names = {path.name for path in (program / joined.INSIDE).glob("lib*.so*")}
+    names = {path.name for path in (program / layers.INSIDE).glob("lib*.so*")}
     rows = [line.partition(": ") for line in owners.splitlines()]
     return sorted({package.split(":")[0] for package, _, path in rows if path.rsplit("/", 1)[-1] in names})
 
 
 def of_this_machine(program: Path, python: Path) -> list[Path]:
     """Copyright files of what a program frozen on this Debian has from it: libraries, and the interpreter."""
-    names = sorted(path.name for path in (program / joined.INSIDE).glob("lib*.so*"))
+    names = sorted(path.name for path in (program / layers.INSIDE).glob("lib*.so*"))
     patterns = [f"*/{platform.machine()}-linux-gnu/{name}" for name in names]
     # It fails where one is of no package, such as those that came in a wheel.
     owners = run(["sh", "-c", 'dpkg-query --search "$@" 2>/dev/null || :', "sh", *patterns])

@@ -1,12 +1,12 @@
 """Debian packages for the image: fetched once by an apt with a state of its own, listed with their hashes, and kept."""
 
-import hashlib
 import json
 import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from image import checksum
 from image.description import Base
 from image.errors import ImageError
 from image.program import run
@@ -135,8 +135,7 @@ def write_index(folder: Path, packages: Iterable[Package]) -> None:
 
 def _package(path: Path) -> Package:
     name, version, architecture = path.stem.replace("%3a", ":").split("_")
-    with path.open("rb") as file:
-        return Package(name, version, architecture, hashlib.file_digest(file, "sha256").hexdigest(), path.name)
+    return Package(name, version, architecture, checksum.sha256(path), path.name)
 
 
 def _site() -> str:

@@ -1,6 +1,5 @@
 """What is handed out beside a card: programs, Debian packages, the card packed, and checksums of it all."""
 
-import hashlib
 import platform
 import shutil
 import tempfile
@@ -8,7 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from image import binary, build, deb, frozen, joined, licences
+from image import binary, build, checksum, deb, frozen, layers, licences
 from image.program import run
 from image.project import epoch, version
 from image.step import key
@@ -58,7 +57,7 @@ def write_sums(artefacts: Sequence[Artefact], to: Path) -> None:
     for path in to.iterdir():  # of an earlier version
         if path.name not in names:
             path.unlink()
-    (to / SUMS).write_text("".join(f"{_sha256(each.path)}  {each.path.name}\n" for each in artefacts))
+    (to / SUMS).write_text(checksum.sums(each.path for each in artefacts))
 
 
 def _card(made: build.Build, card: build.Card) -> Path:
@@ -82,7 +81,7 @@ def _of_this_machine(number: str, now: int, to: Path) -> list[Artefact]:
     with tempfile.TemporaryDirectory() as name:
         said = _said(package, Path(name), lambda words: run([f"{name}{words[0]}", *words[1:]]))
     return [
-        Artefact(program, joined.MOST_MB_OF_FILE, run([program, "--version"]).strip()),
+        Artefact(program, layers.MOST_MB_OF_FILE, run([program, "--version"]).strip()),
         Artefact(package, said=said),
     ]
 
@@ -92,7 +91,7 @@ def _of_the_card(made: build.Build, number: str, now: int, to: Path) -> list[Art
     folder = made.steps.folder
     root, directory = folder / "freezer/root", folder / "program/captain"
     program = to / f"captain-{number}-aarch64"
-    joined.one_file(directory, frozen.TOOLS, program)
+    layers.one_file(directory, frozen.TOOLS, program)
     package = to / f"captain_{number}_arm64.deb"
     deb.make(directory, "arm64", number, frozen.documents(root, directory), now, package)
     place = frozen.cleared(root / frozen.WORK / "package")
@@ -100,7 +99,7 @@ def _of_the_card(made: build.Build, number: str, now: int, to: Path) -> list[Art
     said = _said(package, place, lambda words: frozen.run_inside(root, [f"{inside}{words[0]}", *words[1:]]))
     shutil.copy(program, place / "program")
     of_file = frozen.run_inside(root, [inside / "program", "--version"]).strip()
-    return [Artefact(program, joined.MOST_MB_OF_FILE, of_file), Artefact(package, said=said)]
+    return [Artefact(program, layers.MOST_MB_OF_FILE, of_file), Artefact(package, said=said)]
 
 
 def _said(package: Path, place: Path, inside: Callable[[list[str]], str]) -> str:
@@ -111,8 +110,3 @@ def _said(package: Path, place: Path, inside: Callable[[list[str]], str]) -> str
 
 def _copy(path: Path, to: Path, name: str = "") -> Path:
     return Path(shutil.copy(path, to / (name or path.name)))
-
-
-def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

@@ -12,9 +12,9 @@ import zipfile
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from image import archives, joined
+from image import archives, layers
 from image.errors import ImageError
-from image.joined import Tools
+from image.layers import Tools
 from image.program import run
 
 ELF = b"\x7fELF"
@@ -34,26 +34,26 @@ def translate(
     Raises ImageError: something has no twin.
     """
     compiled = []
-    for path in sorted((made / joined.INSIDE).rglob("*")):
-        place = path.relative_to(made / joined.INSIDE)
+    for path in sorted((made / layers.INSIDE).rglob("*")):
+        place = path.relative_to(made / layers.INSIDE)
         if is_library(place) or path.is_dir():
             continue
         twin = _twin(place, others) if path.read_bytes().startswith(ELF) else path
-        copy = target / joined.INSIDE / place.parent / twin.name
+        copy = target / layers.INSIDE / place.parent / twin.name
         copy.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(twin, copy)
         copy.chmod(0o755 if twin != path else 0o644)
         compiled += [copy] if twin != path else []
     if not any(path.name.startswith("zlib.") for path in compiled):  # part of the interpreter, which can unpack then
-        pack(target / joined.INSIDE / LIBRARY)
-    package = archives.read((made / joined.NAME).read_bytes())
+        pack(target / layers.INSIDE / LIBRARY)
+    package = archives.read((made / layers.NAME).read_bytes())
     _check(package)
     for name, path in libraries.needed([*compiled, *libraries.found(package.library.decode())]).items():
-        compiled.append(Path(shutil.copyfile(path, target / joined.INSIDE / name)))
+        compiled.append(Path(shutil.copyfile(path, target / layers.INSIDE / name)))
     for path in compiled:
         path.chmod(0o755)
         run([tools.strip, path])
-    program = Path(shutil.copyfile(loader, target / joined.NAME))
+    program = Path(shutil.copyfile(loader, target / layers.NAME))
     program.chmod(0o755)
     run([tools.strip, program])
     with tempfile.NamedTemporaryFile() as file:

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
+from image import checksum
 from image.build import Build
 from image.description import Description
 
@@ -59,7 +60,7 @@ def compared(first: Path, card: Path, second: Path) -> Iterator[Compared]:
         yield _compared(f"{name}/{files}", _digests(first / name, files), _digests(second / name, files))
     for tar in ("userland/root.tar", "parts/root.tar"):
         yield _compared(f"{tar}, its files", _members(first / tar), _members(second / tar))
-    yield _compared("the card", {card.name: _digest(card)}, {card.name: _digest(second / CARD)})
+    yield _compared("the card", {card.name: checksum.sha256(card)}, {card.name: checksum.sha256(second / CARD)})
 
 
 def _compared(what: str, one: Mapping[str, str], other: Mapping[str, str]) -> Compared:
@@ -69,7 +70,7 @@ def _compared(what: str, one: Mapping[str, str], other: Mapping[str, str]) -> Co
 
 def _digests(folder: Path, pattern: str) -> dict[str, str]:
     paths = [path for path in folder.glob(pattern) if path.is_file() and not path.name.startswith(".")]
-    return {path.relative_to(folder).as_posix(): _digest(path) for path in paths}
+    return {path.relative_to(folder).as_posix(): checksum.sha256(path) for path in paths}
 
 
 def _members(tar: Path) -> dict[str, str]:
@@ -81,8 +82,3 @@ def _members(tar: Path) -> dict[str, str]:
             digest = hashlib.file_digest(file, "sha256").hexdigest() if file else member.linkname  # type: ignore[arg-type]
             found[member.name] = f"{member.type!r} {member.mode:o} {member.uid} {member.gid} {digest}"
     return found
-
-
-def _digest(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

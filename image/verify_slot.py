@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterator
 from typing import Protocol
 
-from image import archives, joined, own
+from image import archives, bytecode, layers
 from image.project import PROJECT
 
 PROGRAM = "usr/lib/captain"
@@ -28,8 +28,8 @@ def checks(slot: Slot) -> Iterator[tuple[str, str]]:
     there = set(slot.paths())
     yield "captain has all modules of ours", _modules(slot)
     octets = sum(slot.size(path) for path in there if path.startswith(f"{PROGRAM}/"))
-    much = f"{octets / 1e6:.1f} MB and not at most {joined.MOST_MB:g}"
-    yield "the size of captain", much if octets > joined.MOST_MB * 1e6 else ""
+    much = f"{octets / 1e6:.1f} MB and not at most {layers.MOST_MB:g}"
+    yield "the size of captain", much if octets > layers.MOST_MB * 1e6 else ""
     licences = [path for path in there if path.startswith(f"{LICENCES}/")]
     yield "licences of what captain carries", "" if licences else f"there is no {LICENCES}"
     yield "programs that units start", ", ".join(_programs(slot, there))
@@ -37,9 +37,9 @@ def checks(slot: Slot) -> Iterator[tuple[str, str]]:
 
 
 def _modules(slot: Slot) -> str:
-    package = archives.read(slot.read(f"{PROGRAM}/{joined.NAME}"))
+    package = archives.read(slot.read(f"{PROGRAM}/{layers.NAME}"))
     known = set(archives.module_names(package.entry(archives.MODULES).octets))
-    names = [own.name(path.relative_to(PROJECT)) for path in own.sources(PROJECT)]
+    names = [bytecode.name(path.relative_to(PROJECT)) for path in bytecode.sources(PROJECT)]
     missing = [name for name in names if name not in known]
     return f"{missing} are missing" if missing else ""
 

@@ -15,10 +15,13 @@ from pathlib import Path
 
 from board.state_file import keep, settle
 from firmware.box.card import FOLDER, is_brokers
-from firmware.box.made import Made
+from firmware.box.system_files import SystemFile
 
 STATION = "captain"  # the user that the station runs as
 CURRENT, SPARE, LOOKED = "current", "spare", "looked"
+
+
+System = Mapping[str, SystemFile]  # by path from the root
 
 
 class Store:
@@ -31,9 +34,9 @@ class Store:
     def has_current(self) -> bool:
         return (self._folder / CURRENT).is_dir()
 
-    def accept(self, key: str, keys: Sequence[str], files: Mapping[str, bytes], made: Mapping[str, Made]) -> None:
+    def accept(self, key: str, keys: Sequence[str], files: Mapping[str, bytes], laid: System) -> None:
         """Put a set in force, and forget the one before. Raises OSError; then the one before stays in force."""
-        self._write(key, keys, files, made)
+        self._write(key, keys, files, laid)
         self._link(CURRENT, key)
         self._clean(key)
 
@@ -48,7 +51,7 @@ class Store:
         """What was found; the same set is not looked at again. Raises StorageError."""
         keep(self._folder / LOOKED, "".join(f"{line}\n" for line in (key, blinks, *lines)).encode())
 
-    def _write(self, name: str, keys: Sequence[str], files: Mapping[str, bytes], made: Mapping[str, Made]) -> None:
+    def _write(self, name: str, keys: Sequence[str], files: Mapping[str, bytes], laid: System) -> None:
         target = self._folder / name
         if target.is_dir():  # complete: it was renamed
             return
@@ -60,7 +63,7 @@ class Store:
         for path, octets in files.items():
             _put(_above(new / path), octets, 0o600 if is_brokers(path) else 0o640)
             _give(new / path, is_own=is_brokers(path))
-        for path, one in made.items():
+        for path, one in laid.items():
             place = _above(new / "made" / path)
             if one.target:
                 place.symlink_to(one.target)

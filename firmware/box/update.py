@@ -11,7 +11,7 @@ from board.errors import StationError, StorageError
 from firmware.box import update_bundle, update_counters, update_fetch, update_rauc, update_slots, update_verity
 from firmware.box.update_bundle import Bundle
 from firmware.box.update_folder import Folder
-from firmware.box.update_slots import Slot
+from firmware.box.update_slots import RootSlot
 
 # A connection to it restarts the box, and nothing else can be asked for: only operator and root reach it.
 RESTART = Path("/run/captain-image/restart")
@@ -24,7 +24,7 @@ class Progress(NamedTuple):
 
     step: Callable[[int, str], None]
     fetched: Callable[[int, int], None]
-    shown: Callable[[Bundle, list[Slot]], None]
+    shown: Callable[[Bundle, list[RootSlot]], None]
 
 
 def run(source: str, progress: Progress, folder: Folder | None = None, only_look: bool = False) -> Bundle:
@@ -74,7 +74,7 @@ def _cleared(folder: Folder) -> None:
         folder.clear()
 
 
-def _is_proven(both: list[Slot]) -> None:
+def _is_proven(both: list[RootSlot]) -> None:
     """Raises StationError where the other slot is the last good one."""
     here = update_slots.booted(both)
     if here.is_new:
@@ -94,7 +94,7 @@ def _had(source: str, folder: Folder, progress: Progress) -> Path:
     return Path(source).absolute()  # the service has another folder
 
 
-def slots() -> list[Slot]:
+def slots() -> list[RootSlot]:
     """Both, as they are now; without the tries where this user may not read them. Raises StationError."""
     try:
         counters = update_counters.read()
@@ -118,7 +118,7 @@ def last(folder: Folder) -> Mapping[str, object]:
     return {**told, "result": result}
 
 
-def back() -> Slot:
+def back() -> RootSlot:
     """Have the other slot be the next one. Raises StationError where there is nothing that would start in it."""
     update_bundle.box()
     with Folder().locked():

@@ -8,7 +8,7 @@ from board.errors import StationError
 from firmware.box.update_counters import Counters
 
 
-class Slot(NamedTuple):
+class RootSlot(NamedTuple):
     """name: A or B. service_name: RAUC's. version and date of what was installed; empty: as the card was written.
 
     left    tries; None where the counters cannot be read.
@@ -38,7 +38,7 @@ class Slot(NamedTuple):
         return "well" if self.is_booted else "kept"
 
 
-def slots(status: Mapping[str, object], counters: Counters | None) -> list[Slot]:
+def slots(status: Mapping[str, object], counters: Counters | None) -> list[RootSlot]:
     """Of RAUC's status and the boot counters. Raises StationError for a status of another form."""
     found = []
     try:
@@ -53,31 +53,31 @@ def slots(status: Mapping[str, object], counters: Counters | None) -> list[Slot]
     return sorted(found)
 
 
-def booted(found: list[Slot]) -> Slot:
+def booted(found: list[RootSlot]) -> RootSlot:
     """Raises StationError where it is neither: an image that was started without the boot script."""
     return _one(found, True)
 
 
-def other(found: list[Slot]) -> Slot:
+def other(found: list[RootSlot]) -> RootSlot:
     """The one that is not running."""
     booted(found)
     return _one(found, False)
 
 
-def _one(found: list[Slot], is_booted: bool) -> Slot:
+def _one(found: list[RootSlot], is_booted: bool) -> RootSlot:
     chosen = [slot for slot in found if slot.is_booted is is_booted]
     if len(chosen) != 1:
         raise StationError("which slot this system runs from is not known", "it was not started by the boot script")
     return chosen[0]
 
 
-def _slot(name: str, one: Mapping[str, object], status: Mapping[str, object], counters: Counters | None) -> Slot:
+def _slot(name: str, one: Mapping[str, object], status: Mapping[str, object], counters: Counters | None) -> RootSlot:
     letter = str(one["bootname"])
     kept = one.get("slot_status") or {}
     assert isinstance(kept, dict)
     bundle, installed = kept.get("bundle") or {}, kept.get("installed") or {}
     is_next = _first(counters) == letter if counters else status.get("boot_primary") == name
-    return Slot(
+    return RootSlot(
         letter,
         name,
         one.get("state") == "booted",

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from board.errors import InterfaceError, UsageError
 from firmware.box import owner
-from firmware.box.judge import judge
 from firmware.box.store import Store
+from firmware.box.verdict import verdict
 from firmware.user.table import clean
 
 DESCRIPTION = """\
@@ -48,11 +48,11 @@ def main(arguments: argparse.Namespace) -> int:
 
 def _check(arguments: argparse.Namespace) -> int:
     with tempfile.TemporaryDirectory(prefix="captain-box-") as scratch:
-        found = judge(arguments.folder, Path(scratch), arguments.board, None)
+        found = verdict(arguments.folder, Path(scratch), arguments.board, None)
     for note in found.notes:
         print(clean(f"{'WRONG' if note.is_mistake else 'note':6} {note.text}"))
-    verdict = "the box will take it" if found.is_accepted else "the box will NOT take it"
-    print(clean(f"{verdict}: {owner.content(found)}"))
+    said = "the box will take it" if found.is_accepted else "the box will NOT take it"
+    print(clean(f"{said}: {owner.content(found)}"))
     return 0 if found.is_accepted else 1
 
 
@@ -61,7 +61,7 @@ def _apply(arguments: argparse.Namespace) -> int:
         raise UsageError("apply is for the box itself", "`captain box check DIR` looks at a card")
     store = Store(Path(arguments.owner))
     with tempfile.TemporaryDirectory(prefix="captain-box-") as scratch:
-        found = judge(arguments.folder, Path(scratch), arguments.board, arguments.defaults)
+        found = verdict(arguments.folder, Path(scratch), arguments.board, arguments.defaults)
     for line in owner.apply(found, store, arguments.key):
         print(clean(line))
     return 0

@@ -14,7 +14,7 @@ from firmware.box import update, update_bundle
 from firmware.box.update_bundle import Bundle
 from firmware.box.update_folder import Folder
 from firmware.box.update_rauc import InstallError
-from firmware.box.update_slots import Slot, booted, other
+from firmware.box.update_slots import RootSlot, booted, other
 from firmware.user import health
 from firmware.user.table import Table, clean, lines_for
 
@@ -131,7 +131,7 @@ def _say(line: str, is_wrong: bool = False) -> None:
         setattr(sys, "stderr" if is_wrong else "stdout", io.StringIO())
 
 
-def _shown(bundle: Bundle, slots: list[Slot]) -> None:
+def _shown(bundle: Bundle, slots: list[RootSlot]) -> None:
     here, there = booted(slots), other(slots)
     _say(
         f"version     {clean(bundle.version)}, built {clean(bundle.build)}; slot {here.name} runs {VERSION}\n"
@@ -142,7 +142,7 @@ def _shown(bundle: Bundle, slots: list[Slot]) -> None:
     )
 
 
-def _version(slot: Slot) -> str:
+def _version(slot: RootSlot) -> str:
     return f"version {clean(slot.version)}" if slot.version else "what the card was written with"
 
 

@@ -11,7 +11,7 @@ from board.errors import BlockedError, ConfigurationError
 from drivers.mqtt_profile import FOLDER, TEMPLATE, codec, load, names
 from drivers.wire.v2n import Delivery, Identity, Profile
 from drivers.wire.v2n_description import ProfileDescription, PublishRow, Status, SubscribeRow, Tiles, TypeRule
-from image import joined
+from image import layers
 from tests.drivers.wire.v2n_station import HERE, NOW_MS, PDU
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -152,4 +152,4 @@ def test_installed_and_frozen_programs_have_the_profiles():
     patterns = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["package-data"]["drivers"]
     carried = {path for pattern in patterns for path in (ROOT / "drivers").glob(pattern)}
     assert {FOLDER / f"{name}.toml" for name in names()} | {TEMPLATE} <= carried
-    assert {FOLDER / f"{name}.toml" for name in names()} | {TEMPLATE} <= set(joined.files(ROOT, {}).values())
+    assert {FOLDER / f"{name}.toml" for name in names()} | {TEMPLATE} <= set(layers.files(ROOT, {}).values())

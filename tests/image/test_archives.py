@@ -8,8 +8,8 @@ import pytest
 
 from image import archives
 from image.archives import Package, compressed, stored
+from image.bytecode import Module
 from image.errors import ImageError
-from image.own import Module
 
 ENTRIES = [
     compressed("struct", b"m", b"module" * 20),

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from image import archives, foreign, joined, own
+from image import archives, bytecode, foreign, layers
 from image.program import run
 
 PROJECT = Path(__file__).resolve().parents[2]
@@ -14,7 +14,7 @@ PROJECT = Path(__file__).resolve().parents[2]
 
 def tree(root: Path, **texts: str) -> Path:
     """A project. firmware__cli="..." is firmware/cli.py."""
-    for folder in own.FOLDERS:
+    for folder in bytecode.FOLDERS:
         (root / folder).mkdir(parents=True)
         (root / folder / "__init__.py").write_text("")
     for name, text in {"firmware____main__": "print('hello')", **texts}.items():
@@ -25,9 +25,9 @@ def tree(root: Path, **texts: str) -> Path:
 
 
 def test_every_module_of_ours_is_compiled_and_nothing_else():
-    names = [module.name for module in own.compiled(PROJECT).modules]
-    files = {path for folder in own.FOLDERS for path in (PROJECT / folder).rglob("*.py")}
-    elsewhere = set((PROJECT / own.GATEWAY).rglob("*.py"))
+    names = [module.name for module in bytecode.compiled(PROJECT).modules]
+    files = {path for folder in bytecode.FOLDERS for path in (PROJECT / folder).rglob("*.py")}
+    elsewhere = set((PROJECT / bytecode.GATEWAY).rglob("*.py"))
     assert len(elsewhere) > 20, "what is for where ROS is has moved"
     assert len(names) == len(set(names)) == len(files - elsewhere)
     assert {"firmware", "firmware.cli", "board.worker", "drivers.mqtt_client", "pps.chrony_configuration"} <= set(names)
@@ -35,7 +35,7 @@ def test_every_module_of_ours_is_compiled_and_nothing_else():
 
 def test_a_module_is_named_as_it_is_imported_and_told_of_by_its_place_below_the_project(tmp_path: Path):
     root = tree(tmp_path, firmware__cli="def f(): 'said of it'; assert False")
-    found = {module.name: module for module in own.compiled(root).modules}
+    found = {module.name: module for module in bytecode.compiled(root).modules}
     assert (found["firmware"].is_package, found["firmware.cli"].is_package) == (True, False)
     code = marshal.loads(found["firmware.cli"].code)
     assert code.co_filename == "firmware/cli.py"
@@ -46,15 +46,15 @@ def test_a_module_is_named_as_it_is_imported_and_told_of_by_its_place_below_the_
 
 def test_what_a_python_compiled_in_its_own_process_is_read_here(tmp_path: Path):
     root = tree(tmp_path / "project")
-    run([sys.executable, "-I", own.__file__, root, tmp_path / "ours"])
-    ours = own.read(tmp_path / "ours")
-    assert [module.name for module in ours.modules] == sorted([*own.FOLDERS, "firmware.__main__"])
+    run([sys.executable, "-I", bytecode.__file__, root, tmp_path / "ours"])
+    ours = bytecode.read(tmp_path / "ours")
+    assert [module.name for module in ours.modules] == sorted([*bytecode.FOLDERS, "firmware.__main__"])
     assert marshal.loads(ours.script).co_filename == "__main__.py"
 
 
 def test_the_same_sources_give_the_same_octets(tmp_path: Path):
     for name in ("one", "two"):
-        run([sys.executable, "-I", own.__file__, PROJECT, tmp_path / name], environment={"PYTHONHASHSEED": "0"})
+        run([sys.executable, "-I", bytecode.__file__, PROJECT, tmp_path / name], environment={"PYTHONHASHSEED": "0"})
     assert (tmp_path / "one").read_bytes() == (tmp_path / "two").read_bytes()
 
 
@@ -96,16 +96,16 @@ def test_what_is_to_be_frozen_can_be_imported():
 def frozen(tmp_path: Path) -> Path:
     """A directory as the freezer leaves it: a program that carries a package, and files."""
     folder = tmp_path / "foreign"
-    (folder / joined.INSIDE).mkdir(parents=True)
-    (folder / joined.INSIDE / "libx.so.1").write_bytes(b"library")
-    (folder / joined.INSIDE / "libx.so").symlink_to("libx.so.1")
+    (folder / layers.INSIDE).mkdir(parents=True)
+    (folder / layers.INSIDE / "libx.so.1").write_bytes(b"library")
+    (folder / layers.INSIDE / "libx.so").symlink_to("libx.so.1")
     modules = b"PYZ\0magi" + (17).to_bytes(4, "big") + bytes(5) + marshal.dumps([])
     package = archives.Package(
         [archives.stored("__main__", b"s", b"imports"), archives.stored("PYZ.pyz", b"z", modules)], 313, b"libpython.so"
     )
     (tmp_path / "package").write_bytes(archives.written(package))
     (tmp_path / "main.c").write_text("int main(void) { return 0; }\n")
-    program = folder / joined.NAME
+    program = folder / layers.NAME
     run(["gcc", "-o", program, tmp_path / "main.c"])
     run(["objcopy", "--add-section", f"{archives.SECTION}={tmp_path}/package", program])
     return folder
@@ -115,24 +115,24 @@ def test_a_directory_has_our_modules_our_script_and_our_files_beside_what_was_fr
     root = tree(tmp_path / "project")
     (root / "board/boards").mkdir()
     (root / "board/boards/x.toml").write_text("a = 1\n")
-    ours, made = own.compiled(root), tmp_path / "made"
-    joined.directory(frozen, ours, joined.files(root, {}), joined.Tools(), made)
-    package = archives.read((made / joined.NAME).read_bytes())
+    ours, made = bytecode.compiled(root), tmp_path / "made"
+    layers.directory(frozen, ours, layers.files(root, {}), layers.Tools(), made)
+    package = archives.read((made / layers.NAME).read_bytes())
     assert archives.module_names(package.entry("PYZ.pyz").octets) == [module.name for module in ours.modules]
     assert package.entry("__main__").octets == ours.script
-    assert (made / joined.INSIDE / "board/boards/x.toml").read_text() == "a = 1\n"
-    run([made / joined.NAME])  # still a program
+    assert (made / layers.INSIDE / "board/boards/x.toml").read_text() == "a = 1\n"
+    run([made / layers.NAME])  # still a program
 
 
 def test_one_file_carries_all_of_the_directory_and_its_modules_last(frozen: Path, tmp_path: Path):
     made = tmp_path / "made"
-    joined.directory(frozen, own.compiled(tree(tmp_path / "project")), {}, joined.Tools(), made)
-    joined.one_file(made, joined.Tools(), tmp_path / "file")
+    layers.directory(frozen, bytecode.compiled(tree(tmp_path / "project")), {}, layers.Tools(), made)
+    layers.one_file(made, layers.Tools(), tmp_path / "file")
     found = [(entry.name, entry.kind) for entry in archives.read((tmp_path / "file").read_bytes()).entries]
     assert found == [("__main__", b"s"), ("libx.so", b"n"), ("libx.so.1", b"b"), ("PYZ.pyz", b"z")]
     assert (tmp_path / "file").stat().st_mode & 0o111
 
 
 def test_files_beside_our_modules_are_those_that_an_installed_station_has():
-    files = joined.files(PROJECT, {})
+    files = layers.files(PROJECT, {})
     assert {"firmware/vectors.json", "board/boards/quad.toml", "drivers/profiles/template.toml"} <= set(files)

@@ -6,22 +6,22 @@ from pathlib import Path
 
 import pytest
 
-from image import archives, joined, licences
-from image.own import Module
+from image import archives, layers, licences
+from image.bytecode import Module
 
 
 @pytest.fixture
 def program(tmp_path: Path) -> Path:
     """captain as a directory, with the modules zmq and serial, and two libraries."""
     folder = tmp_path / "captain"
-    (folder / joined.INSIDE / "gpiod").mkdir(parents=True)
+    (folder / layers.INSIDE / "gpiod").mkdir(parents=True)
     for name in ("libssl.so.3", "libzmq-12.so.5"):
-        (folder / joined.INSIDE / name).touch()
+        (folder / layers.INSIDE / name).touch()
     empty = b"PYZ\0magi" + (17).to_bytes(4, "big") + bytes(5) + marshal.dumps([])
     names = ["zmq", "zmq.backend", "serial"]
     modules = archives.with_modules(empty, [Module(name, False, zlib.compress(b"")) for name in names])
     package = archives.Package([archives.stored(archives.MODULES, b"z", modules)], 313, b"libpython")
-    (folder / joined.NAME).write_bytes(b"\x7fELF" + archives.written(package))
+    (folder / layers.NAME).write_bytes(b"\x7fELF" + archives.written(package))
     return folder
 
 

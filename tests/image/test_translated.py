@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from image import archives, joined, translated
+from image import archives, layers, translated
 from image.errors import ImageError
-from image.joined import Tools
+from image.layers import Tools
 from image.program import run
 from image.translated import Libraries
 
@@ -31,7 +31,7 @@ def frozen(folder: Path, *modules: str) -> Path:
     rows = [(name, (0, 17, 0)) for name in modules]
     archive = b"PYZ\0magi" + (17).to_bytes(4, "big") + bytes(5) + marshal.dumps(rows)
     package = archives.Package([archives.stored(archives.MODULES, b"z", archive)], 313, b"libpython3.13.so.1.0")
-    inside = folder / joined.INSIDE
+    inside = folder / layers.INSIDE
     for name in ("python3.13/lib-dynload/_ssl.cpython-313-x86_64-linux-gnu.so", "zmq/_zmq.abi3.so", "libssl.so.3"):
         (inside / name).parent.mkdir(parents=True, exist_ok=True)
         (inside / name).write_text(ELF + "of this processor")
@@ -40,7 +40,7 @@ def frozen(folder: Path, *modules: str) -> Path:
     (inside / "pygal.css").write_text("looks")
     with zipfile.ZipFile(inside / translated.LIBRARY, "w") as file:
         file.writestr("os.pyc", b"os" * 5000)
-    (folder / joined.NAME).write_bytes(ELF.encode() + archives.written(package))
+    (folder / layers.NAME).write_bytes(ELF.encode() + archives.written(package))
     return folder
 
 

@@ -4,11 +4,11 @@ import marshal
 import zlib
 from collections.abc import Mapping
 
-from image import archives, own, verify_slot
-from image.own import Module
+from image import archives, bytecode, verify_slot
+from image.bytecode import Module
 from image.project import PROJECT
 
-NAMES = [own.name(path.relative_to(PROJECT)) for path in own.sources(PROJECT)]
+NAMES = [bytecode.name(path.relative_to(PROJECT)) for path in bytecode.sources(PROJECT)]
 UNIT = "usr/lib/systemd/system/captain.service"
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from firmware.box.judge import Judged
+from firmware.box.verdict import Verdict
 from firmware.lab.certificates import Authority
 from tests.firmware.box.conftest import KEY, Files, Look, mistakes, remarks
 
@@ -37,7 +37,7 @@ def own(files: Files) -> Files:
     return {name: content for name, content in files.items() if name != "other.pem"}
 
 
-def only(found: Judged) -> str:
+def only(found: Verdict) -> str:
     (text,) = mistakes(found)
     return text
 

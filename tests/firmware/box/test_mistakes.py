@@ -2,7 +2,7 @@
 
 import pytest
 
-from firmware.box.judge import Judged
+from firmware.box.verdict import Verdict
 from tests.firmware.box.conftest import KEY, Files, Look, mistakes, remarks
 
 CAPTAIN = '[station]\nname = "rsu-7"\n'
@@ -10,7 +10,7 @@ BOX = 'host_name = "captain-7"\n'
 WIFI = '[wifi]\ncountry = "DE"\nssid = "depot"\n'
 
 
-def only(found: Judged) -> str:
+def only(found: Verdict) -> str:
     (text,) = mistakes(found)
     assert not found.is_accepted
     return text

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from firmware.box.box_file import BoxOptions, ConsoleOptions, Ethernet, Wifi
-from firmware.box.made import Made, made
 from firmware.box.store import Store
+from firmware.box.system_files import SystemFile, system_files
 from tests.firmware.box.conftest import KEY
 
 A, B = "aaaaaaaa", "bbbbbbbb"
@@ -33,7 +33,9 @@ def modes(folder: Path) -> dict[str, str]:
 
 
 def test_a_set_lies_there_with_its_keys_and_what_was_made_of_it(tmp_path: Path):
-    Store(tmp_path / "owner").accept(A, [KEY], FILES, {"etc/hostname": Made("x\n"), "etc/localtime": Made(target="/z")})
+    Store(tmp_path / "owner").accept(
+        A, [KEY], FILES, {"etc/hostname": SystemFile("x\n"), "etc/localtime": SystemFile(target="/z")}
+    )
     assert os.readlink(tmp_path / "owner/current") == A
     assert content(tmp_path / "owner") == {
         "authorized_keys": f"{KEY}\n".encode(),
@@ -45,7 +47,7 @@ def test_a_set_lies_there_with_its_keys_and_what_was_made_of_it(tmp_path: Path):
 
 
 def test_keys_of_brokers_are_read_by_the_station_alone_and_sshd_takes_its_file(tmp_path: Path):
-    Store(tmp_path).accept(A, [KEY], FILES, {"etc/x": Made("secret", 0o600)})
+    Store(tmp_path).accept(A, [KEY], FILES, {"etc/x": SystemFile("secret", 0o600)})
     found = modes(tmp_path / A)
     assert found["mqtt/box.key"] == "0o600"
     assert found["mqtt"] == "0o750"
@@ -100,22 +102,22 @@ def test_a_set_is_in_force_as_a_whole_or_not_at_all_wherever_the_power_goes(
     new = {"captain.toml": b"new", "mqtt/box.key": b"new"}
 
     whole = Store(tmp_path / "whole")
-    whole.accept(A, [KEY], FILES, {"etc/hostname": Made("a\n")})
-    whole.accept(B, [], new, {"etc/hostname": Made("b\n")})
+    whole.accept(A, [KEY], FILES, {"etc/hostname": SystemFile("a\n")})
+    whole.accept(B, [], new, {"etc/hostname": SystemFile("b\n")})
     after = content(tmp_path / "whole")
     seen = set()
     for last in range(60):
         folder = tmp_path / str(last)
         store = Store(folder)
-        store.accept(A, [KEY], FILES, {"etc/hostname": Made("a\n")})
+        store.accept(A, [KEY], FILES, {"etc/hostname": SystemFile("a\n")})
         before = content(folder)
         with monkeypatch.context() as patched, suppress(CutError):
             cut(patched, last)
-            store.accept(B, [], new, {"etc/hostname": Made("b\n")})
+            store.accept(B, [], new, {"etc/hostname": SystemFile("b\n")})
         found = content(folder)
         assert found in (before, after)
         seen.add(found == before)
-        store.accept(B, [], new, {"etc/hostname": Made("b\n")})
+        store.accept(B, [], new, {"etc/hostname": SystemFile("b\n")})
         assert content(folder)["captain.toml"] == b"new"
         assert sorted(path.name for path in folder.iterdir()) == [B, "current"]
     assert seen == {True, False}
@@ -123,7 +125,7 @@ def test_a_set_is_in_force_as_a_whole_or_not_at_all_wherever_the_power_goes(
 
 def test_wifi_is_written_so_that_no_letter_of_its_name_means_anything():
     wifi = Wifi("DE", 'a"b\\\n', "12345678", None, True)
-    text = made(BoxOptions(wifi=wifi), set())["etc/wpa_supplicant/wpa_supplicant-wlan0.conf"]
+    text = system_files(BoxOptions(wifi=wifi), set())["etc/wpa_supplicant/wpa_supplicant-wlan0.conf"]
     assert text.mode == 0o600
     assert text.text == (
         "country=DE\nctrl_interface=/run/wpa_supplicant\nnetwork={\n    ssid=6122625c0a\n    scan_ssid=1\n"
@@ -133,8 +135,8 @@ def test_wifi_is_written_so_that_no_letter_of_its_name_means_anything():
 
 def test_an_open_network_and_one_whose_key_was_made_already():
     path = "etc/wpa_supplicant/wpa_supplicant-wlan0.conf"
-    assert "key_mgmt=NONE" in made(BoxOptions(wifi=Wifi("DE", "x")), set())[path].text
-    text = made(BoxOptions(wifi=Wifi("DE", "x", None, "AB" * 32)), set())[path].text
+    assert "key_mgmt=NONE" in system_files(BoxOptions(wifi=Wifi("DE", "x")), set())[path].text
+    text = system_files(BoxOptions(wifi=Wifi("DE", "x", None, "AB" * 32)), set())[path].text
     assert f"    psk={'ab' * 32}\n" in text
     assert "SAE" not in text
 
@@ -143,7 +145,7 @@ def test_names_addresses_and_the_closed_shell_are_where_the_box_looks():
     options = BoxOptions(
         "Captain-7", "Europe/Berlin", None, ConsoleOptions(False), Ethernet("10.0.0.2/24", "10.0.0.1", ("9.9.9.9",))
     )
-    found = made(options, {"captain.toml", "board.toml", "mqtt/x"})
+    found = system_files(options, {"captain.toml", "board.toml", "mqtt/x"})
     assert found["etc/hostname"].text == "captain-7\n"
     assert found["etc/localtime"].target == "/usr/share/zoneinfo/Europe/Berlin"
     assert found["run/systemd/network/20-eth0.network.d/owner.conf"].text == (
@@ -155,4 +157,4 @@ def test_names_addresses_and_the_closed_shell_are_where_the_box_looks():
 
 
 def test_a_set_that_says_nothing_of_the_box_changes_nothing_of_it():
-    assert made(BoxOptions(), set()) == {"run/captain-image/environment": Made("")}
+    assert system_files(BoxOptions(), set()) == {"run/captain-image/environment": SystemFile("")}

@@ -4,20 +4,20 @@ import pytest
 
 from board.errors import ConfigurationError
 from firmware.box.box_file import BoxOptions, check_server
-from firmware.box.made import made
+from firmware.box.system_files import system_files
 from pps import chrony_configuration
 
 PLACE = f"{chrony_configuration.SOURCES.removeprefix('/')}/owner.sources"
 
 
 def test_they_are_laid_where_chronyd_looks_for_them():
-    found = made(BoxOptions(time_servers=("ptbtime1.ptb.de", "192.0.2.1")), set())
+    found = system_files(BoxOptions(time_servers=("ptbtime1.ptb.de", "192.0.2.1")), set())
     assert found[PLACE].text == "server ptbtime1.ptb.de iburst\nserver 192.0.2.1 iburst\n"
     assert f"\nsourcedir {chrony_configuration.SOURCES}\n" in chrony_configuration.configuration()
 
 
 def test_without_any_nothing_is_laid_there():
-    assert PLACE not in made(BoxOptions(), set())
+    assert PLACE not in system_files(BoxOptions(), set())
 
 
 @pytest.mark.parametrize("text", ["ptbtime1.ptb.de", "ntp", "192.0.2.1", "2001:db8::1", "a.b.c."])

@@ -12,7 +12,7 @@ from firmware.box.box_file import BoxOptions
 from firmware.box.card import File, collect, is_brokers
 from firmware.box.imager import Imager
 from firmware.box.note import Note, at, is_refused, mistake, remark
-from firmware.box.plain import plain
+from firmware.box.plain_text import plain
 from firmware.box.ssh_keys import sound_keys
 from firmware.box.station import StationFiles, look_at_station
 from firmware.box.toml_lines import line_of, syntax_hint
@@ -20,7 +20,7 @@ from firmware.box.toml_lines import line_of, syntax_hint
 SECRETS = ("wifi.password", "wifi.psk")
 
 
-class Judged(NamedTuple):
+class Verdict(NamedTuple):
     """What became of a set.
 
     notes    for the owner; with a mistake among them nothing of the set is used.
@@ -41,7 +41,7 @@ class Judged(NamedTuple):
         return not is_refused(self.notes)
 
 
-def judge(folder: Path, scratch: Path, board: str, defaults: str | None) -> Judged:
+def verdict(folder: Path, scratch: Path, board: str, defaults: str | None) -> Verdict:
     """The set in a folder.
 
     scratch   an empty folder; files are looked at there, as they will lie on the box.
@@ -68,7 +68,7 @@ def judge(folder: Path, scratch: Path, board: str, defaults: str | None) -> Judg
     if not keys:
         what = "there is no ssh key: nobody can log in by ssh"
         notes.append(remark(own, what, "put the line of your .pub file into authorized_keys"))
-    return Judged(notes, options, sorted(found), keys, files)
+    return Verdict(notes, options, sorted(found), keys, files)
 
 
 # -- the box

@@ -1,4 +1,4 @@
-"""Our own modules as bytecode: `python3 own.py ROOT TARGET`, by whichever Python is to run them.
+"""Our own modules as bytecode: `python3 bytecode.py ROOT TARGET`, by whichever Python is to run them.
 
 It needs the standard library alone: an emulated Python has nothing else. What it writes is read by `read`.
 """

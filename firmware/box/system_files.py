@@ -8,7 +8,7 @@ from firmware.box.box_file import PSK, BoxOptions, Ethernet, Wifi
 SET = "/data/owner/current"
 
 
-class Made(NamedTuple):
+class SystemFile(NamedTuple):
     """A file. target: of a symbolic link, which then has no text."""
 
     text: str = ""
@@ -16,22 +16,22 @@ class Made(NamedTuple):
     target: str = ""
 
 
-def made(options: BoxOptions, files: set[str]) -> dict[str, Made]:
+def system_files(options: BoxOptions, files: set[str]) -> dict[str, SystemFile]:
     """Files by their path from the root. files: names in the set."""
-    found = {"run/captain-image/environment": Made(_environment(options, files))}
+    found = {"run/captain-image/environment": SystemFile(_environment(options, files))}
     if options.host_name:
         name = options.host_name.lower()
-        found["etc/hostname"] = Made(f"{name}\n")
-        found["etc/hosts"] = Made(f"127.0.0.1 localhost\n127.0.1.1 {name}\n::1 localhost ip6-localhost\n")
+        found["etc/hostname"] = SystemFile(f"{name}\n")
+        found["etc/hosts"] = SystemFile(f"127.0.0.1 localhost\n127.0.1.1 {name}\n::1 localhost ip6-localhost\n")
     if options.time_zone:
-        found["etc/localtime"] = Made(target=f"/usr/share/zoneinfo/{options.time_zone}")
+        found["etc/localtime"] = SystemFile(target=f"/usr/share/zoneinfo/{options.time_zone}")
     if options.time_servers:  # chrony.conf(5), sourcedir
         lines = (f"server {server} iburst\n" for server in options.time_servers)
-        found["etc/chrony/sources.d/owner.sources"] = Made("".join(lines))
+        found["etc/chrony/sources.d/owner.sources"] = SystemFile("".join(lines))
     if options.wifi:
-        found["etc/wpa_supplicant/wpa_supplicant-wlan0.conf"] = Made(_wifi(options.wifi), 0o600)
+        found["etc/wpa_supplicant/wpa_supplicant-wlan0.conf"] = SystemFile(_wifi(options.wifi), 0o600)
     if options.eth0:
-        found["run/systemd/network/20-eth0.network.d/owner.conf"] = Made(_ethernet(options.eth0))
+        found["run/systemd/network/20-eth0.network.d/owner.conf"] = SystemFile(_ethernet(options.eth0))
     return found
 
 

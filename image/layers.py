@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from image import archives, own
+from image import archives, bytecode
 from image.archives import Package
 from image.program import run
 
@@ -30,11 +30,11 @@ class Tools(NamedTuple):
 
 def files(root: Path, parts: Mapping[str, Path]) -> dict[str, Path]:
     """What lies beside our modules, by its place: their data, and parts that are compiled."""
-    data = [path for pattern in own.DATA for path in sorted(root.glob(pattern))]
+    data = [path for pattern in bytecode.DATA for path in sorted(root.glob(pattern))]
     return {path.relative_to(root).as_posix(): path for path in data} | dict(parts)
 
 
-def directory(foreign: Path, ours: own.Compiled, beside: Mapping[str, Path], tools: Tools, target: Path) -> None:
+def directory(foreign: Path, ours: bytecode.Compiled, beside: Mapping[str, Path], tools: Tools, target: Path) -> None:
     """captain as a directory.
 
     foreign  the directory that PyInstaller has made of what is not ours.
