@@ -112,10 +112,8 @@ def _list(packages: Sequence[RosPackage]) -> str:
 
 def _shapes(shapes: Shapes, code: list[str]) -> Iterator[str]:
     """Those that the code asks for, and those inside them."""
-    words = set(re.findall(r"\b(\w+)_shape\b", "\n".join(code)))
-    waiting = [
-        one for one in [*shapes.package.messages, "std_msgs/Header"] if shape_name(one) in _shape_words(words, code)
-    ]
+    words = set(re.findall(r"\b(\w+_shape)\b", "\n".join(code)))
+    waiting = [one for one in shapes.package.messages if shape_name(one) in words]
     found: dict[str, list[str]] = {}
     while waiting:
         name = waiting.pop()
@@ -137,11 +135,6 @@ def _shapes(shapes: Shapes, code: list[str]) -> Iterator[str]:
     for name in sorted(found):
         yield from found[name]
     yield ""
-
-
-def _shape_words(words: set[str], code: list[str]) -> set[str]:
-    header = {"captain_cdr_header"} if any("captain_cdr_header" in line for line in code) else set()
-    return {f"{word}_shape" for word in words} | header
 
 
 # ---------------------------------------------------------------- memory

@@ -12,7 +12,7 @@ from asn1.ros2.model import RosField
 
 def shape_name(message: str) -> str:
     """C of the captain_cdr_shape of a message."""
-    return "captain_cdr_header" if message == "std_msgs/Header" else f"{message}_shape"
+    return f"{message}_shape"
 
 
 def part_text(shapes: Shapes, field: RosField, name: str) -> str:

@@ -14,12 +14,6 @@ SIZES = {
 VARIES = 0xFFFF  # CAPTAIN_CDR_VARIES
 # rosidl gives a message without fields one octet, so that C and C++ can hold it.
 EMPTY = RosField("uint8", "structure_needs_at_least_one_member", Role.HEADER)
-# std_msgs/Header: builtin_interfaces/Time stamp, string frame_id.
-HEADER = (
-    RosField("int32", "sec", Role.HEADER),
-    RosField("uint32", "nanosec", Role.HEADER),
-    RosField("string", "frame_id", Role.HEADER),
-)
 
 
 def fields_of(message: RosMessage) -> tuple[RosField, ...]:
@@ -36,7 +30,7 @@ class Shapes:
 
     def fields(self, name: str) -> tuple[RosField, ...]:
         """Of a message by the type that a field has."""
-        return HEADER if name == "std_msgs/Header" else fields_of(self.package.messages[name])
+        return fields_of(self.package.messages[name])
 
     def spans(self, name: str, is_empty: bool = False) -> list[int]:
         """Of a message: for each remainder; VARIES where lengths decide.

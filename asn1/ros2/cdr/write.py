@@ -117,14 +117,11 @@ class _Writer(Lines):
                 self.put(f"at = captain_cdr_put_octets(w, at, {place}.octets, ({place}.count + 7) / 8);")
             case Kind.SMALL_BITS:
                 self.put(f"at = captain_cdr_put_small_bits(w, at, {place}, {node.size});")
-            case Kind.LIST:
+            case _:
                 index = self.name("i")
                 self.put(f"at = captain_cdr_put(w, at, {dot(place)}count, 4);")
                 with self.block(f"for (uint32_t {index} = 0; {index} < {dot(place)}count; {index}++)"):
                     self.value(element(field), node.item, f"{dot(place)}items[{index}]")
-            case _:  # a list of messages, of which the PDU is one
-                self.put("at = captain_cdr_put(w, at, 1, 4);")
-                self.value(element(field), node, place)
 
     def number(self, field: RosField, node: Node, place: str) -> str:
         low, high = limits(field.type)

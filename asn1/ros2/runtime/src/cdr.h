@@ -73,6 +73,7 @@ CAPTAIN_COLD CAPTAIN_HIDDEN size_t captain_cdr_put_end(captain_cdr_writer *w, si
 CAPTAIN_COLD CAPTAIN_HIDDEN void captain_cdr_leave(captain_cdr_writer *w, const captain_type *type, const void *value);
 
 /* All return CAPTAIN_FAILED. name: of the field, put in front of the path of what is inside it. */
+CAPTAIN_COLD CAPTAIN_HIDDEN size_t captain_cdr_refuse(captain_cdr_reader *r, size_t at, captain_status status, const char *name, const char *text);
 CAPTAIN_COLD CAPTAIN_HIDDEN size_t captain_cdr_in(captain_cdr_reader *r, const char *name);
 CAPTAIN_COLD CAPTAIN_HIDDEN size_t captain_cdr_in_item(captain_cdr_reader *r, uint32_t index, const char *name);
 CAPTAIN_COLD CAPTAIN_HIDDEN size_t captain_cdr_cut(captain_cdr_reader *r, size_t at, const char *name);
@@ -83,7 +84,6 @@ CAPTAIN_COLD CAPTAIN_HIDDEN size_t captain_cdr_bad_octet(captain_cdr_reader *r, 
 CAPTAIN_COLD CAPTAIN_HIDDEN size_t captain_cdr_bad_choice(captain_cdr_reader *r, size_t at, int64_t number, const char *name);
 CAPTAIN_COLD CAPTAIN_HIDDEN size_t captain_cdr_bad_row(captain_cdr_reader *r, size_t at, int64_t id, const char *selector, const char *name);
 CAPTAIN_COLD CAPTAIN_HIDDEN size_t captain_cdr_bad_count(captain_cdr_reader *r, size_t at, uint64_t count, const captain_type *type, const char *name);
-CAPTAIN_COLD CAPTAIN_HIDDEN size_t captain_cdr_not_one(captain_cdr_reader *r, size_t at, uint32_t count, const char *name);
 CAPTAIN_COLD CAPTAIN_HIDDEN size_t captain_cdr_bad_unused(captain_cdr_reader *r, size_t at, uint8_t unused, unsigned wanted, const char *name);
 CAPTAIN_COLD CAPTAIN_HIDDEN size_t captain_cdr_no_memory(captain_cdr_reader *r, size_t at, const char *name);
 CAPTAIN_COLD CAPTAIN_HIDDEN size_t captain_cdr_too_deep(captain_cdr_reader *r, size_t at);

@@ -1,6 +1,5 @@
-/* Reading: the way in, counts and strings, and what is said of octets that are no such message. */
+/* Reading: the way in, counts, octets and bits, and what is said of octets that are no such message. */
 #include "cdr.h"
-#include "json.h"
 #include "walk.h"
 
 #include <stdio.h>
@@ -20,7 +19,7 @@ static void put_in_front(captain_report *report, const char *name)
     memcpy(report->path, text, sizeof text);
 }
 
-static size_t refuse(captain_cdr_reader *r, size_t at, captain_status status, const char *name, const char *text)
+size_t captain_cdr_refuse(captain_cdr_reader *r, size_t at, captain_status status, const char *name, const char *text)
 {
     r->status = status;
     if (r->report == NULL)
@@ -48,42 +47,42 @@ size_t captain_cdr_cut(captain_cdr_reader *r, size_t at, const char *name)
 {
     char text[96];
     snprintf(text, sizeof text, "truncated: the octets end at %zu, before the end of the field", r->size + HEADER);
-    return refuse(r, at < r->size ? at : r->size, CAPTAIN_TRUNCATED, name, text);
+    return captain_cdr_refuse(r, at < r->size ? at : r->size, CAPTAIN_TRUNCATED, name, text);
 }
 
 size_t captain_cdr_bad_bool(captain_cdr_reader *r, size_t at, const char *name)
 {
     char text[48];
     snprintf(text, sizeof text, "%u is no bool: 0 or 1", r->octets[at]);
-    return refuse(r, at, CAPTAIN_RANGE, name, text);
+    return captain_cdr_refuse(r, at, CAPTAIN_RANGE, name, text);
 }
 
 size_t captain_cdr_bad_number(captain_cdr_reader *r, size_t at, int64_t number, const captain_type *type, const char *name)
 {
     char found[CAPTAIN_RANGE_TEXT], allowed[CAPTAIN_RANGE_TEXT], text[2 * CAPTAIN_RANGE_TEXT + 16];
     snprintf(text, sizeof text, "%s is not in %s", captain_number_text(type, number, found), captain_range_text(type, allowed));
-    return refuse(r, at, CAPTAIN_RANGE, name, text);
+    return captain_cdr_refuse(r, at, CAPTAIN_RANGE, name, text);
 }
 
 size_t captain_cdr_bad_item(captain_cdr_reader *r, size_t at, int64_t number, const captain_type *type, const char *name)
 {
     char text[128];
     snprintf(text, sizeof text, "%lld is no item of %.60s", (long long)number, captain_type_text(type));
-    return refuse(r, at, CAPTAIN_ALTERNATIVE, name, text);
+    return captain_cdr_refuse(r, at, CAPTAIN_ALTERNATIVE, name, text);
 }
 
 size_t captain_cdr_bad_choice(captain_cdr_reader *r, size_t at, int64_t number, const char *name)
 {
     char text[64];
     snprintf(text, sizeof text, "%lld is no alternative", (long long)number);
-    return refuse(r, at, CAPTAIN_ALTERNATIVE, name, text);
+    return captain_cdr_refuse(r, at, CAPTAIN_ALTERNATIVE, name, text);
 }
 
 size_t captain_cdr_bad_octet(captain_cdr_reader *r, size_t at, int64_t number, const char *name)
 {
     char text[64];
     snprintf(text, sizeof text, "%lld is no octet: 0..255", (long long)number);
-    return refuse(r, at, CAPTAIN_RANGE, name, text);
+    return captain_cdr_refuse(r, at, CAPTAIN_RANGE, name, text);
 }
 
 size_t captain_cdr_bad_bits(captain_cdr_reader *r, size_t at, int64_t number, const captain_type *type, const char *name)
@@ -91,14 +90,14 @@ size_t captain_cdr_bad_bits(captain_cdr_reader *r, size_t at, int64_t number, co
     char allowed[CAPTAIN_RANGE_TEXT], text[CAPTAIN_RANGE_TEXT + 80];
     snprintf(text, sizeof text, "%lld has bits beyond those of the string: %s are allowed", (long long)number,
              captain_size_text(type, allowed));
-    return refuse(r, at, CAPTAIN_SIZE, name, text);
+    return captain_cdr_refuse(r, at, CAPTAIN_SIZE, name, text);
 }
 
 size_t captain_cdr_bad_row(captain_cdr_reader *r, size_t at, int64_t id, const char *selector, const char *name)
 {
     char text[160];
     snprintf(text, sizeof text, "%.80s is %lld, and the message has no field for what that stands for", selector, (long long)id);
-    return refuse(r, at, CAPTAIN_ALTERNATIVE, name, text);
+    return captain_cdr_refuse(r, at, CAPTAIN_ALTERNATIVE, name, text);
 }
 
 size_t captain_cdr_bad_count(captain_cdr_reader *r, size_t at, uint64_t count, const captain_type *type, const char *name)
@@ -106,14 +105,7 @@ size_t captain_cdr_bad_count(captain_cdr_reader *r, size_t at, uint64_t count, c
     char allowed[CAPTAIN_RANGE_TEXT], text[CAPTAIN_RANGE_TEXT + 80];
     snprintf(text, sizeof text, "%llu %s are there, %s are allowed", (unsigned long long)count, captain_size_noun(type),
              captain_size_text(type, allowed));
-    return refuse(r, at, CAPTAIN_SIZE, name, text);
-}
-
-size_t captain_cdr_not_one(captain_cdr_reader *r, size_t at, uint32_t count, const char *name)
-{
-    char text[96];
-    snprintf(text, sizeof text, "%u messages in the list: each of them goes on its own, so it has to be 1", (unsigned)count);
-    return refuse(r, at, CAPTAIN_SIZE, name, text);
+    return captain_cdr_refuse(r, at, CAPTAIN_SIZE, name, text);
 }
 
 size_t captain_cdr_bad_unused(captain_cdr_reader *r, size_t at, uint8_t unused, unsigned wanted, const char *name)
@@ -123,17 +115,17 @@ size_t captain_cdr_bad_unused(captain_cdr_reader *r, size_t at, uint8_t unused, 
         snprintf(text, sizeof text, "%u bits unused, of an octet that is there 0 to 7 can be", unused);
     else
         snprintf(text, sizeof text, "%u bits unused, of this string it is always %u", unused, wanted);
-    return refuse(r, at, CAPTAIN_SIZE, name, text);
+    return captain_cdr_refuse(r, at, CAPTAIN_SIZE, name, text);
 }
 
 size_t captain_cdr_no_memory(captain_cdr_reader *r, size_t at, const char *name)
 {
-    return refuse(r, at, CAPTAIN_NO_MEMORY, name, "out of memory");
+    return captain_cdr_refuse(r, at, CAPTAIN_NO_MEMORY, name, "out of memory");
 }
 
 size_t captain_cdr_too_deep(captain_cdr_reader *r, size_t at)
 {
-    return refuse(r, at, CAPTAIN_DEPTH, "", "nested too deeply");
+    return captain_cdr_refuse(r, at, CAPTAIN_DEPTH, "", "nested too deeply");
 }
 
 /* ---------------------------------------------------------------- counts and octets */
@@ -149,7 +141,7 @@ size_t captain_cdr_get_count(captain_cdr_reader *r, size_t at, size_t least, uin
         return at;
     snprintf(text, sizeof text, "truncated: %u elements of at least %zu octets are announced, %zu octets are left", (unsigned)*count, least,
              r->size - at);
-    return refuse(r, at - 4, CAPTAIN_TRUNCATED, name, text);
+    return captain_cdr_refuse(r, at - 4, CAPTAIN_TRUNCATED, name, text);
 }
 
 size_t captain_cdr_get_octets(captain_cdr_reader *r, size_t at, captain_octets *octets, const char *name)
@@ -181,108 +173,6 @@ size_t captain_cdr_get_fixed(captain_cdr_reader *r, size_t at, uint8_t *octets, 
     at = captain_cdr_get_string(r, at, &found, type, name);
     if (at != CAPTAIN_FAILED)
         memcpy(octets, found.octets, found.count);
-    return at;
-}
-
-/* ---------------------------------------------------------------- text */
-
-/* With the zero behind it, which counts. Some write an empty one as a length of 0. */
-static size_t get_text(captain_cdr_reader *r, size_t at, captain_text *text, const char *name)
-{
-    captain_octets octets;
-    at = captain_cdr_get_octets(r, at, &octets, name);
-    if (at == CAPTAIN_FAILED)
-        return at;
-    *text = (captain_text){.count = 0, .text = ""};
-    if (octets.count == 0)
-        return at;
-    if (octets.octets[octets.count - 1] != 0)
-        return refuse(r, at - 1, CAPTAIN_LENGTH, name, "a string of CDR ends in a zero, this one does not");
-    *text = (captain_text){.count = octets.count - 1, .text = (const char *)octets.octets};
-    return at;
-}
-
-/* Most text: then every character of UTF-8, and of an IA5String without an alphabet of its own, is one. */
-static bool is_ascii(const captain_text *text)
-{
-    uint64_t all = 0, word;
-    uint32_t i = 0;
-    for (; i + 8 <= text->count; i += 8) {
-        memcpy(&word, text->text + i, 8);
-        all |= word;
-    }
-    for (; i < text->count; i++)
-        all |= (uint8_t)text->text[i];
-    return (all & UINT64_C(0x8080808080808080)) == 0;
-}
-
-size_t captain_cdr_get_text(captain_cdr_reader *r, size_t at, captain_text *text, const captain_type *type, const char *name)
-{
-    captain_report found;
-    size_t start = captain_cdr_align(at, 4);
-    at = get_text(r, at, text, name);
-    if (at == CAPTAIN_FAILED)
-        return at;
-    captain_status status = CAPTAIN_OK;
-    if (type->kind != CAPTAIN_UTF8)
-        status = captain_check_size(type, text->count, &found, &NOWHERE);
-    bool is_any = type->kind == CAPTAIN_UTF8 || (type->kind == CAPTAIN_IA5 && type->alphabet == NULL);
-    if (status == CAPTAIN_OK && !(is_any && is_ascii(text)))
-        status = captain_check_text(type, captain_walk_in_size(type, text->count), text->text, text->count, &found, &NOWHERE);
-    return status == CAPTAIN_OK ? at : refuse(r, start, status, name, found.text);
-}
-
-static bool count_only(void *context, const char *text, size_t octets)
-{
-    (void)text;
-    *(size_t *)context += octets;
-    return true;
-}
-
-typedef struct copy {
-    captain_cdr_writer *writer;
-    size_t at;
-} copy;
-
-static bool append(void *context, const char *text, size_t octets)
-{
-    copy *to = context;
-    for (size_t i = 0; i < octets; i++)
-        to->at = captain_cdr_put(to->writer, to->at, (uint8_t)text[i], 1);
-    return true;
-}
-
-static void print_oid(const captain_type *type, const captain_octets *oid, captain_sink sink, void *context)
-{
-    captain_out out;
-    captain_out_start(&out, sink, context);
-    captain_out_oid(&out, type->kind == CAPTAIN_RELATIVE_OID, oid);
-    captain_out_end(&out);
-}
-
-size_t captain_cdr_put_oid(captain_cdr_writer *w, size_t at, const captain_type *type, const captain_octets *oid)
-{
-    size_t count = 0;
-    print_oid(type, oid, count_only, &count);
-    copy to = {w, captain_cdr_put(w, at, count + 1, 4)};
-    print_oid(type, oid, append, &to);
-    return captain_cdr_put(w, to.at, 0, 1);
-}
-
-size_t captain_cdr_get_oid(captain_cdr_reader *r, size_t at, captain_octets *oid, const captain_type *type, const char *name)
-{
-    captain_text text;
-    size_t start = captain_cdr_align(at, 4);
-    at = get_text(r, at, &text, name);
-    if (at == CAPTAIN_FAILED)
-        return at;
-    uint8_t *octets = captain_arena_take(r->arena, (size_t)text.count + 1);
-    if (octets == NULL)
-        return captain_cdr_no_memory(r, start, name);
-    size_t count = captain_json_oid(&text, type->kind == CAPTAIN_RELATIVE_OID, octets);
-    if (count == SIZE_MAX)
-        return refuse(r, start, CAPTAIN_RANGE, name, "no object identifier like \"1.3.6.1\"");
-    *oid = (captain_octets){.count = (uint32_t)count, .octets = octets};
     return at;
 }
 
@@ -329,7 +219,7 @@ size_t captain_cdr_get_unused(captain_cdr_reader *r, size_t at, captain_bits *bi
         count = least > (uint64_t)type->low ? least : (uint32_t)type->low;
     }
     captain_status status = captain_check_size(type, count, &found, &NOWHERE);
-    return status == CAPTAIN_OK ? at + 1 : refuse(r, at, status, name, found.text);
+    return status == CAPTAIN_OK ? at + 1 : captain_cdr_refuse(r, at, status, name, found.text);
 }
 
 /* ---------------------------------------------------------------- the way in */
