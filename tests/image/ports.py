@@ -99,7 +99,7 @@ def _without_network(card: Path, _: Ports) -> list[str]:
 
 def _named(shell: RootShell, wire: Wire) -> Row:
     """By udev, once it is done with it: the firewall trusts eth0, which has to be the board's port."""
-    found = shell.run(f"{_found(wire)}; udevadm wait --timeout 300 /sys/class/net/$is; {_found(wire)}; echo $is")
+    found = shell.run(f"{_found(wire)}; udevadm settle --timeout 300; {_found(wire)}; echo $is", 600)
     return Row("a network at USB, with an address of its maker", found, "usb*, and never eth*", found.startswith("usb"))
 
 
