@@ -13,25 +13,30 @@ BOARD = '[interfaces.air]\ndriver = "som301e"\nlibrary = "{library}"\n'
 class Radio:
     """One station's: its board file, what its environment has to say, and what its air has lost."""
 
-    def __init__(self, own: Address, control: Address, peers: str, loss: float, number: int) -> None:
+    def __init__(self, own: Address, control: Address, peers: str, loss: float, number: int, more: str) -> None:
         self.board = BOARD.format(library=library_path())
         mac = f"02:00:00:00:30:{number:02x}"
-        words = f"listen={own} control={control} peers={peers} loss={loss:g} seed={number} mac={mac}"
+        words = f"listen={own} control={control} peers={peers} loss={loss:g} seed={number} mac={mac} {more}"
         self.environment: Mapping[str, str] = {VARIABLE: words}
         self._control = Control(control)
 
+    def say(self, words: str) -> None:
+        """Change settings (drivers/sim/radio/settings.h); they hold when this returns."""
+        self._control.ask(words)
+
     def lost(self) -> int:
-        """Messages that the air took from this one."""
-        return self._control.ask()["lost"]
+        """Messages that the air took from this one, and those that were too weak."""
+        counters = self._control.ask()
+        return counters["lost"] + counters["faded"]
 
 
-def pair(host: str, recorder: int, loss: float) -> list[Radio]:
-    """Two of them. Raises StationError where the library is not built."""
+def pair(host: str, recorder: int, loss: float, more: str = "") -> list[Radio]:
+    """Two of them; more are words for both. Raises StationError where the library is not built."""
     addresses = [Address(host, port) for port in ports.free_udp(host, 4)]
     heard_by = Address(host, recorder)
     a, b, *controls = addresses
     return [
-        Radio(own, control, f"{other},{heard_by}", loss, number)
+        Radio(own, control, f"{other},{heard_by}", loss, number, more)
         for number, (own, other, control) in enumerate(((a, b, controls[0]), (b, a, controls[1])), 1)
     ]
 

@@ -1,5 +1,6 @@
 /* The air: UDP datagrams, each a whole Ethernet frame as Vanetza's tools send them. One thread listens. */
-#define _POSIX_C_SOURCE 200809L
+#define _GNU_SOURCE /* M_PI */
+#include <math.h>
 #include <poll.h>
 #include <stdio.h>
 #include <string.h>
@@ -7,6 +8,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include "path.h"
 #include "radio.h"
 
 enum { MS = 1000000 };
@@ -19,6 +21,7 @@ enum { MAX_HOPPED = 64 };  /* packets remembered that others may pass on */
 static struct delayed {
     int64_t due_ns;
     size_t length; /* 0: the place is free */
+    int16_t rssi;
     uint8_t frame[MAX_FRAME];
 } delayed[MAX_DELAYED];
 
@@ -54,7 +57,7 @@ static bool seen_before(const struct packet *packet)
     return false;
 }
 
-static void deliver(const uint8_t *frame, size_t length)
+static void deliver(const uint8_t *frame, size_t length, int16_t rssi)
 {
     struct packet packet;
     if (radio.settings.is_down)
@@ -66,20 +69,33 @@ static void deliver(const uint8_t *frame, size_t length)
         radio.counters.own++;
     else if (packet.is_multi_hop && seen_before(&packet))
         radio.counters.duplicate++;
-    else
+    else {
+        packet.rssi = rssi;
         casters_receive(&packet);
+    }
 }
 
-static void delay(const uint8_t *frame, size_t length, double delay_ms)
+static void delay(const uint8_t *frame, size_t length, int16_t rssi, double delay_ms)
 {
     for (size_t at = 0; at < MAX_DELAYED; at++)
         if (!delayed[at].length) {
             delayed[at].due_ns = now_ns() + (int64_t)(delay_ms * MS);
             delayed[at].length = length;
+            delayed[at].rssi = rssi;
             memcpy(delayed[at].frame, frame, length);
             return;
         }
     radio.counters.overflow++;
+}
+
+/* dBm of a frame as it arrives. The place that sent it is that of its maker: these radios pass on nothing. */
+static double strength(const uint8_t *frame, size_t length)
+{
+    struct packet packet;
+    if (!radio.settings.has_power || !geonet_decode(&packet, frame, length))
+        return radio.settings.rssi;
+    double one = chance(), other = chance(); /* Box and Muller, 1958 */
+    return path_power_dbm(&radio.settings, packet.source, sqrt(-2 * log(1 - one)) * cos(2 * M_PI * other));
 }
 
 /* length  0: longer than any frame of ours, or empty. */
@@ -95,15 +111,20 @@ static void arrive(const uint8_t *frame, size_t length)
         radio.counters.lost++;
         return;
     }
+    double rssi = strength(frame, length);
+    if (settings->has_power && rssi < settings->sensitivity) {
+        radio.counters.faded++;
+        return;
+    }
     double delay_ms = settings->delay_ms;
     if (settings->jitter_ms)
         delay_ms += settings->jitter_ms * chance();
     if (settings->reorder > 0 && chance() < settings->reorder)
         delay_ms += REORDER_MS;
     if (delay_ms > 0)
-        delay(frame, length, delay_ms);
+        delay(frame, length, (int16_t)lround(rssi), delay_ms);
     else
-        deliver(frame, length);
+        deliver(frame, length, (int16_t)lround(rssi));
 }
 
 static struct delayed *next_delayed(void)
@@ -122,7 +143,7 @@ static int deliver_due(void)
         int64_t left = next->due_ns - now_ns();
         if (left > 0)
             return (int)(left / MS) + 1;
-        deliver(next->frame, next->length);
+        deliver(next->frame, next->length, next->rssi);
         next->length = 0;
     }
     return -1;

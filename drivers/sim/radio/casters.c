@@ -62,7 +62,7 @@ static void describe(struct rx_info *info, const struct packet *packet)
     clock_gettime(CLOCK_REALTIME, &now);
     *info = (struct rx_info){
         .timestamp = {now.tv_sec, now.tv_nsec / 1000},
-        .rssi = radio.settings.rssi,
+        .rssi = packet->rssi,
         .data_rate = DATA_RATE,
         .traffic_class = packet->traffic_class,
         .hop_limit = packet->hop_limit,

@@ -69,8 +69,8 @@ void control_answer(const char *command, char *answer, size_t size)
         crash();
     const struct counters *seen = &radio.counters;
     snprintf(answer, size,
-             "sent=%u heard=%u lost=%u away=%u foreign=%u own=%u duplicate=%u no_caster=%u overflow=%u "
+             "sent=%u heard=%u lost=%u faded=%u away=%u foreign=%u own=%u duplicate=%u no_caster=%u overflow=%u "
              "delivered=%u created=%u",
-             seen->sent, seen->heard, seen->lost, seen->away, seen->foreign, seen->own, seen->duplicate,
-             seen->no_caster, seen->overflow, seen->delivered, seen->created);
+             seen->sent, seen->heard, seen->lost, seen->faded, seen->away, seen->foreign, seen->own,
+             seen->duplicate, seen->no_caster, seen->overflow, seen->delivered, seen->created);
 }

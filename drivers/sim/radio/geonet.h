@@ -28,6 +28,7 @@ struct packet {
     struct area area;
     struct position centre;
     struct position source;
+    int16_t rssi;          /* dBm, of what arrived */
     uint8_t source_mac[6]; /* of the frame: who passed it on last */
     uint8_t maker_mac[6];  /* of the position vector: who made it */
     const uint8_t *payload;

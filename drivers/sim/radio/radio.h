@@ -8,11 +8,12 @@
 #include "settings.h"
 
 /* What the control port answers. All that was heard is counted once more: lost, away, foreign, own, duplicate,
- * no_caster, overflow or delivered; or it is still on its way. */
+ * faded, no_caster, overflow or delivered; or it is still on its way. */
 struct counters {
     unsigned sent;      /* by casters */
     unsigned heard;     /* frames that the air brought */
     unsigned lost;      /* by settings.loss */
+    unsigned faded;     /* weaker than settings.sensitivity */
     unsigned away;      /* the module was not there */
     unsigned foreign;   /* frames without a PDU to everybody in the clear */
     unsigned own;       /* frames of this radio */

@@ -20,7 +20,7 @@ void settings_default(struct settings *settings)
 {
     *settings = (struct settings){
         .seed = 1, .limit = 32, .handler_bits = 8, .has_texts = true, .rssi = -71, .tx_ms = 1,
-        .mac = {0x02, 0, 0, 0, 0x30, 0x1e}, .profile_count = sizeof PROFILES / sizeof *PROFILES,
+        .sensitivity = -92, .mac = {0x02, 0, 0, 0, 0x30, 0x1e}, .profile_count = sizeof PROFILES / sizeof *PROFILES,
     };
     memcpy(settings->profiles, PROFILES, sizeof PROFILES);
 }
@@ -55,6 +55,13 @@ static bool share(const char *text, double *value)
     char *end;
     *value = strtod(text, &end);
     return end != text && *end == '\0' && 0.0 <= *value && *value <= 1.0;
+}
+
+static bool decibel(const char *text, double *value)
+{
+    char *end;
+    *value = strtod(text, &end);
+    return end != text && *end == '\0' && -200.0 <= *value && *value <= 200.0;
 }
 
 static bool endpoint(char *text, struct sockaddr_in *value)
@@ -94,6 +101,18 @@ static bool take_profile(char *item, struct settings *settings)
         port > UINT16_MAX || id > UINT16_MAX)
         return false;
     settings->profiles[settings->profile_count++] = (struct profile){(uint16_t)port, (uint16_t)id};
+    return true;
+}
+
+static bool take_building(char *item, struct settings *settings)
+{
+    struct building building;
+    char rest;
+    if (settings->building_count >= MAX_BUILDINGS ||
+        sscanf(item, "%d:%d:%d:%d%c", &building.corner.latitude, &building.corner.longitude,
+               &building.opposite.latitude, &building.opposite.longitude, &rest) != 4)
+        return false;
+    settings->buildings[settings->building_count++] = building;
     return true;
 }
 
@@ -175,6 +194,10 @@ static bool take(struct settings *to, const char *key, char *value)
         return to->peer_count = 0, each(value, to, take_peer);
     if (KEY("profiles"))
         return to->profile_count = 0, each(value, to, take_profile);
+    if (KEY("buildings"))
+        return to->building_count = 0, each(value, to, take_building);
+    if (KEY("power"))
+        return to->has_power = decibel(value, &to->power);
     if (KEY("fail"))
         return each(value, to, take_failure);
     if (KEY("hang"))
@@ -185,6 +208,8 @@ static bool take(struct settings *to, const char *key, char *value)
         return count(value, &to->handler_bits) && (to->handler_bits == 8 || to->handler_bits == 32);
     return KEY("loss")         ? share(value, &to->loss)
            : KEY("reorder")    ? share(value, &to->reorder)
+           : KEY("fading")     ? decibel(value, &to->fading)
+           : KEY("sensitivity") ? decibel(value, &to->sensitivity)
            : KEY("delay_ms")   ? count(value, &to->delay_ms)
            : KEY("jitter_ms")  ? count(value, &to->jitter_ms)
            : KEY("seed")       ? take_seed(value, to)

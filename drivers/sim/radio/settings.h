@@ -10,9 +10,12 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "v2xcast.h"
+
 #define MAX_PEERS 16
 #define MAX_PROFILES 32
 #define MAX_FAILURES 16
+#define MAX_BUILDINGS 8
 
 enum call { CALL_INIT, CALL_CREATE, CALL_TX, CALL_RX, CALL_RELEASE, CALLS };
 
@@ -28,6 +31,11 @@ struct profile {
     uint16_t btp_port, caster_id;
 };
 
+/* What stands between radios: walls along parallels and meridians, 1e-7 degree. */
+struct building {
+    struct position corner, opposite;
+};
+
 struct settings {
     struct sockaddr_in listen;  /* listen=127.0.0.1:8947   where the air reaches it; without it there is no module */
     struct sockaddr_in control; /* control=127.0.0.1:8900  where it is told more settings; it answers with counters */
@@ -39,6 +47,14 @@ struct settings {
     unsigned delay_ms;  /* delay_ms=5    from the air to the caster */
     unsigned jitter_ms; /* jitter_ms=2   up to so much longer, evenly spread */
     uint64_t seed;      /* seed=1        of all that is random */
+
+    /* With a power, what a frame loses on its way decides, by path.h: rssi is how strong it arrives. */
+    bool has_power;
+    double power;       /* power=23          dBm that each radio sends with, antennas included */
+    double fading;      /* fading=3          dB, standard deviation of each frame's strength */
+    double sensitivity; /* sensitivity=-92   dBm: what is weaker is not received */
+    struct building buildings[MAX_BUILDINGS]; /* buildings=LAT:LON:LAT:LON,...  two corners of each */
+    size_t building_count;
 
     bool is_down;        /* down=1             the module is not there */
     unsigned down_after; /* down_after=30000   ms from eu_caster_init() until it goes away; 0: never */
