@@ -5,7 +5,6 @@ from asn1.ros2.model import RosField, RosPackage
 SIZES = {
     "bool": 1, "uint8": 1, "int8": 1, "uint16": 2, "int16": 2, "uint32": 4, "int32": 4, "uint64": 8, "int64": 8,
 }  # fmt: skip
-HEADER = ("int32", "uint32", "string")  # std_msgs/Header
 ENCAPSULATION = 4
 
 
@@ -27,10 +26,6 @@ class _Walk:
         self.between: list[int] = []
 
     def message(self, name: str) -> None:
-        if name == "std_msgs/Header":
-            for type_ in HEADER:
-                self.one(type_)
-            return
         fields = self.package.messages[name].fields
         for field in fields:
             self.field(field)
