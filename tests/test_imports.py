@@ -43,7 +43,9 @@ TABLE = {
     # The station itself knows nothing of its commands, and draws and decodes nothing.
     "firmware": Rule(
         ("board", "drivers", "pps", "zmq"),
-        frozenset({"firmware.codec", "firmware.console", "firmware.lab", "firmware.tap", "firmware.user"}),
+        frozenset(
+            {"firmware.codec", "firmware.console", "firmware.lab", "firmware.meter", "firmware.tap", "firmware.user"}
+        ),
     ),
     "firmware/codec": Rule(
         ("board", "drivers.wire", *WORDS, "firmware", "captain_messages"), frozenset({"firmware.lab"})
@@ -57,6 +59,7 @@ TABLE = {
         ("board", "drivers.wire", *WORDS, "firmware", "zmq", "rich", "pygal"), frozenset({"firmware.lab"})
     ),
     "firmware/lab": Rule(("board", "drivers", "pps", "firmware", "zmq", "rich")),
+    "firmware/meter": Rule(("board", "drivers.wire", *WORDS, "pps", "firmware", "zmq", "rich", "pygal")),
     "firmware/tap": Rule(("board", "drivers", "firmware", "rich", "paho"), frozenset({"firmware.lab"})),
     # ROS packages, installed where ROS is: nothing else of ours is there.
     GATEWAY: Rule(

@@ -1,0 +1,110 @@
+"""What is counted and measured of messages: of one way, of one type of one station on it, or of all together."""
+
+from collections import Counter, OrderedDict
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from firmware.meter.age import Age, Gaps
+from firmware.meter.delay import link, one_way
+from firmware.meter.matching import Fate, Settled, Way
+from firmware.meter.sample import MOST, Sample
+
+MOST_OF_ROW = 2048  # numbers kept of each measure of a row
+MOST_ROWS = 256
+OTHERS = "(others)"
+
+
+class Figures:
+    """Takes fates one after the other.
+
+    counts     of each fate. `lost` has those that came late after all; they are counted as `late` besides.
+    one_way_us  from accepted to received; link_us: from gone to received; queue_us and send_us: before and while it
+               left; each delay with its uncertainty in doubt_us.
+    """
+
+    def __init__(self, most: int = MOST) -> None:
+        self.counts: Counter[Fate] = Counter()
+        self.octets = 0
+        self.reordered = 0
+        self.repeats = 0
+        self.one_way_us, self.link_us, self.doubt_us = Sample(most), Sample(most), Sample(most)
+        self.queue_us, self.send_us = Sample(most), Sample(most)
+        self.rssi_dbm = Sample(most)
+        self.gaps = Gaps(most)
+        self.age = Age(most)
+
+    @property
+    def sent(self) -> int:
+        return self.counts[Fate.ARRIVED] + self.counts[Fate.LOST] + self.counts[Fate.UNSEEN]
+
+    @property
+    def lost(self) -> int:
+        """And never received."""
+        return self.counts[Fate.LOST] - self.counts[Fate.LATE]
+
+    @property
+    def loss(self) -> float | None:
+        """Share of those whose fate is known; None of nothing."""
+        known = self.sent - self.counts[Fate.UNSEEN]
+        return self.lost / known if known else None
+
+    def add(self, one: Settled) -> None:
+        self.counts[one.fate] += 1
+        if one.sent is not None:
+            self.octets += one.sent.what.octets
+            self.queue_us.add(one.sent.queue_ns / 1000)
+            self.send_us.add(one.sent.send_ns / 1000)
+        received = one.received
+        if received is None or one.fate not in (Fate.ARRIVED, Fate.LATE):
+            return
+        self.reordered += one.is_reordered
+        self.repeats += one.is_repeat
+        self.gaps.add(received.received_ns)
+        if received.rssi_dbm is not None:
+            self.rssi_dbm.add(received.rssi_dbm)
+        if one.sent is None or (delay := one_way(one.sent, received)) is None:
+            return
+        self.one_way_us.add(delay.ns / 1000)
+        self.age.add(received.received_ns, delay.ns)
+        alone = link(one.sent, received)
+        if alone is not None:
+            self.link_us.add(alone.ns / 1000)
+            self.doubt_us.add(alone.uncertainty_ns / 1000)
+
+
+class Key(NamedTuple):
+    """Whose messages, of what kind, on which way."""
+
+    way: Way
+    type: str
+    station_id: int | None
+
+
+class Rows:
+    """Figures by way, type and station; those whose last message is the longest ago are folded when they are too many.
+
+    Their counts are added up in `others`; what was measured of them is in the figures of their way.
+    """
+
+    def __init__(self, most: int = MOST_ROWS) -> None:
+        self._most = most
+        self._rows: OrderedDict[Key, Figures] = OrderedDict()
+        self.others: dict[Way, Counter[Fate]] = {}
+
+    def add(self, one: Settled) -> None:
+        event = one.sent or one.received
+        if event is None or one.fate is Fate.STRANGE:
+            return
+        key = Key(one.way, event.what.type, event.what.station_id)
+        row = self._rows.get(key)
+        if row is None:
+            if len(self._rows) >= self._most:
+                folded, figures = self._rows.popitem(last=False)
+                self.others.setdefault(folded.way, Counter()).update(figures.counts)
+            row = self._rows[key] = Figures(MOST_OF_ROW)
+        else:
+            self._rows.move_to_end(key)
+        row.add(one)
+
+    def __iter__(self) -> Iterator[tuple[Key, Figures]]:
+        yield from sorted(self._rows.items(), key=lambda item: (item[0].way, item[0].type, item[0].station_id or 0))

@@ -1,0 +1,146 @@
+"""The meter: what stations tell goes in, figures come out. It holds no socket and reads no clock."""
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from typing import NamedTuple
+
+from firmware.meter.event import Received, Sent
+from firmware.meter.figures import Figures, Rows
+from firmware.meter.inside import Inside
+from firmware.meter.matching import GRACE_S, Fate, Matching, Settled, Way
+from firmware.meter.paths import Paths
+from firmware.meter.spots import Spots
+from firmware.meter.window import Windows
+
+
+class Ends(NamedTuple):
+    """Two interfaces that hear each other, as somebody has named them: A:g5=B:air."""
+
+    one: tuple[str, str]
+    other: tuple[str, str]
+
+
+class Measured:
+    """All of one way: of the whole, and by intervals."""
+
+    def __init__(self, interval_s: float) -> None:
+        self.whole = Figures()
+        self.windows = Windows(interval_s)
+
+
+class Meter:
+    """Every way between stations that are metered.
+
+    interval_s   T, over which is averaged.
+    grace_s      how long one end's word is waited for after the other's.
+    named        interfaces that hear each other though neither name nor technology says so.
+    probes       stationID of messages that somebody reflects: their round trips are ways, too.
+    """
+
+    def __init__(
+        self, interval_s: float = 1.0, grace_s: float = GRACE_S, named: Iterable[Ends] = (), probes: int | None = None
+    ) -> None:
+        self.interval_s = interval_s
+        self.grace_s = grace_s
+        self.ways: dict[Way, Measured] = {}
+        self.rows = Rows()
+        self.inside = Inside()
+        self.paths = Paths(3 * grace_s)
+        self.spots = Spots()
+        named = list(named)
+        self._named = [(ends.one, ends.other) for ends in named] + [(ends.other, ends.one) for ends in named]
+        self._probes = probes
+        self._stations: dict[str, Mapping[str, str]] = {}
+        self._matching: dict[Way, Matching] = {}
+        self._from: dict[tuple[str, str], list[Matching]] = {}
+        self._into: dict[tuple[str, str], list[Matching]] = {}
+
+    def station(self, name: str, interfaces: Mapping[str, str]) -> None:
+        """A station, and the technology of each of its interfaces, empty where it is not known; again when they change.
+
+        Before its first event.
+        """
+        if self._stations.get(name) == interfaces:
+            return
+        self._stations[name] = dict(interfaces)
+        self._from.clear()
+        self._into.clear()
+        for way in self._possible():
+            matching = self._matching.get(way)
+            if matching is None:
+                matching = self._matching[way] = Matching(way, self.grace_s)
+                self.ways[way] = Measured(self.interval_s)
+            self._from.setdefault((way.sender, way.out), []).append(matching)
+            self._into.setdefault((way.receiver, way.into), []).append(matching)
+
+    def sent(self, event: Sent) -> None:
+        self.inside.sent(event)
+        for matching in self._from.get((event.station, event.interface), ()):
+            if not matching.way.is_round_trip or event.what.station_id == self._probes:
+                matching.sent(event)
+
+    def received(self, event: Received) -> None:
+        self.inside.received(event)
+        for matching in self._into.get((event.station, event.interface), ()):
+            if not matching.way.is_round_trip or event.what.station_id == self._probes:
+                matching.received(event)
+
+    def unheard(self, receiver: str, count: float, since_s: float, until_s: float) -> None:
+        """So many indications of a station were missed by the meter; math.inf: nobody knows how many."""
+        for matching in self._matching.values():
+            if matching.way.receiver == receiver:
+                matching.unheard(count, since_s, until_s)
+
+    def settle(self, now_s: float) -> list[Settled]:
+        """Take into the figures what is known by now; returns it. math.inf: everything."""
+        settled = [one for matching in self._matching.values() for one in matching.settle(now_s)]
+        for one in settled:
+            measured = self.ways[one.way]
+            measured.whole.add(one)
+            measured.windows.add(one)
+            self.rows.add(one)
+            self.spots.add(one)
+            self.paths.add(one, now_s)
+        self.paths.settle(now_s)
+        return settled
+
+    def finish(self) -> list[Settled]:
+        """Settle everything: nothing more will come."""
+        return self.settle(math.inf)
+
+    @property
+    def lost(self) -> int:
+        return sum(one.whole.lost for way, one in self.ways.items() if not way.is_round_trip)
+
+    @property
+    def sent_count(self) -> int:
+        return sum(one.whole.sent for way, one in self.ways.items() if not way.is_round_trip)
+
+    @property
+    def arrived(self) -> int:
+        return sum(one.whole.counts[Fate.ARRIVED] for way, one in self.ways.items() if not way.is_round_trip)
+
+    def _possible(self) -> Iterator[Way]:
+        for station, interfaces in self._stations.items():
+            for interface in interfaces:
+                for other in self._stations:
+                    if other == station:
+                        if self._probes is not None:
+                            yield Way(station, interface, station, interface)
+                    elif into := self._counterpart(station, interface, other):
+                        yield Way(station, interface, other, into)
+
+    def _counterpart(self, station: str, interface: str, other: str) -> str:
+        """The interface of another station that hears this one; empty where none is known to.
+
+        As named; of its name, unless technologies differ; or the only one of its technology.
+        """
+        for one, end in self._named:
+            if one == (station, interface) and end[0] == other:
+                return end[1]
+        technology = self._stations[station].get(interface, "")
+        theirs = self._stations[other]
+        if interface in theirs and (not technology or not theirs[interface] or theirs[interface] == technology):
+            return interface
+        alike = [name for name, one in theirs.items() if one == technology]
+        return alike[0] if technology and len(alike) == 1 else ""
