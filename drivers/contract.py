@@ -96,6 +96,22 @@ class Host(Protocol):
         """What status shows of the module beside its link, as JSON; replaces what was told before."""
 
 
+class FrameWatch(Protocol):
+    """Who looks at whole frames as interfaces have them: a recorder. Nothing of it is waited for."""
+
+    def came(self, interface: str, frame: bytes, received_ns: int, pdu: bytes) -> None:
+        """A frame was received; pdu is what of it will be indicated, the very object, or empty."""
+
+    def made(self, interface: str, frame: bytes, request: Request | None) -> None:
+        """A request's frame is about to leave, which its confirm tells; without a request a beacon has left."""
+
+
+class Witness:
+    """Where an interface finds who looks: nobody, most of the time."""
+
+    watch: FrameWatch | None = None
+
+
 class Shared(NamedTuple):
     """What all interfaces of one station have in common; given to a driver's constructor beside its options.
 
@@ -112,6 +128,7 @@ class Shared(NamedTuple):
     machine             where the kernel's files are: a driver of a USB module finds its ports there.
     types               names of the message types by their row (MessageType.row); empty where one has none.
     is_clock_set        whether the clock of this machine was ever set: without a battery it begins at any date.
+    witness             where those interfaces that have whole frames find who looks at them.
     """
 
     mac: bytes
@@ -125,6 +142,7 @@ class Shared(NamedTuple):
     machine: Machine = REAL
     types: tuple[str, ...] = ()
     is_clock_set: Callable[[], bool] = lambda: True
+    witness: Witness = Witness()
 
 
 class Driver(Protocol):

@@ -168,9 +168,8 @@ class Ethernet:
             return self._not_sent(error, len(octets))
         return NOW
 
-    def _beacon(self, octets: bytes) -> None:
-        if self._is_up:
-            self._transmit(octets, BEACON)
+    def _beacon(self, octets: bytes) -> Sent | None:
+        return self._transmit(octets, BEACON) if self._is_up else None
 
     def _prioritize(self, traffic_class: int) -> None:
         self._traffic_class = traffic_class

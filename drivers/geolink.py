@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from board.loop import Timer
-from drivers.contract import Host, Shared
+from drivers.contract import NOW, Host, Sent, Shared
 from drivers.message import Request
 from drivers.reason import Reason
 from drivers.wire import frame
@@ -27,9 +27,10 @@ class GeoLink:
     """
 
     def __init__(
-        self, host: Host, shared: Shared, mac: bytes, beacon_s: float, transmit: Callable[[bytes], object]
+        self, host: Host, shared: Shared, mac: bytes, beacon_s: float, transmit: Callable[[bytes], Sent | None]
     ) -> None:
         self._host = host
+        self._witness = shared.witness
         self._mac = mac
         self._transmit = transmit
         self._core = GeoNetworking(
@@ -54,6 +55,8 @@ class GeoLink:
             host.drop(Reason.OWN_ECHO, octets)
             return
         event = self._core.receive(ethernet.packet, ethernet.source, host.loop.clock(), host.ego())
+        if (watch := self._witness.watch) is not None:
+            watch.came(host.name, octets, received_ns, event.pdu if isinstance(event, Received) else b"")
         if isinstance(event, Received):
             host.indicate(event.pdu, received_ns, event.rx)
         elif isinstance(event, Heard):
@@ -63,7 +66,10 @@ class GeoLink:
 
     def encode(self, request: Request) -> bytes:
         """The frame of a request: a single hop broadcast, or a GeoBroadcast when it has an area."""
-        return frame.wrap(self._mac, self._core.encode(request, self._host.loop.clock(), self._host.ego()))
+        octets = frame.wrap(self._mac, self._core.encode(request, self._host.loop.clock(), self._host.ego()))
+        if (watch := self._witness.watch) is not None:
+            watch.made(self._host.name, octets, request)
+        return octets
 
     def start(self) -> None:
         """Send beacons from now on."""
@@ -83,4 +89,6 @@ class GeoLink:
         packet = self._core.take(self._host.ego())
         self.start()
         if packet:
-            self._transmit(frame.wrap(self._mac, packet))
+            octets = frame.wrap(self._mac, packet)
+            if self._transmit(octets) is NOW and (watch := self._witness.watch) is not None:
+                watch.made(self._host.name, octets, None)

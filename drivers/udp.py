@@ -171,9 +171,8 @@ class Udp:
     def _nowhere(self, request: Request) -> bytes:
         raise RequestError(f"{self._host.name} only listens", "give it peers or a group to send to")
 
-    def _beacon(self, octets: bytes) -> None:
-        if self._is_up:
-            self._sender.send(octets)
+    def _beacon(self, octets: bytes) -> Sent | None:
+        return self._sender.send(octets) if self._is_up else None
 
     def _broken(self, error: OSError) -> None:
         self._host.fail(refused("receiving", error))

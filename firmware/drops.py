@@ -2,7 +2,7 @@
 
 import logging
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 from drivers.reason import MEANING, Reason
 
@@ -28,9 +28,13 @@ class Drop:
 
 
 class Drops:
-    """Counters by place and reason. Bounded: places are interfaces and sockets, reasons are an enumeration."""
+    """Counters by place and reason. Bounded: places are interfaces and sockets, reasons are an enumeration.
+
+    watch  is shown each discard with all its octets: where, reason, sample, count, detail; None while nobody looks.
+    """
 
     def __init__(self) -> None:
+        self.watch: Callable[[str, Reason, bytes, int, str], None] | None = None
         self._drops: dict[tuple[str, Reason], Drop] = {}
 
     def count(self, where: str, reason: Reason, sample: bytes = b"", count: int = 1, detail: str = "") -> None:
@@ -51,6 +55,8 @@ class Drops:
             drop.octets = len(sample)
         if sample or detail:
             drop.detail = detail[:DETAIL]  # of the sample: that of an earlier one would explain another
+        if self.watch is not None:
+            self.watch(where, reason, sample, count, detail)
         # The journal hears of the first, the tenth, the hundredth ...: never a flood, never silence.
         if before == 0 or len(str(before)) != len(str(drop.count)):
             level = logging.INFO if reason in USUAL else logging.WARNING

@@ -1,22 +1,27 @@
 """The station's sockets: four ports for users, and the Unix socket of the command line."""
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import zmq
 
 from board.errors import StationError
 from board.loop import Loop
+from drivers.contract import Witness
 from drivers.message import Ego
 from firmware.control_socket import ControlSocket, default_path
 from firmware.drops import Drops
 from firmware.inlet import Inlet
 from firmware.publisher import Publisher
 from firmware.question import Commands
-from firmware.report import CONFIRM, INDICATION, STATUS, TOPICS, Report
+from firmware.report import CONFIRM, FRAME, INDICATION, STATUS, TIME, TOPICS, Report
 from firmware.router import Router
 from firmware.tables import EndpointOptions
 from firmware.topics import Topics
 from firmware.users import Users
+
+if TYPE_CHECKING:
+    from firmware.frames import Frames
 
 # What users have handed over is taken for FINISH_S when the station stops.
 FINISH_S = 0.2
@@ -28,6 +33,8 @@ class Endpoint:
     local     own position for localInfo; None leaves it out.
     status    makes the status object, time_status its part about time; refresh brings the counters in it up to date.
     commands  of the control socket.
+    mac       the station's own address.
+    witness   where interfaces find who looks at their frames.
 
     Raises StationError when one cannot be had, and has then closed the others.
     """
@@ -44,10 +51,17 @@ class Endpoint:
         refresh: Callable[[], None],
         time_status: Callable[[], dict[str, object]],
         commands: Commands,
+        mac: bytes,
+        witness: Witness,
     ) -> None:
         self.context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         self._loop = loop
         self._router = router
+        self._drops = drops
+        self._mac = mac
+        self._witness = witness
+        self._wanted: set[bytes] = set()  # topics of the report port
+        self._frames: Frames | None = None
         host = f"[{options.address}]" if ":" in options.address else options.address
 
         def at(port: int) -> str:
@@ -69,7 +83,6 @@ class Endpoint:
             self.context.destroy(linger=0)  # those sockets that could be had
             raise
         router.publish = self.users.publish
-        router.report = self.report.confirm
 
     def start(self) -> None:
         self.users.start()
@@ -111,11 +124,43 @@ class Endpoint:
         }
 
     def _interest(self, topic: bytes, is_wanted: bool) -> None:
-        if topic == CONFIRM:
-            self._router.is_confirm_wanted = is_wanted
-        elif topic == INDICATION:
-            self._router.observe = self.report.observe if is_wanted else None
-        elif topic == STATUS:
+        """Somebody subscribed to a topic of the report port, or the last one left."""
+        (self._wanted.add if is_wanted else self._wanted.discard)(topic)
+        if topic == STATUS:
             self.report.status_interest(is_wanted)
-        else:
+        elif topic == TIME:
             self.report.time_interest(is_wanted)
+        else:
+            if topic == FRAME:
+                self._look_at_frames(is_wanted)
+            self._look_at_messages()
+
+    def _look_at_frames(self, is_wanted: bool) -> None:
+        if self._frames is None:
+            from firmware.frames import Frames  # few stations have somebody who wants them
+
+            self._frames = Frames(self._loop, self._reports.publish_both, self._router, self._mac)
+        if not is_wanted:
+            self._frames.forget()
+        self._witness.watch = self._frames if is_wanted else None
+        self._drops.watch = self._frames.drop if is_wanted else None
+
+    def _look_at_messages(self) -> None:
+        """What is known of messages goes to those who have asked, and costs nothing where nobody has."""
+        router, report, wanted = self._router, self.report, self._wanted
+        confirms = [report.confirm] if CONFIRM in wanted else []
+        indications = [report.observe] if INDICATION in wanted else []
+        if self._frames is not None and FRAME in wanted:
+            confirms.append(self._frames.confirm)
+            indications.append(self._frames.observe)
+        router.is_confirm_wanted = bool(confirms)
+        router.report = confirms[0] if len(confirms) == 1 else lambda *told: _each(confirms, *told)
+        if not indications:
+            router.observe = None
+        else:
+            router.observe = indications[0] if len(indications) == 1 else lambda *told: _each(indications, *told)
+
+
+def _each(calls: list[Callable[..., None]], *told: object) -> None:
+    for call in calls:
+        call(*told)

@@ -8,7 +8,7 @@ import zmq
 from board.loop import Loop
 from board.time import Fix, TimeMark
 from drivers import DRIVERS
-from drivers.contract import Driver, Shared
+from drivers.contract import Driver, Shared, Witness
 from firmware.config import Config
 from firmware.drops import Drops
 from firmware.interface import Interface
@@ -38,6 +38,7 @@ class Interfaces:
         timekeeper: Timekeeper,
         timeline: Timeline,
         is_clock_set: Callable[[], bool],
+        witness: Witness,
     ) -> None:
         self._loop = loop
         self._router = router
@@ -47,6 +48,7 @@ class Interfaces:
         self._timekeeper = timekeeper
         self._timeline = timeline
         self._is_clock_set = is_clock_set
+        self._witness = witness
 
     def make(self, config: Config, simulation: Simulation, context: Context) -> dict[str, Supervised]:
         """Those of the configuration and, where it wants interface processes, theirs."""
@@ -90,6 +92,7 @@ class Interfaces:
             simulation.machine,
             tuple(kind.name for kind in self._topics.kinds),
             self._is_clock_set,
+            self._witness,
         )
         for entry in config.interfaces:
             yield entry.name, DRIVERS[entry.queue.driver](simulation.played(entry.options), shared), entry.queue

@@ -117,11 +117,20 @@ class Publisher:
                 self._publish_dropping(topic, body)
             else:
                 _send(socket, body, NOBLOCK)
-        # A send may swallow the edge that announces a subscription: look again soon. A look costs as much as four
-        # sends, so one for all messages of LOOK_S.
         if not self._is_looking:
-            self._is_looking = True
-            self._loop.after(LOOK_S, self._look)
+            self._look_soon()
+
+    def publish_both(self, topic: bytes, body: bytes, octets: bytes) -> None:
+        """As publish(), a message of three frames."""
+        try:
+            _send(self._socket, topic, MORE)
+        except zmq.Again:
+            self._publish_dropping(topic, body, octets)
+        else:
+            _send(self._socket, body, MORE)
+            _send(self._socket, octets, NOBLOCK)
+        if not self._is_looking:
+            self._look_soon()
 
     def offer(self, topic: bytes, body: bytes) -> bool:
         """As publish(), but nobody has it while one that wants it does not keep up; whether it was handed over."""
@@ -131,8 +140,7 @@ class Publisher:
             return False
         _send(self._socket, body, NOBLOCK)
         if not self._is_looking:
-            self._is_looking = True
-            self._loop.after(LOOK_S, self._look)
+            self._look_soon()
         return True
 
     def wants(self, topic: bytes) -> bool:
@@ -151,6 +159,12 @@ class Publisher:
         """Take the subscriptions that have come until now, where the next message depends on them (1.3 us)."""
         if is_readable(self._socket):
             self._look()
+
+    def _look_soon(self) -> None:
+        # A send may swallow the edge that announces a subscription: look again soon. A look costs as much as four
+        # sends, so one for all messages of LOOK_S.
+        self._is_looking = True
+        self._loop.after(LOOK_S, self._look)
 
     def _look(self) -> None:
         """Take the subscriptions that have come."""
@@ -184,17 +198,19 @@ class Publisher:
             if after > before or before > after == 0:
                 self._on_interest(topic, after > 0)
 
-    def _publish_dropping(self, topic: bytes, body: bytes) -> None:
+    def _publish_dropping(self, topic: bytes, *bodies: bytes) -> None:
         """Hand it to those that keep up. libzmq passes the others by until each has read half of what waits for it.
 
         So one that never reads again is refused, and counted, but once; that it does is known only when it leaves.
         """
         self.slow_count += 1
-        self._drops.count(self._place, Reason.SUBSCRIBER_SLOW, body)
+        self._drops.count(self._place, Reason.SUBSCRIBER_SLOW, bodies[0])
         if self.slow_since is None:
             self.slow_since = time.time()
             log.warning("%s: a subscriber does not keep up: it alone loses messages", self._place)
         self._socket.set(zmq.XPUB_NODROP, 0)
         _send(self._socket, topic, MORE)
-        _send(self._socket, body, NOBLOCK)
+        for body in bodies[:-1]:
+            _send(self._socket, body, MORE)
+        _send(self._socket, bodies[-1], NOBLOCK)
         self._socket.set(zmq.XPUB_NODROP, 1)

@@ -24,7 +24,8 @@ CONFIRM = b"confirm."
 STATUS = b"status."
 TIME = b"time."
 INDICATION = b"indication."
-TOPICS = (CONFIRM, STATUS, TIME, INDICATION)
+FRAME = b"frame."  # see firmware.frames
+TOPICS = (CONFIRM, STATUS, TIME, INDICATION, FRAME)
 PERIOD_S = 1.0
 AT_ONCE_S = 0.1  # the least time between two of them, however many subscribe
 DIGEST = 16  # hexadecimal digits of a SHA-256: 8 octets tell the messages of a year apart
@@ -88,8 +89,6 @@ class Report:
 
     def confirm(self, confirm: Confirm, targets: tuple[Interface, ...]) -> None:
         """Publish what became of a request; targets are the interfaces of an accepted one."""
-        from hashlib import sha256  # with OpenSSL, which nobody else needs
-
         request = confirm.request
         pdu = request.pdu
         self._confirms += 1
@@ -100,7 +99,7 @@ class Report:
             "type": request.kind.name,
             "station_id": int.from_bytes(pdu[2:ITS_HEADER], "big") if len(pdu) >= ITS_HEADER else None,
             "octets": len(pdu),
-            "digest": sha256(pdu).hexdigest()[:DIGEST],
+            "digest": digest_of(pdu),
             "outcome": confirm.outcome.value,
             "interfaces": [interface.name for interface in targets],
             "interface": confirm.interface,
@@ -117,8 +116,6 @@ class Report:
 
     def observe(self, indications: list[Indication]) -> None:
         """Publish what is known of messages as interfaces have brought them: those that came twice, twice."""
-        from hashlib import sha256  # with OpenSSL, which nobody else needs
-
         said = []
         for one in indications:
             pdu, rx = one.pdu, one.rx
@@ -128,7 +125,7 @@ class Report:
                 "type": one.kind.name,
                 "station_id": int.from_bytes(pdu[2:ITS_HEADER], "big"),
                 "octets": len(pdu),
-                "digest": sha256(pdu).hexdigest()[:DIGEST],
+                "digest": digest_of(pdu),
                 "interface": one.interface,
                 "received_ns": one.received_ns,
                 "monotonic": one.monotonic,
@@ -139,6 +136,13 @@ class Report:
             }
             said.append((INDICATION + one.kind.name.encode() + b".", json.dumps(told).encode()))
         self._publisher.publish_all(said)
+
+
+def digest_of(pdu: bytes) -> str:
+    """By which the same message is known in every report."""
+    from hashlib import sha256  # with OpenSSL, which nobody else needs
+
+    return sha256(pdu).hexdigest()[:DIGEST]
 
 
 def said_of(quality: TimeQuality) -> dict[str, object]:

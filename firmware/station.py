@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from board.errors import StationError
 from board.loop import Loop
 from board.time import TimeQuality
-from drivers.contract import Answer, Can, Parting
+from drivers.contract import Answer, Can, Parting, Witness
 from drivers.reason import Reason
 from firmware import bearers
 from firmware.board_file import Board
@@ -80,6 +80,7 @@ class Station:
         self._interfaces: dict[str, Supervised] = {}
         self._carrier: Carrier | None = None
         local = self.place.ego if tables.endpoint.local_info and not is_legacy else None
+        witness = Witness()
         self.endpoint = Endpoint(
             loop,
             tables.endpoint,
@@ -91,6 +92,8 @@ class Station:
             self._refresh,
             self.timekeeper.status,
             self._commands(),
+            config.mac,
+            witness,
         )
         interfaces = Interfaces(
             loop,
@@ -101,6 +104,7 @@ class Station:
             self.timekeeper,
             self.timeline,
             self._is_clock_set,
+            witness,
         )
         self._interfaces |= interfaces.make(config, self._simulation, self.endpoint.context)
         # Where there is one way in, nothing comes by two.

@@ -1,0 +1,254 @@
+"""Frames as they came and left, for a recorder: topic `frame.<interface>.` of the report port.
+
+In the way of a message one is only noted, and what it says is made later, a few at a time. An interface that has whole
+frames shows them (drivers.contract.FrameWatch); of others one is made up of message and metadata. What is dropped in
+the same moment is told with its frame.
+"""
+
+import json
+import struct
+import time
+from collections import Counter
+from collections.abc import Callable, Container
+from dataclasses import dataclass
+from typing import Protocol
+
+from board.loop import Loop
+from board.time import TimeQuality
+from drivers.message import ITS_HEADER, Confirm, Ego, Indication, MessageType, Outcome, Request
+from drivers.reason import MEANING, Reason
+from firmware import framing
+from firmware.report import FRAME, digest_of, said_of
+
+# They are told so much later: a drop that belongs to a frame follows it in the same turn of the loop.
+LATER_S = 0.02
+# What is noted until it is told: 10,000 frames a second, five times the ceiling of a channel. Of a flood the rest is
+# counted: routing goes first.
+MOST = 200
+SLICE = 16  # told in one turn: a message that comes meanwhile waits for 0.2 ms
+MADE = 4096  # requests whose frames wait for their confirm: as many as the queues of some interfaces hold
+
+USERS = "users"  # stands for the interface of what got to none
+ETHERTYPE = b"\x89\x47"
+
+Publish = Callable[[bytes, bytes, bytes], None]  # topic, JSON, octets
+
+
+@dataclass(slots=True)
+class Noted:
+    """A frame, or a message without one, and what became of it.
+
+    missed   of its interface, between the one before and this.
+    frame    empty where one has to be made up.
+    confirm  of what went out, or was to; a beacon has none.
+    """
+
+    interface: str
+    missed: int
+    when_ns: int
+    quality: TimeQuality
+    frame: bytes
+    pdu: bytes
+    is_out: bool = False
+    indication: Indication | None = None
+    confirm: Confirm | None = None
+    reason: Reason | None = None
+    detail: str = ""
+
+    @property
+    def kind(self) -> MessageType | None:
+        if self.indication is not None:
+            return self.indication.kind
+        return None if self.confirm is None else self.confirm.request.kind
+
+
+class Surroundings(Protocol):
+    """What frames ask of the station: firmware.router.Router."""
+
+    @property
+    def interfaces(self) -> Container[str]: ...
+    def ego(self) -> Ego: ...
+    def quality_now(self) -> TimeQuality: ...
+
+
+class Frames:
+    """Notes and tells them. Only while somebody listens is anything here called.
+
+    mac       the station's own, of what is made up to go out.
+    clock_ns  Unix time.
+    """
+
+    def __init__(
+        self,
+        loop: Loop,
+        publish: Publish,
+        station: Surroundings,
+        mac: bytes,
+        clock_ns: Callable[[], int] = time.time_ns,
+    ) -> None:
+        self._loop = loop
+        self._publish = publish
+        self._station = station
+        self._mac = mac
+        self._clock_ns = clock_ns
+        self._noted: list[Noted] = []
+        self._telling: list[Noted] = []
+        self._by_octets: dict[tuple[str, int], Noted] = {}  # by interface and id() of what is kept in them
+        self._dropped: dict[tuple[str, int], Noted] = {}  # what no frame of this moment explains
+        self._made: dict[tuple[str, int], bytes] = {}  # by interface and number of the request
+        self._has_frames: set[str] = set()
+        self._missed: Counter[str] = Counter()
+        self._just_missed = "", 0
+        self._sequence: Counter[str] = Counter()
+        self._is_scheduled = False
+
+    def forget(self) -> None:
+        """Nobody listens any more."""
+        for kept in (self._noted, self._telling, self._by_octets, self._dropped, self._made, self._missed):
+            kept.clear()
+
+    # Of an interface that has frames: drivers.contract.FrameWatch.
+
+    def came(self, interface: str, frame: bytes, received_ns: int, pdu: bytes) -> None:
+        self._has_frames.add(interface)
+        if (one := self._note(interface, received_ns, frame, pdu)) is not None:
+            self._by_octets[interface, id(frame)] = one
+            if pdu:
+                self._by_octets[interface, id(pdu)] = one
+
+    def made(self, interface: str, frame: bytes, request: Request | None) -> None:
+        self._has_frames.add(interface)
+        if request is None:
+            if (one := self._note(interface, self._clock_ns(), frame, b"")) is not None:
+                one.is_out = True
+        elif len(self._made) < MADE or (interface, request.number) in self._made:
+            self._made[interface, request.number] = frame
+
+    # Of the station: firmware.router.Router.observe, its report, and firmware.drops.Drops.watch.
+
+    def observe(self, indications: list[Indication]) -> None:
+        """What interfaces have brought, before any stage."""
+        for indication in indications:
+            interface, pdu = indication.interface, indication.pdu
+            one = self._by_octets.get((interface, id(pdu)))
+            if one is None and interface not in self._has_frames:
+                one = self._note(interface, indication.received_ns, b"", pdu)
+                if one is not None:
+                    self._by_octets[interface, id(pdu)] = one
+            if one is not None:
+                one.indication = indication
+                one.quality = indication.quality
+
+    def confirm(self, confirm: Confirm, targets: object = ()) -> None:
+        """What became of a request at one interface, or that it got to none."""
+        request, interface = confirm.request, confirm.interface or USERS
+        if confirm.outcome is Outcome.ACCEPTED:
+            return
+        self._take_back(interface, request.pdu)
+        frame = self._made.pop((interface, request.number), b"")
+        if (one := self._note(interface, self._clock_ns(), frame, request.pdu)) is not None:
+            one.is_out = True
+            one.confirm, one.reason, one.detail = confirm, confirm.reason, confirm.detail
+
+    def drop(self, where: str, reason: Reason, sample: bytes, count: int, detail: str) -> None:
+        """A discard, as it is counted. Of users' own there is a confirm; what nobody has seen is missed."""
+        if where not in self._station.interfaces:
+            return
+        if (one := self._by_octets.get((where, id(sample)))) is not None:
+            one.reason, one.detail = reason, detail
+        elif sample and len(self._noted) + len(self._dropped) < MOST:
+            one = self._new(where, self._clock_ns(), self._whole(where, sample), sample)
+            one.reason, one.detail = reason, detail
+            self._dropped[where, id(sample)] = one
+        elif where not in self._has_frames or not sample:  # else its frame was missed already
+            self._missed[where] += count
+            self._just_missed = where, id(sample)
+
+    def _take_back(self, where: str, pdu: bytes) -> None:
+        """What was noted or counted of a drop a moment ago: its confirm says more."""
+        key = where, id(pdu)
+        if (one := self._dropped.pop(key, None)) is not None:
+            self._missed[where] += one.missed
+        elif key == self._just_missed:
+            self._missed[where] -= 1
+
+    def _whole(self, where: str, sample: bytes) -> bytes:
+        """What was dropped, where it is a frame: an interface that has them looks at the EtherType first."""
+        return sample if where in self._has_frames and sample[12:14] == ETHERTYPE else b""
+
+    def _note(self, interface: str, when_ns: int, frame: bytes, pdu: bytes) -> Noted | None:
+        if len(self._noted) >= MOST:
+            self._missed[interface] += 1
+            return None
+        one = self._new(interface, when_ns, frame, pdu)
+        self._noted.append(one)
+        return one
+
+    def _new(self, interface: str, when_ns: int, frame: bytes, pdu: bytes) -> Noted:
+        self._schedule()
+        return Noted(interface, self._missed.pop(interface, 0), when_ns, self._station.quality_now(), frame, pdu)
+
+    def _schedule(self) -> None:
+        if not self._is_scheduled:
+            self._is_scheduled = True
+            self._loop.after(LATER_S, self._begin)
+
+    def _begin(self) -> None:
+        self._telling += self._noted
+        self._telling += self._dropped.values()
+        self._noted = []
+        self._by_octets.clear()
+        self._dropped.clear()
+        self._go_on()
+
+    def _go_on(self) -> None:
+        part, self._telling = self._telling[:SLICE], self._telling[SLICE:]
+        if part:
+            now_ns, ego = self._clock_ns(), self._station.ego()
+            for one in part:
+                self._tell(one, now_ns, ego)
+        if self._telling:
+            self._loop.soon(self._go_on)
+            return
+        self._is_scheduled = False
+        if self._noted or self._dropped:
+            self._schedule()
+
+    def _tell(self, one: Noted, now_ns: int, ego: Ego) -> None:
+        interface, kind, confirm = one.interface, one.kind, one.confirm
+        self._sequence[interface] += 1
+        said: dict[str, object] = {
+            "sequence": self._sequence[interface],
+            "missed": one.missed,
+            "interface": interface,
+            "direction": "out" if one.is_out else "in",
+            "when_ns": one.when_ns,
+            "quality": said_of(one.quality),
+            "is_made_up": not one.frame,
+        }
+        if kind is not None:
+            said["type"] = kind.name
+            said["station_id"] = int.from_bytes(one.pdu[2:ITS_HEADER], "big")
+            said["digest"] = digest_of(one.pdu)
+        if one.indication is not None and one.indication.rx.rssi_dbm is not None:
+            said["rssi_dbm"] = one.indication.rx.rssi_dbm
+        if confirm is not None:
+            said["request"] = confirm.request.number
+            said["queue_us"] = round(confirm.queue_s * 1e6, 1)
+            said["send_us"] = round(confirm.send_s * 1e6, 1)
+        if one.reason is not None:
+            said["reason"] = one.reason
+            said["meaning"] = MEANING[one.reason]
+            said["detail"] = one.detail
+        octets = one.frame or self._made_up(one, now_ns, ego)
+        self._publish(FRAME + interface.encode() + b".", json.dumps(said).encode(), octets)
+
+    def _made_up(self, one: Noted, now_ns: int, ego: Ego) -> bytes:
+        try:
+            if one.indication is not None:
+                return framing.of_indication(one.indication, now_ns, ego)
+            if one.confirm is not None:
+                return framing.of_request(one.confirm.request, self._mac, ego)
+        except struct.error:  # a number that no header has room for: the interface took it, a frame does not
+            pass
+        return framing.of_octets(one.pdu)
