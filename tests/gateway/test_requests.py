@@ -11,7 +11,7 @@ from firmware.gateway.captain_gateway.captain_gateway.codec import Edition
 from firmware.gateway.captain_gateway.captain_gateway.counts import Complaints
 from firmware.gateway.captain_gateway.captain_gateway.errors import RefusedError
 from firmware.gateway.captain_gateway.captain_gateway.handlers import KINDS
-from firmware.gateway.captain_gateway.captain_gateway.requests import Requests, asked, number
+from firmware.gateway.captain_gateway.captain_gateway.requests import Requests, asked
 from firmware.gateway.captain_gateway.captain_gateway.services import Services
 from firmware.gateway.captain_gateway.captain_gateway.settings import HANDLER, receive, transmit
 from firmware.options import parse
@@ -220,22 +220,3 @@ def test_what_cannot_be_encoded_is_answered_with_why(services, chosen):
     found = encoded(services, **chosen)
     assert not found.success
     assert found.reason
-
-
-@pytest.mark.parametrize(
-    ("value", "expected"),
-    [
-        (1.5, 1.5),
-        (3, 3.0),
-        (None, 0.0),
-        ("3", 0.0),
-        ([], 0.0),
-        (True, 0.0),
-        (-1.0, 0.0),
-        (1e300, 0.0),
-        (float("nan"), 0.0),
-        (10**400, 0.0),
-    ],
-)
-def test_a_time_of_a_confirm_is_one_that_ros_can_say(value, expected):
-    assert number(value) == expected

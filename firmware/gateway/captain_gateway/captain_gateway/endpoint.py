@@ -9,7 +9,8 @@ from typing import NamedTuple, Protocol, TypeAlias
 import zmq
 
 from .errors import RefusedError
-from .pairing import Arrival, How, Joining, Key, indication, table
+from .pairing import Arrival, How, Joining, Key, indication
+from .told import table
 
 Socket: TypeAlias = "zmq.Socket[bytes]"
 

@@ -1,6 +1,5 @@
 """The node: what the other files do, put together over one station and one ROS node."""
 
-import importlib
 import socket
 import time
 from collections.abc import Callable
@@ -14,7 +13,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
-from . import diagnosis, handlers, metadata, settings
+from . import diagnosis, handlers, installed, metadata, settings
 from .channel import Channel, period_s
 from .codec import ITS_HEADER, Edition
 from .counts import Complaints, Tally
@@ -48,7 +47,7 @@ class Gateway:
         frames = chosen["frames.map"], chosen["frames.station"]
         self._frame = frames[1].encode("ascii", "replace")
         self.own = OwnTopics(node, frames, chosen["own.origin"], chosen["own.transform"], self.publisher)
-        self._messages = _interfaces()
+        self._messages = installed.interfaces()
         self.channels = self._make_channels(library)
         self._routing = Routing(self.channels.values())
         self._without = Tally(MOST_TYPES)
@@ -105,7 +104,7 @@ class Gateway:
                     raise  # somebody means it
                 absent.append(f"{name} (not in the message library)")
                 continue
-            type_ = _type(edition.ros_type)
+            type_ = installed.message(edition.ros_type)
             if type_ is None:
                 absent.append(f"{name} ({edition.ros_type.split('/', maxsplit=1)[0]})")
                 continue
@@ -271,25 +270,6 @@ class Gateway:
 
 def _qos() -> QoSProfile:
     return QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.RELIABLE)
-
-
-def _type(ros_type: str) -> Any:
-    """A message class of rclpy by its name, None where its package is not installed."""
-    package, _, name = ros_type.split("/")
-    try:
-        return getattr(importlib.import_module(f"{package}.msg"), name)
-    except (ImportError, AttributeError):
-        return None
-
-
-def _interfaces() -> Any:
-    """captain_gateway_msgs, None where it is not installed."""
-    try:
-        import captain_gateway_msgs.msg
-        import captain_gateway_msgs.srv
-    except ImportError:
-        return None
-    return captain_gateway_msgs
 
 
 def run(arguments: list[str], library: ModuleType) -> None:

@@ -4,6 +4,7 @@ import math
 from typing import Any, NamedTuple
 
 from .filters import ITS_EPOCH_S, Place
+from .told import number
 
 # WGS84 (NIMA TR8350.2): semi-major axis in m, first eccentricity squared.
 AXIS_M = 6_378_137.0
@@ -43,7 +44,7 @@ def pose(status: dict[str, Any]) -> Pose | None:
     if not isinstance(told, dict):
         return None
     latitude, longitude, altitude_m, horizontal_m, vertical_m, heading_deg, speed_m_s = (
-        _number(told, name, *limits) for name, limits in LIMITS.items()
+        number(told, name, *limits) for name, limits in LIMITS.items()
     )
     source = str(told.get("source") or "")
     if latitude is None or longitude is None or not source:
@@ -102,10 +103,3 @@ def _ecef(latitude_deg: float, longitude_deg: float, altitude_m: float) -> tuple
     across = (radius + altitude_m) * math.cos(latitude)
     upward = (radius * (1 - ECCENTRICITY_2) + altitude_m) * math.sin(latitude)
     return across * math.cos(longitude), across * math.sin(longitude), upward
-
-
-def _number(table: dict[str, Any], name: str, low: float, high: float) -> float | None:
-    # Compared before it is made a float: a whole number of JSON may have four hundred digits.
-    value = table.get(name)
-    is_number = isinstance(value, (int, float)) and not isinstance(value, bool) and low <= value <= high
-    return float(value) if is_number else None  # type: ignore[arg-type]

@@ -1,12 +1,12 @@
 """What a station says of one received message, in three parts on two sockets, put together again."""
 
 import hashlib
-import json
 from collections import OrderedDict
 from types import ModuleType
 from typing import Any, NamedTuple
 
 from .errors import GatewayError
+from .told import table
 
 # An indication comes within a millisecond of its message; on a machine that is late, with what else has piled up.
 LATEST_S = 0.05
@@ -131,20 +131,6 @@ Key = tuple[bytes, int]  # the first 8 octets of a SHA-256, and received_ns in m
 def key(pdu: bytes, received_ns: int) -> Key:
     """By what an indication and its message know each other: RawRxMessage has microseconds."""
     return hashlib.sha256(pdu).digest()[:8], received_ns // 1000
-
-
-def table(octets: bytes) -> dict[str, Any] | None:
-    """A JSON object of which every text can be said in ROS; None for rubbish."""
-    try:
-        words = (
-            octets.decode()
-        )  # json.loads() of octets guesses the encoding, and lets halves of surrogate pairs through
-        told = json.loads(words)
-        if "\\ud" in words.lower():  # half of a surrogate pair is no text
-            json.dumps(told, ensure_ascii=False).encode()
-    except (ValueError, RecursionError):
-        return None
-    return told if isinstance(told, dict) else None
 
 
 def indication(octets: bytes) -> tuple[Key, How] | None:

@@ -8,10 +8,11 @@ from .diagnosis import OK, WARN, Status
 from .errors import GatewayError, RefusedError
 from .routing import Routing
 from .services import Services
+from .told import number
 
 SHAPES = ("", "circle", "rectangle", "ellipse")  # as Area.msg numbers them
 MOST_DISTANCE, MOST_ANGLE = 65535, 360
-MOST_TIME = 2.0**31  # builtin_interfaces/Time
+MOST_TIME = 2.0**31 - 1  # builtin_interfaces/Time
 LONGEST_LABEL = 256  # characters: a station reads no more than 4096 octets of options
 
 
@@ -47,11 +48,13 @@ class Requests:
         if not self._confirms.get_subscription_count():
             return
         message = self._messages.msg.Confirm(label=label)
-        seconds = number(told.get("time"))
+        seconds, queue_us, send_us = (
+            number(told, name, 0.0, MOST_TIME) or 0.0 for name in ("time", "queue_us", "send_us")
+        )
         message.header.stamp.sec, message.header.stamp.nanosec = int(seconds), int(seconds % 1 * 1e9)
         for name in ("type", "outcome", "interface", "reason", "meaning", "detail"):
             setattr(message, name, str(told.get(name) or ""))
-        message.queue, message.send = number(told.get("queue_us")) / 1e6, number(told.get("send_us")) / 1e6
+        message.queue, message.send = queue_us / 1e6, send_us / 1e6
         self._confirms.publish(message)
 
     def diagnosis(self) -> Status:
@@ -99,12 +102,6 @@ class Requests:
             if type_ in (channel.kind.name, channel.edition.name, channel.edition.ros_type):
                 return channel
         raise RefusedError("request", f"type: {type_!r} is none of {', '.join(self._gateway.channels)}")
-
-
-def number(value: object) -> float:
-    """Of what a station says; 0 where it is none that a time can be."""
-    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    return float(value) if is_number and 0.0 <= value < MOST_TIME else 0.0  # type: ignore[operator, arg-type]
 
 
 def asked(request: Any) -> dict[str, object]:
