@@ -120,6 +120,8 @@ class Endpoint:
             "report": {
                 "slow_since": self._reports.slow_since,
                 "slow_count": self._reports.slow_count,
+                "confirms": self.report.confirms,
+                "indications": self.report.indications,
             },
         }
 

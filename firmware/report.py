@@ -27,6 +27,7 @@ INDICATION = b"indication."
 FRAME = b"frame."  # see firmware.frames
 TOPICS = (CONFIRM, STATUS, TIME, INDICATION, FRAME)
 PERIOD_S = 1.0
+BUDGET = 10_000  # indications told in a PERIOD_S, 10 us each: five channels at their ceiling
 AT_ONCE_S = 0.1  # the least time between two of them, however many subscribe
 DIGEST = 16  # hexadecimal digits of a SHA-256: 8 octets tell the messages of a year apart
 BOOT = "/proc/sys/kernel/random/boot_id"  # of this boot of this machine: who has the same has the same clock
@@ -41,6 +42,7 @@ class Report:
     quality  of the time, now.
 
     Confirms and indications are numbered, all types together: who has subscribed to all of them sees what it missed.
+    In a flood routing goes first: indications beyond BUDGET in a second are numbered, and not told.
     """
 
     def __init__(
@@ -58,7 +60,8 @@ class Report:
         self._refresh = refresh
         self._time_status = time_status
         self._quality = quality
-        self._confirms = self._indications = 0
+        self.confirms = self.indications = 0
+        self._told = 0
         self._is_status_wanted = False
         self._is_time_wanted = False
         self._said = loop.clock()
@@ -77,6 +80,7 @@ class Report:
         self._is_time_wanted = is_wanted
 
     def _tick(self) -> None:
+        self._told = 0
         self._refresh()
         if self._is_time_wanted:
             self._publisher.publish(TIME, json.dumps(self._time_status()).encode())
@@ -91,9 +95,9 @@ class Report:
         """Publish what became of a request; targets are the interfaces of an accepted one."""
         request = confirm.request
         pdu = request.pdu
-        self._confirms += 1
+        self.confirms += 1
         said = {
-            "sequence": self._confirms,
+            "sequence": self.confirms,
             "request": request.number,
             "label": request.label,
             "type": request.kind.name,
@@ -116,12 +120,16 @@ class Report:
 
     def observe(self, indications: list[Indication]) -> None:
         """Publish what is known of messages as interfaces have brought them: those that came twice, twice."""
+        if self._told >= BUDGET:
+            self.indications += len(indications)
+            return
+        self._told += len(indications)
         said = []
         for one in indications:
             pdu, rx = one.pdu, one.rx
-            self._indications += 1
+            self.indications += 1
             told = {
-                "sequence": self._indications,
+                "sequence": self.indications,
                 "type": one.kind.name,
                 "station_id": int.from_bytes(pdu[2:ITS_HEADER], "big"),
                 "octets": len(pdu),
@@ -166,7 +174,7 @@ def process_status(started: float, now: float) -> dict[str, object]:
     return {
         "version": VERSION,
         "pid": os.getpid(),
-        "boot": _boot(),
+        "boot": boot_id(),
         "time": time.time(),
         "uptime_s": round(now - started, 3),
         "cpu_s": round(time.process_time(), 3),
@@ -175,7 +183,7 @@ def process_status(started: float, now: float) -> dict[str, object]:
 
 
 @cache
-def _boot() -> str:
+def boot_id() -> str:
     """What tells this boot of this machine from all others; empty where the kernel does not say it."""
     try:
         return Path(BOOT).read_text().strip()

@@ -11,7 +11,7 @@ import pytest
 from board.time import Lock, TimeQuality
 from drivers.message import NO_RX_INFO, Confirm, Indication, Outcome, RxInfo
 from drivers.reason import MEANING, Reason
-from firmware.report import AT_ONCE_S, Report, memory_kb, process_status
+from firmware.report import AT_ONCE_S, BUDGET, Report, memory_kb, process_status
 from firmware.topics import Topics
 from tests.firmware.doubles import CAM_PDU, NotingStation, interface_of, request_of
 from tests.virtual import VirtualLoop
@@ -126,6 +126,16 @@ def test_confirms_and_indications_are_numbered_each_for_itself(bench: Bench) -> 
         bench.report.confirm(Confirm(request_of(), Outcome.ACCEPTED), ())
     bench.report.observe(indications_of(CAM_PDU, CAM_PDU, CAM_PDU))
     assert [said["sequence"] for _, said in bench.publisher.said] == [1, 2, 1, 2, 3]
+
+
+def test_in_a_flood_indications_are_numbered_and_not_all_told(bench: Bench) -> None:
+    bench.report.start()
+    bench.report.observe(indications_of(*[CAM_PDU] * BUDGET))
+    bench.report.observe(indications_of(CAM_PDU, CAM_PDU))
+    bench.loop.run_for(1.5)
+    bench.report.observe(indications_of(CAM_PDU))
+    assert len(bench.publisher.said) == BUDGET + 1
+    assert bench.publisher.said[-1][1]["sequence"] == BUDGET + 3
 
 
 @pytest.mark.parametrize("size", range(6))

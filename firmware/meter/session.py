@@ -1,0 +1,96 @@
+"""A measurement over the network: watches stations, sends probes, and settles, until it is told to end."""
+
+import time
+from collections.abc import Callable
+from contextlib import suppress
+
+from firmware.meter.meter import Meter
+from firmware.meter.prober import Prober
+from firmware.meter.watch import Watch, registered
+from firmware.user import client
+
+LOOK_S = 0.1  # how often is settled
+REDRAW_S = 1.0
+
+
+class TimeLine:
+    """Unix time that never steps: that of the beginning, and from there the monotonic clock."""
+
+    def __init__(self) -> None:
+        self.began_s = time.time()
+        self._monotonic = time.monotonic()
+
+    def __call__(self) -> float:
+        return self.began_s + time.monotonic() - self._monotonic
+
+
+class Session:
+    """Everything of one measurement."""
+
+    def __init__(self, meter: Meter, line: TimeLine) -> None:
+        self.meter = meter
+        self.line = line
+        self.watches: list[Watch] = []
+        self.prober: Prober | None = None
+        self.ended_s: float | None = None
+        self._looked = 0.0
+
+    def watch(self, name: str, place: client.Address, context: client.Context) -> None:
+        """Take up a station. Raises StationError when it is not there."""
+        watch = Watch(name, place, context, self.meter, self.line, self._delivered)
+        self.watches.append(watch)
+        watch.join()
+
+    def run(self, for_s: float | None, idle: Callable[[], None]) -> None:
+        """Until so many seconds are over, or all probes are sent; then until all is settled. Ctrl-C ends the first."""
+        with suppress(KeyboardInterrupt):  # what was measured until now is to be told
+            self._until(None if for_s is None else self.line() + for_s, idle, is_sending=True)
+        self.end(idle)
+
+    def end(self, idle: Callable[[], None] = lambda: None) -> None:
+        """What is still under way is waited for; what is sent from now on is not measured."""
+        self.ended_s = self.line()
+        for watch in self.watches:
+            watch.end()
+        self._until(self.ended_s + 2 * self.meter.grace_s, idle, is_sending=False)
+        self.meter.finish()
+
+    def serve(self, for_s: float) -> None:
+        """Take what comes for so long: for those who do something else meanwhile."""
+        self._until(self.line() + for_s, lambda: None, is_sending=True)
+
+    def _until(self, end_s: float | None, idle: Callable[[], None], is_sending: bool) -> None:
+        poller = registered(self.watches)
+        redraw_s = self.line() + REDRAW_S
+        while True:
+            now_s = self.line()
+            if end_s is not None and now_s >= end_s:
+                return
+            wait_s = LOOK_S if end_s is None else min(LOOK_S, end_s - now_s)
+            if is_sending and self.prober is not None:
+                if self.prober.is_over:
+                    return
+                wait_s = min(wait_s, self.prober.due_s(now_s))
+                if wait_s <= 0:
+                    self.prober.send(now_s, time.monotonic_ns)
+                    wait_s = 0.0
+            poller.poll(int(wait_s * 1000))
+            self.take()
+            if now_s >= redraw_s:
+                redraw_s = now_s + REDRAW_S
+                idle()
+
+    def take(self) -> None:
+        """What has come, and what is known of it by now."""
+        for watch in self.watches:
+            watch.take()
+        now_s = self.line()
+        if now_s >= self._looked + LOOK_S:
+            self._looked = now_s
+            for watch in self.watches:
+                watch.look(now_s)
+            self.meter.settle(min(watch.judged_until(now_s) for watch in self.watches))
+
+    def _delivered(self, station: str, digest: str, now_ns: int) -> None:
+        if self.prober is not None:
+            self.prober.delivered(station, digest, now_ns)

@@ -1,0 +1,196 @@
+"""One station that is metered: its reports and what its users get, over the network, into the meter."""
+
+import math
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import zmq
+
+from board.errors import StationError
+from firmware.meter import told
+from firmware.meter.event import digest_of
+from firmware.meter.meter import Meter
+from firmware.meter.place import place_of
+from firmware.report import boot_id
+from firmware.user import client
+from firmware.user.received import Message, Pairing
+from firmware.user.untrusted import number, text, within
+
+REPORTS = ("confirm.", "indication.", "status.")
+# A status comes once a second. Nothing is judged while one is late; when three have not come, nobody is heard.
+BEAT_S = 1.2
+SILENT_S = 3.5
+MOST_SECONDS = 7200  # of a clock's quality
+
+
+class Second(NamedTuple):
+    """What a station said of its clock in one second; None where it did not know."""
+
+    at_s: float
+    state: str
+    offset_ns: int | None
+    uncertainty_ns: int | None
+
+
+class Watch:
+    """Takes what comes from one station.
+
+    line       the meter's time line: Unix time that never steps.
+    delivered  is called with each message that the station has given to its users, and when it was here (monotonic ns).
+    missed_indications, missed_confirms  reports that this meter did not hear.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        place: client.Address,
+        context: client.Context,
+        meter: Meter,
+        line: Callable[[], float],
+        delivered: Callable[[str, str, int], None],
+    ) -> None:
+        self.name = name
+        self.place = place
+        self.status: Mapping[str, object] = {}
+        self.seconds: deque[Second] = deque(maxlen=MOST_SECONDS)
+        self.missed_indications = self.missed_confirms = self.restarts = 0
+        self.silent_s = 0.0
+        self.heard_s = line()
+        self.reports = client.subscribe(context, place, place.report, *REPORTS)
+        self.users = client.subscribe(context, place, place.to_users, "")
+        self._meter = meter
+        self._line = line
+        self._delivered = delivered
+        self._pairing = Pairing()
+        self._sequences: dict[str, int] = {}
+        self._is_ending = False
+        self._own_boot = boot_id()
+
+    @property
+    def boot(self) -> str:
+        return text(self.status, "boot")
+
+    def join(self) -> None:
+        """Wait until both sockets have shown that nothing is missed from now on. Raises StationError."""
+        status = client.next_report(self.reports, "status.")
+        if status is None:
+            raise StationError(
+                f"what listens at {self.place.host}:{self.place.report} sent no status within {client.ANSWER_S:g} s",
+                f"is that the report port of station {self.name}? its ports are HOST:PORT and the three after it",
+            )
+        if "boot" not in status:
+            raise StationError(
+                f"station {self.name} is of version {text(status, 'version')}: it does not say what a meter needs",
+                "update it: `captain update`",
+            )
+        self._note_status(status)
+        if not self.users.poll(round(client.ANSWER_S * 1000)):
+            raise StationError(
+                f"what listens at {self.place.host}:{self.place.to_users} sent no heartbeat",
+                f"is that where users of station {self.name} subscribe?",
+            )
+        self.heard_s = self._line()
+
+    def take(self) -> None:
+        """What has come by both."""
+        for frames in client.waiting(self.users):
+            now_ns = time.monotonic_ns()
+            message = self._pairing.feed(frames)
+            if message is not None:
+                self._to_user(message, now_ns)
+        for frames in client.waiting(self.reports):
+            report = client.parse_report(frames)
+            if report is not None:
+                self._report(*report)
+
+    def end(self) -> None:
+        """What leaves from now on is not measured: nobody would wait for its arrival."""
+        self._is_ending = True
+
+    def look(self, now_s: float) -> None:
+        """Called now and then: whether the station is still heard."""
+        if now_s - self.heard_s > SILENT_S:
+            self._meter.unheard(self.name, math.inf, self.heard_s, now_s)
+
+    def judged_until(self, now_s: float) -> float:
+        """Up to when what this station says is known, as far as one can tell."""
+        silent_s = now_s - self.heard_s
+        return now_s if silent_s <= BEAT_S or silent_s > SILENT_S else self.heard_s
+
+    def _report(self, topic: str, said: Mapping[str, object]) -> None:
+        now_s = self._line()
+        if now_s - self.heard_s > SILENT_S:
+            self.silent_s += now_s - self.heard_s
+            self._meter.unheard(self.name, math.inf, self.heard_s, now_s)
+        if topic == "status.":
+            self._note_status(said)
+        elif topic.startswith("indication."):
+            self.missed_indications += self._missed("indication", said, now_s)
+            self._meter.received(told.received(self.name, said, self.boot, now_s))
+        elif topic.startswith("confirm."):
+            self.missed_confirms += self._missed("confirm", said, now_s)
+            self._confirm(said, now_s)
+        self.heard_s = now_s
+
+    def _confirm(self, said: Mapping[str, object], now_s: float) -> None:
+        event = told.sent(self.name, said, self.boot, now_s)
+        if event is not None:
+            if not self._is_ending:
+                self._meter.sent(event)
+        elif text(said, "outcome") in ("dropped", "refused"):
+            self._meter.inside.not_sent(self.name, text(said, "interface"), text(said, "reason"))
+
+    def _missed(self, kind: str, said: Mapping[str, object], now_s: float) -> int:
+        """How many reports of a kind were not heard before this one."""
+        sequence = round(number(said, "sequence"))
+        missed = self._gap(kind, sequence - 1, now_s)
+        self._sequences[kind] = sequence
+        return missed
+
+    def _gap(self, kind: str, last: int, now_s: float) -> int:
+        """How many were not heard, if the last one was this; a lower number is that of a station started anew."""
+        missed = max(0, last - self._sequences.get(kind, last))
+        if missed:
+            self._sequences[kind] = last
+            if kind == "indication":
+                self._meter.unheard(self.name, missed, self.heard_s, now_s)
+        return missed
+
+    def _note_status(self, status: Mapping[str, object]) -> None:
+        now_s = self._line()
+        if self.status and status.get("pid") != self.status.get("pid"):
+            self.restarts += 1
+            self._sequences.clear()
+            self._meter.unheard(self.name, math.inf, self.heard_s, now_s)
+        self.status = status
+        report = within(status, "report")
+        self.missed_indications += self._gap("indication", round(number(report, "indications")), now_s)
+        self.missed_confirms += self._gap("confirm", round(number(report, "confirms")), now_s)
+        for kind in ("indication", "confirm"):
+            self._sequences.setdefault(kind, round(number(report, f"{kind}s")))
+        self._meter.station(self.name, told.interfaces(status))
+        clock = within(status, "clock")
+        quality = told.clock_of(clock, "")
+        self.seconds.append(Second(now_s, text(clock, "state"), quality.offset_ns, quality.uncertainty_ns))
+
+    def _to_user(self, message: Message, now_ns: int) -> None:
+        digest = digest_of(message.pdu)
+        self._delivered(self.name, digest, now_ns)
+        raw = message.raw
+        is_one_clock = bool(self._own_boot) and self.boot == self._own_boot
+        here_ns = time.time_ns() - (time.monotonic_ns() - now_ns) if is_one_clock else None
+        self._meter.inside.to_user(self.name, message.type, None if raw is None else raw.received_ns, here_ns)
+        place = place_of(message.pdu) if raw is None else place_of(message.pdu, raw.rx.position)
+        if place is not None:
+            self._meter.spots.place(digest, place)
+
+
+def registered(watches: list[Watch]) -> zmq.Poller:
+    """What wakes when any of them has something."""
+    poller = zmq.Poller()
+    for watch in watches:
+        poller.register(watch.reports, zmq.POLLIN)
+        poller.register(watch.users, zmq.POLLIN)
+    return poller
