@@ -1,4 +1,5 @@
 /* What encoding and the reader of JSON refuse alike: a value that no encoding of its type can hold. */
+#include "characters.h"
 #include "explain.h"
 
 captain_status captain_check_number(const captain_type *type, int64_t number, captain_report *report, const captain_path *path)
@@ -40,9 +41,10 @@ captain_status captain_check_text(const captain_type *type, bool in_root, const 
             return CAPTAIN_OK;
         return captain_walk_refuse(report, path, 0, CAPTAIN_ALPHABET, "the octets are not UTF-8");
     }
+    captain_characters set = in_root ? captain_alphabet(type) : captain_whole_alphabet(type);
     for (uint32_t i = 0; i < octets; i++) {
         unsigned code = (unsigned char)text[i];
-        if (captain_walk_has_character(type, in_root, code))
+        if (captain_code_of(&set, (unsigned char)code) >= 0)
             continue;
         char shown[8] = {'"', (char)code, '"', ',', ' ', 0};
         return captain_walk_refuse(report, path, 0, CAPTAIN_ALPHABET, "character %u, %scode %u, is not in the alphabet of %s",

@@ -169,14 +169,20 @@ static size_t put_bits(captain_writer *writer, size_t at, const captain_bits *bi
 
 static size_t put_characters(captain_writer *writer, size_t at, const captain_characters *set, const captain_text *text, size_t from, size_t count)
 {
+    uint64_t word = 0;
+    unsigned held = 0; /* bits of characters in it, which are put together */
     for (size_t i = from; i < from + count; i++) {
         int code = captain_code_of(set, (unsigned char)text->text[i]);
         if (code < 0)
             return captain_refuse(writer, CAPTAIN_ALPHABET);
-        if (set->bits != 0)
-            at = captain_put_bits(writer, at, (uint64_t)code, set->bits);
+        if (held + set->bits > 56) {
+            at = captain_put_bits(writer, at, word, held);
+            word = held = 0;
+        }
+        word = word << set->bits | (uint64_t)code;
+        held += set->bits;
     }
-    return at;
+    return held == 0 ? at : captain_put_bits(writer, at, word, held);
 }
 
 static size_t put_units(captain_writer *writer, size_t at, const captain_type *type, const captain_characters *set, const void *value, size_t from, size_t count)
