@@ -19,6 +19,7 @@ VERBS = {
     "console": "the status screen of a serial console: 80 columns, 24 lines, a key for a shell",
     "listen": "live table of received messages with their fields, or one JSON object a line",
     "record": "received messages into a file of ROS 2, of the form MCAP",
+    "replay": "recordings and captures sent again, into a station or on a link; rewritten, through a bad way",
     "send": "send messages from hex, base64, files or directories, and say what became of each",
     "decode": "octets of messages to their fields, from hex, base64, files or captures",
     "encode": "fields to octets: the inverse of decode --json",
@@ -69,6 +70,10 @@ def load(verb: str) -> ModuleType:
             from firmware.commands import record
 
             return record
+        case "replay":
+            from firmware.commands import replay
+
+            return replay
         case "send":
             from firmware.commands import send
 

@@ -44,7 +44,7 @@ TABLE = {
     "firmware": Rule(
         ("board", "drivers", "pps", "zmq"),
         frozenset(
-            {"firmware.codec", "firmware.console", "firmware.lab", "firmware.meter", "firmware.tap", "firmware.user"}
+            f"firmware.{tools}" for tools in ("codec", "console", "lab", "meter", "replay", "swarm", "tap", "user")
         ),
     ),
     "firmware/codec": Rule(
@@ -58,8 +58,11 @@ TABLE = {
     "firmware/user": Rule(
         ("board", "drivers.wire", *WORDS, "firmware", "zmq", "rich", "pygal"), frozenset({"firmware.lab"})
     ),
+    "firmware/replay": Rule(("board", "drivers", "firmware", "zmq"), frozenset({"firmware.lab"})),
     "firmware/lab": Rule(("board", "drivers", "pps", "firmware", "zmq", "rich")),
     "firmware/meter": Rule(("board", "drivers.wire", *WORDS, "pps", "firmware", "zmq", "rich", "pygal")),
+    # The station starts it as a process of its own; only firmware/workers.py, which that process begins with, names it.
+    "firmware/recorder": Rule(("board", "drivers.wire", *WORDS, "firmware", "zmq"), frozenset({"firmware.lab"})),
     "firmware/tap": Rule(("board", "drivers", "firmware", "rich", "paho"), frozenset({"firmware.lab"})),
     # ROS packages, installed where ROS is: nothing else of ours is there.
     GATEWAY: Rule(

@@ -22,6 +22,7 @@ standard input. Read are
   captures      pcap and pcapng: Ethernet, 802.11, radiotap, Linux cooked, and
                 Ethernet frames inside UDP; GeoNetworking packets, whose
                 signatures nobody looks at
+  MCAP          of `captain record` and of the gateway to ROS 2
 each known by its looks unless --from says. An Ethernet frame with GeoNetworking
 may stand in place of a message.
 """
@@ -87,7 +88,7 @@ def _tell_skipped(skipped: Counter[str]) -> None:
     """What captures held beside messages."""
     if skipped:
         each = ", ".join(f"{count} {what}" for what, count in sorted(skipped.items()))
-        print(f"captain: frames without a message: {clean(each)}", file=sys.stderr)
+        print(f"captain: without a message: {clean(each)}", file=sys.stderr)
 
 
 def print_json(value: dict[str, object]) -> None:

@@ -51,13 +51,19 @@ class NoMessage(NamedTuple):
 
 def open_frame(link: int, frame: bytes) -> Carried | NoMessage:
     """What a frame of a LINKTYPE_ carries. Raises ProtocolError where GeoNetworking or BTP is broken."""
+    packet = packet_of(link, frame)
+    return packet if isinstance(packet, NoMessage) else open_packet(packet)
+
+
+def packet_of(link: int, frame: bytes) -> bytes | NoMessage:
+    """The GeoNetworking packet in a frame of a LINKTYPE_, from its basic header on; not looked at."""
     way = _LINKS.get(link)
     if way is None:
         return NoMessage(f"of link type {link}, which is not known here")
     packet = way(frame)
     if packet is None and link in _MAY_HOLD_IP:
         packet = _ethernet(_udp_payload(frame, _MAY_HOLD_IP[link]))
-    return NoMessage("not GeoNetworking") if packet is None else open_packet(packet)
+    return NoMessage("not GeoNetworking") if packet is None else packet
 
 
 def open_packet(packet: bytes) -> Carried | NoMessage:

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import BinaryIO, NamedTuple, TypeAlias
 
 from board.errors import ProtocolError, RequestError
-from firmware.codec import capture, json_texts, layers
+from firmware.codec import capture, json_texts, layers, mcap
 from firmware.user.payload import base64_octets, hex_octets
 
-FORMS = ("hex", "base64", "binary", "json", "pcap")
+FORMS = ("hex", "base64", "binary", "json", "pcap", "mcap")
 STANDARD_INPUT = "standard input"
 
 MAX_PDU = 0xFFFF  # octets; a station sends at most 1500, a file may hold what was never sent
@@ -90,7 +90,7 @@ class Reader:
                 yield from self._argument(source)
 
     def _argument(self, text: str) -> Iterator[Item]:
-        if self._form in ("binary", "pcap"):
+        if self._form in ("binary", "pcap", "mcap"):
             yield RequestError(f"an argument cannot be {self._form}", "write it to a file, or to standard input")
         else:
             yield from self._lines([text.encode(errors="surrogateescape")], "the argument", is_one=True)
@@ -107,10 +107,14 @@ class Reader:
         form, head = self._form, stream.read(4)
         if form is None and capture.is_capture(head):
             form = "pcap"
+        elif form is None and head == mcap.HEAD:
+            form = "mcap"
         elif form is None and not _TEXT.issuperset(head):
             form = "binary"
         if form == "pcap":
             yield from self._capture(head, stream, where)
+        elif form == "mcap":
+            yield from self._recording(head, stream, where)
         elif form == "binary":
             yield _bounded(head + stream.read(MAX_PDU + 1 - len(head)), where)
         else:
@@ -119,11 +123,19 @@ class Reader:
     def _capture(self, head: bytes, stream: BinaryIO, where: str) -> Iterator[Item]:
         try:
             for frame in capture.frames(head, stream):
-                yield from self._frame(frame, f"{where}: frame {frame.number}")
+                yield from self.frame(frame, f"{where}: frame {frame.number}")
         except ProtocolError as error:
             yield RequestError(f"{where}: {error.message}")
 
-    def _frame(self, frame: capture.Frame, origin: str) -> Iterator[Item]:
+    def _recording(self, head: bytes, stream: BinaryIO, where: str) -> Iterator[Item]:
+        try:
+            for one in mcap.messages(head, stream, self.skipped):
+                yield Pdu(one.pdu, f"{where}: message {one.number}", one.port or None, one.when_ns)
+        except ProtocolError as error:
+            yield RequestError(f"{where}: {error.message}")
+
+    def frame(self, frame: capture.Frame, origin: str) -> Iterator[Item]:
+        """What a frame of a capture gives: one message, or none."""
         try:
             found = layers.open_frame(frame.link, frame.octets)
         except ProtocolError as error:

@@ -76,7 +76,7 @@ class Sending:
         """
         for one in payloads:
             self._hear_until_due()
-            self._depart(one, one.type if kind is None else kind)
+            self.depart(one, one.type if kind is None else kind)
             self._due = max(self._due + self._interval, time.monotonic() - CATCH_UP_S)
             yield self.count
 
@@ -84,20 +84,21 @@ class Sending:
         """Hear confirms until all are in or so many seconds are over."""
         until = time.monotonic() + longest
         while self._confirms is not None and self.flights.open and time.monotonic() < until:
-            self._hear(until)
+            self.hear(until)
 
     def give_up(self) -> None:
         """What is not confirmed by now stays so."""
         for label in list(self.flights.open):
             self._on_over(self.flights.give_up(label))
 
-    def _depart(self, one: Payload, kind: str) -> None:
+    def depart(self, one: Payload, kind: str, more: Mapping[str, object] | None = None) -> None:
+        """Send one at once; more are options of this one. Raises StationError when the station takes none."""
         if not self._pusher.poll(round(client.ANSWER_S * 1000), zmq.POLLOUT):
             raise StationError(f"the station takes no more after {self.count} messages", "see `captain status`")
         self.count += 1
         label = f"{self._label}/{self.count}"
         envelope = f"v2x.{kind}." if kind else "v2x."
-        frames = [envelope.encode(), one.pdu, json.dumps({**self._options, "label": label}).encode()]
+        frames = [envelope.encode(), one.pdu, json.dumps({**self._options, **(more or {}), "label": label}).encode()]
         self._pusher.send_multipart(frames, zmq.DONTWAIT)
         if self._confirms is not None:
             lost = self.flights.depart(label, one.origin, len(one.pdu))
@@ -107,17 +108,22 @@ class Sending:
     def _hear_until_due(self) -> None:
         """Wait for the next message's time; or, without a pace, for a place in the window."""
         while self._interval and time.monotonic() < self._due:
-            self._hear(self._due)
+            self.hear(self._due)
+        if not self._interval:
+            self.make_room()
+
+    def make_room(self) -> None:
+        """Wait until fewer than WINDOW are on their way. Raises StationError where none is confirmed any more."""
         until = time.monotonic() + client.ANSWER_S
-        while not self._interval and len(self.flights.open) >= WINDOW:
-            self._hear(until)
+        while self._confirms is not None and len(self.flights.open) >= WINDOW:
+            self.hear(until)
             if time.monotonic() > until:
                 raise StationError(
                     f"no confirm came for {len(self.flights.open)} messages within {client.ANSWER_S:g} s",
                     "see `captain status`; --no-confirm does not wait",
                 )
 
-    def _hear(self, until: float) -> None:
+    def hear(self, until: float) -> None:
         """Take the confirms that have come, or wait for some until then."""
         left = max(0.0, until - time.monotonic())
         if self._confirms is None:

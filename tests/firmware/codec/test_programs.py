@@ -77,7 +77,7 @@ def test_decode_of_a_capture_tells_port_and_time(captain, tmp_path):
     assert captain("decode", "--json", str(tmp_path / "y.pcap"), str(tmp_path / "x.pcap")) == 0
     (found,) = captain.lines
     assert (found["btp_port"], found["received"], found["carried"]) == (3002, 5.25, "shb, BTP port 3002")
-    assert captain.err == "captain: frames without a message: 1 not GeoNetworking\n"
+    assert captain.err == "captain: without a message: 1 not GeoNetworking\n"
 
 
 def test_a_message_that_does_not_decode_is_told_with_path_bit_and_cause_and_the_next_goes_on(captain):

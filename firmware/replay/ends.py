@@ -1,0 +1,200 @@
+"""Where replayed frames and messages go: a station's endpoint, UDP datagrams, a network device."""
+
+import socket
+import time
+from collections.abc import Mapping
+from contextlib import suppress
+from typing import Protocol
+
+import zmq
+
+from board.address import Address
+from board.errors import ProtocolError, RequestError, StationError
+from drivers.message import Area, Position, Shape
+from drivers.wire import btp, geonet_packet
+from drivers.wire import frame as ethernet
+from drivers.wire.geonet_header import BasicNext, HeaderType
+from drivers.wire.geonet_packet import GeoArea
+from firmware.codec.reading import Pdu
+from firmware.codec.writing import framed
+from firmware.user import client
+from firmware.user.payload import Payload
+from firmware.user.sending import Sending
+
+SEND_BUFFER = 1 << 20  # octets: a burst at full speed waits in the kernel
+GEO_BROADCASTS = range(HeaderType.GBC_CIRCLE, HeaderType.GBC_ELLIPSE + 1)
+
+
+class End(Protocol):
+    """One way out."""
+
+    def octets(self, one: Pdu) -> bytes:
+        """What of it goes this way. Raises RequestError where nothing of it can."""
+
+    def send(self, octets: bytes, one: Pdu) -> None:
+        """These octets, whatever has become of them since. Raises RequestError where they cannot go."""
+
+    def wait(self, until: float) -> None:
+        """Until then on the monotonic clock, or until something has come back."""
+
+
+class Station:
+    """The PULL of a station, which confirms each message."""
+
+    def __init__(self, sending: Sending, is_paced: bool) -> None:
+        self._sending = sending
+        self._is_paced = is_paced
+
+    def octets(self, one: Pdu) -> bytes:
+        return _pdu(one)
+
+    def send(self, octets: bytes, one: Pdu) -> None:
+        if not self._is_paced:
+            self._sending.make_room()
+        self._sending.depart(Payload(octets, "", one.origin), "", wishes(one))
+
+    def wait(self, until: float) -> None:
+        self._sending.hear(until)
+
+
+class Users:
+    """The SUB of a station, as any user's program publishes to it. Nothing comes back."""
+
+    def __init__(self, context: client.Context, place: client.Address) -> None:
+        client.reach(place.host, place.from_users)
+        # On the wire an XPUB is a PUB; it also tells when the station has subscribed, before which all is lost.
+        self._publisher = context.socket(zmq.XPUB)
+        self._publisher.set(zmq.SNDHWM, 0)
+        self._publisher.connect(place.url(place.from_users))
+        if not self._publisher.poll(round(client.ANSWER_S * 1000)):
+            raise StationError(f"what listens at {place.host}:{place.from_users} does not subscribe", client.START_ONE)
+
+    def octets(self, one: Pdu) -> bytes:
+        return _pdu(one)
+
+    def send(self, octets: bytes, one: Pdu) -> None:
+        self._publisher.send_multipart([b"v2x.", octets])
+
+    def wait(self, until: float) -> None:
+        _sleep(until)
+
+    def close(self) -> None:
+        """Wait a little for what is not sent yet."""
+        self._publisher.close(linger=2000)
+
+
+class Datagrams:
+    """UDP to one peer or group. unheard counts those where the peer said that nobody listens.
+
+    framing  of the station's `udp` interface there: ethernet, btp or pdu.
+    """
+
+    def __init__(self, to: Address, framing: str) -> None:
+        self.unheard = 0
+        self._framing = framing
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
+        try:
+            self._socket.connect(to)
+        except OSError as error:
+            raise StationError(f"UDP to {to}: {error.strerror}", "is there a route?") from error
+
+    def octets(self, one: Pdu) -> bytes:
+        if self._framing == "ethernet":
+            return _frame(one)
+        return _pdu(one) if self._framing == "pdu" else btp.encode(btp.BtpB(_port(one)), _pdu(one))
+
+    def send(self, octets: bytes, one: Pdu) -> None:
+        # What an earlier datagram met is told now: this one has not left yet.
+        for _ in range(2):
+            try:
+                self._socket.send(octets)
+            except ConnectionRefusedError:
+                self.unheard += 1
+            except OSError as error:
+                raise RequestError(f"{one.origin}: UDP: {error.strerror}") from error
+            else:
+                return
+
+    def wait(self, until: float) -> None:
+        _sleep(until)
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+class Device:
+    """Whole frames on a network device. Raises StationError where it is not there, or raw sockets are not permitted."""
+
+    def __init__(self, name: str) -> None:
+        try:
+            self._socket = socket.socket(socket.AF_PACKET, socket.SOCK_RAW, 0)
+            self._socket.bind((name, 0))
+        except PermissionError as error:
+            hint = "run as root, or give the program CAP_NET_RAW: setcap cap_net_raw+ep <program>"
+            raise StationError(f"{name}: raw sockets are not permitted", hint) from error
+        except OSError as error:
+            raise StationError(f"network device {name}: {error.strerror}", "`ip link` lists them") from error
+
+    def octets(self, one: Pdu) -> bytes:
+        return _frame(one)
+
+    def send(self, octets: bytes, one: Pdu) -> None:
+        try:
+            self._socket.send(octets)
+        except OSError as error:
+            raise RequestError(f"{one.origin}: {error.strerror}") from error
+
+    def wait(self, until: float) -> None:
+        _sleep(until)
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+def wishes(one: Pdu) -> Mapping[str, object]:
+    """What a user who sends it anew asks for, so that it leaves as it came: options of the station's PULL."""
+    found: dict[str, object] = {} if one.port is None else {"btp_port": one.port}
+    with suppress(ProtocolError):
+        parts = ethernet.unwrap(one.frame)
+        if isinstance(parts, ethernet.Ethernet) and parts.packet[0] & 15 == BasicNext.COMMON:
+            packet = geonet_packet.parse(parts.packet)
+            found["traffic_class"] = packet.common.traffic_class
+            extended = packet.extended
+            if isinstance(extended, GeoArea) and packet.common.header_type in GEO_BROADCASTS and extended.distance_a:
+                found |= {"area": _area(packet.common.header_type, extended)}
+                found["hop_limit"] = max(1, packet.common.max_hop_limit)
+    return found
+
+
+def _area(header_type: int, extended: GeoArea) -> dict[str, object]:
+    shape = Shape(header_type - HeaderType.GBC_CIRCLE)
+    centre = Position(extended.latitude, extended.longitude)
+    area = Area(shape, centre, extended.distance_a, extended.distance_b, extended.angle)
+    found: dict[str, object] = {
+        "shape": shape.name.lower(),
+        "latitude": centre.latitude / 1e7,
+        "longitude": centre.longitude / 1e7,
+        "distance_a": area.distance_a,
+    }
+    return found if shape is Shape.CIRCLE else found | {"distance_b": area.distance_b, "angle": area.angle}
+
+
+def _pdu(one: Pdu) -> bytes:
+    if not one.octets:
+        raise RequestError(f"{one.origin}: a frame without a message: {one.carried}")
+    return one.octets
+
+
+def _frame(one: Pdu) -> bytes:
+    return one.frame or framed(one)
+
+
+def _port(one: Pdu) -> int:
+    if one.port is not None:
+        return one.port
+    return int.from_bytes(framed(one)[-len(one.octets) - btp.SIZE :][:2])
+
+
+def _sleep(until: float) -> None:
+    time.sleep(max(0.0, until - time.monotonic()))  # a command's own process, no station's loop
