@@ -41,6 +41,8 @@ class Ledger:
     def troubles(self, kept: Mapping[str, object]) -> list[str]:
         """What of a card is not as it has to be, in words; kept: its numbers, -1 for none."""
         found = [f"{name} has changed" for name in IDENTITY if not self._is_same(name, str(kept.get(name, "")))]
+        unknown = kept.keys() - self.begun.keys() - set(IDENTITY)
+        found += [f"{name}: {kept[name]}" for name in sorted(unknown) if isinstance(kept[name], str)]
         for name, number in self.begun.items():
             has, least = kept.get(name), self.done.get(name, 0)
             if not isinstance(has, int):
@@ -48,6 +50,11 @@ class Ledger:
             elif not least <= max(has, 0) <= number:
                 found.append(f"{name}: {has} is on the card, {least} was acknowledged, {number} begun")
         return found
+
+    def forget(self, name: str) -> None:
+        """Somebody else has written it meanwhile: any number is right, and damage is damage."""
+        self.begun.pop(name, None)
+        self.done.pop(name, None)
 
     def settle(self, kept: Mapping[str, object]) -> None:
         """After a look at the card: what it has is what there is."""

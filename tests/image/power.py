@@ -184,7 +184,9 @@ class Power:
             return Look((f"it does not start: {str(error)[-300:]}",))
         troubles = ["neither copy of the counters is whole"] if copy == "none" else []
         troubles += [f"the console says: {MEMORY}"] if MEMORY in guest.text else []
-        self._settle_counters(is_known=False)  # this system will change them
+        # This system will change the counters, and has put the set of the boot partition in force.
+        self._settle_counters(is_known=False)
+        self.ledger.forget("owner")
         self._looked = self.look_full
         return Look(tuple(troubles))
 
@@ -229,10 +231,9 @@ class Power:
     def _settle_counters(self, is_known: bool = True) -> None:
         """They are what they are now, or nobody knows what they will be."""
         found = self.counters() if is_known else None
-        for numbers in (self.ledger.begun, self.ledger.done):
-            numbers.pop("counters", None)
-            if found is not None:
-                numbers["counters"] = found.a_left
+        self.ledger.forget("counters")
+        if found is not None:
+            self.ledger.begun["counters"] = self.ledger.done["counters"] = found.a_left
 
     def _on(self, machine: Machine) -> Guest:
         self.off()

@@ -43,6 +43,14 @@ def test_after_a_look_the_card_decides():
     assert ledger.troubles({"state": 4, "session": -1})
 
 
+def test_what_somebody_else_has_written_may_have_any_number_and_no_damage():
+    ledger = heard(state("begin", 5), state("done", 5))
+    ledger.forget("state")
+    assert ledger.in_progress == []
+    assert ledger.troubles({"state": 2, "machine-id": "a"}) == []
+    assert ledger.troubles({"state": "torn: 7 octets", "machine-id": "a"}) == ["state: torn: 7 octets"]
+
+
 def test_lines_may_come_in_parts_and_between_others():
     ledger = Ledger()
     rest = ledger.hear("systemd says\r\n" + state("begin", 7)[:-9], 0.0)

@@ -84,7 +84,7 @@ def found() -> dict[str, object]:
     kept: dict[str, object] = {path.name: _read_state(path) for path in STATES}
     session = SessionFile(SESSION).load()
     kept["session"] = int(session.client) if session else -1
-    kept["owner"] = _read_owner()
+    kept["owner"] = read_owner()
     kept["records"] = _read_records()
     for name, path in IDENTITY.items():
         kept[name] = hashlib.sha256(path.read_bytes()).hexdigest()[:16] if path.exists() else ""
@@ -152,10 +152,14 @@ def _owner(number: int, random: Random) -> None:
     Store(OWNER).accept(_digest(str(number))[:16], [f"ssh-ed25519 {number}"], files, {})
 
 
-def _read_owner() -> object:
-    current = OWNER / "current"
+def read_owner() -> object:
+    """The number of the set in force; -1: there is none, or the whole system has put the boot partition's in force."""
+    current, looked = OWNER / "current", OWNER / "looked"
     if not current.exists():
         return -1 if not current.is_symlink() else "the link leads nowhere"
+    if not (current / "captain.toml").exists():
+        is_box_own = looked.exists() and looked.read_text().split("\n")[0] == os.readlink(current)
+        return -1 if is_box_own else "a set without captain.toml"
     texts = [(current / name).read_text() for name in ("captain.toml", "mqtt/ca.pem", "authorized_keys")]
     numbers = {word for text in texts for word in text.split() if word not in ("#", "ssh-ed25519")}
     return int(numbers.pop()) if len(numbers) == 1 else f"a set of {sorted(numbers)}"
