@@ -4,7 +4,8 @@ import copy
 import os
 import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +39,26 @@ class Config:
     interfaces: tuple[InterfaceConfig, ...]
     board: Board
     mac: bytes
+
+    @cached_property
+    def digest(self) -> str:
+        """The first 16 hexadecimal digits of a SHA-256 of all of it: stations with the same are configured alike."""
+        from hashlib import sha256  # with OpenSSL, which nobody else needs
+
+        return sha256(_canonical(self).encode()).hexdigest()[:16]
+
+
+def _canonical(value: Any) -> str:
+    """As text, the same in every process: sets and tables in order, what is made of neither by its name."""
+    if is_dataclass(value) and not isinstance(value, type):
+        value = {field.name: getattr(value, field.name) for field in fields(value)}
+    if isinstance(value, Mapping):
+        return "{" + ",".join(sorted(f"{_canonical(key)}:{_canonical(one)}" for key, one in value.items())) + "}"
+    if isinstance(value, frozenset | set):
+        return "{" + ",".join(sorted(map(_canonical, value))) + "}"
+    if isinstance(value, list | tuple):
+        return "[" + ",".join(map(_canonical, value)) + "]"
+    return value.__qualname__ if callable(value) else repr(value)
 
 
 def load(

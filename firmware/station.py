@@ -193,6 +193,7 @@ class Station:
         return {
             "station": self.config.tables.station.name,
             "profile": self.config.tables.station.profile,
+            "configuration": self.config.digest,
             **process_status(self._started, self.loop.clock()),
             "is_clock_set": self._is_clock_set(),
             "clock": self.timekeeper.status(),

@@ -665,3 +665,9 @@ def test_what_the_owners_file_has_wrong_is_told_over_defaults_too(folder: Path) 
     own.write_text("endpoint = 3\n")
     with pytest.raises(ConfigurationError, match="endpoint: 3 is an integer; give a table"):
         config.load(str(own), board="none", defaults=str(box))
+
+
+def test_the_same_configuration_has_the_same_digest_and_another_one_another() -> None:
+    assert config.load(None, ["station.name=a"]).digest == config.load(None, ["station.name=a"]).digest
+    assert config.load(None, ["station.name=a"]).digest != config.load(None, ["station.name=b"]).digest
+    assert len(config.load(None).digest) == 16

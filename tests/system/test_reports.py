@@ -19,7 +19,7 @@ CONFIRM_KEYS = {
     "reason", "meaning", "queue_us", "send_us", "time", "sequence", "digest", "accepted_ns", "quality",
 }  # fmt: skip
 STATUS_KEYS = {
-    "station", "version", "profile", "pid", "boot", "time", "uptime_s", "interfaces", "endpoint",
+    "station", "version", "profile", "pid", "boot", "configuration", "time", "uptime_s", "interfaces", "endpoint",
     "drops", "duplicates", "policy", "cpu_s", "memory_kb", "clock",
 }  # fmt: skip
 CLOCK_KEYS = {
