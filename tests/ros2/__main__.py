@@ -4,7 +4,7 @@ import argparse
 import fcntl
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 from asn1.library import PROFILES
 from asn1.ros2.model import RosPackage
@@ -13,12 +13,12 @@ from tests.ros2.ros import RosError
 from tests.ros2.rows import Row
 
 
-def _packages(made: list[RosPackage]) -> list[Row]:
+def _packages(made: list[RosPackage]) -> Iterable[Row]:
     packages.clean()
     return packages.build(made)
 
 
-PARTS: dict[str, Callable[[list[RosPackage]], list[Row]]] = {
+PARTS: dict[str, Callable[[list[RosPackage]], Iterable[Row]]] = {
     "hashes": hashes.compare,
     "cdr": cdr.compare,
     "wheel": wheel.install,
@@ -44,16 +44,21 @@ def _run(arguments: argparse.Namespace) -> int:
     for name in arguments.only or PARTS:
         print(f"{name}:", flush=True)
         began = time.monotonic()
-        try:
-            found = PARTS[name](made)
-        except RosError as error:
-            found = [Row(name, "ended early", str(error))]
-        print(*found, sep="\n")
+        for row in _rows(name, made):
+            print(row, flush=True)
+            rows.append(row)
         print(f"          {time.monotonic() - began:.0f} s", flush=True)
-        rows += found
     missed = [row for row in rows if row.trouble]
     print(f"{len(rows) - len(missed)} of {len(rows)} meet their goal")
     return 1 if missed or not rows else 0
+
+
+def _rows(name: str, made: list[RosPackage]) -> Iterable[Row]:
+    """Of a part, as they come."""
+    try:
+        yield from PARTS[name](made)
+    except RosError as error:
+        yield Row(name, "ended early", str(error))
 
 
 def _arguments() -> argparse.Namespace:

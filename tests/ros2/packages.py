@@ -4,7 +4,7 @@ import json
 import resource
 import shutil
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from asn1 import library, text
@@ -31,16 +31,15 @@ def source(profile: str) -> Path:
     return ros.WORKSPACE / "src" / profile
 
 
-def build(packages: Iterable[RosPackage]) -> list[Row]:
+def build(packages: Iterable[RosPackage]) -> Iterator[Row]:
     """Built, installed, and every message of it made and read by rclpy. One that fails keeps no other from it."""
-    rows: list[Row] = []
     for package in packages:
         try:
-            rows.append(_built(package))
-            rows += [_used(package), *(_heard(package, top) for top in package.tops.values())]
+            yield _built(package)
+            yield _used(package)
+            yield from (_heard(package, top) for top in package.tops.values())
         except ros.RosError as error:
-            rows.append(Row(package.name, "ended early", str(error)))
-    return rows
+            yield Row(package.name, "ended early", str(error))
 
 
 def _built(package: RosPackage) -> Row:

@@ -1,6 +1,7 @@
 """Values of every message through the gateway and a real node, and back to the same UPER."""
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,10 @@ VALUES = 200  # of each message, every other of them of a newer sender
 LOG = ros.MADE / "gateway_typed.log"
 
 
-def travel(packages: list[RosPackage]) -> list[Row]:
+def travel(packages: list[RosPackage]) -> Iterator[Row]:
     """A row for each message. The packages have to be built."""
     folder = codec.made(packages)
-    return [_row(package, edition, folder) for package in packages for edition in package.tops]
+    yield from (_row(package, edition, folder) for package in packages for edition in package.tops)
 
 
 def _row(package: RosPackage, edition: str, folder: Path) -> Row:
