@@ -15,6 +15,7 @@ ANSWER_S = 60.0
 _STEP = re.compile(r"^\s*(\d{1,3})% (.*)$")
 WRITES = ("Updating slots", "Copying image")  # steps from which on a slot is written
 _LAST = re.compile(r"LastError: (.*)")
+_BUSY = re.compile(r"lready processing|already in progress")
 _FORBIDDEN = re.compile(r"AccessDenied|rejected send message|Permission denied|not allowed to")
 
 
@@ -22,8 +23,15 @@ class InstallError(StationError):
     """The service has begun to install, and has not come to a good end."""
 
 
+class BusyError(StationError):
+    """The service installs: it begins nothing else, and tells nothing of slots."""
+
+    def __init__(self) -> None:
+        super().__init__("another update is being installed", "captain update --status shows when it has ended")
+
+
 def status(program: str = PROGRAM) -> Mapping[str, object]:
-    """What the service says of slots. Raises StationError."""
+    """What the service says of slots. Raises StationError, BusyError while it installs."""
     said = _ask([program, "status", "--detailed", "--output-format=json"])
     try:
         found = json.loads(said)
@@ -38,10 +46,10 @@ def activate(slot: str, program: str = PROGRAM) -> None:
 
 
 def idle() -> str:
-    """How its last installation ended: empty is well. Raises StationError while one lasts, whoever has begun it."""
+    """How its last installation ended: empty is well. Raises BusyError while one lasts, whoever has begun it."""
     operation, last_error = _properties("Operation", "LastError")
     if operation != "idle":
-        raise StationError("another update is being installed", "captain update --status shows when it has ended")
+        raise BusyError
     return last_error
 
 
@@ -90,8 +98,8 @@ def install(path: Path, step: Callable[[int, str], None], program: str = PROGRAM
 def _failed(path: Path, said: str, is_begun: bool) -> StationError:
     if _FORBIDDEN.search(said):
         return _forbidden()
-    if "lready processing" in said or "already in progress" in said:
-        return StationError("another update is being installed", "captain update --status shows when it has ended")
+    if _BUSY.search(said):
+        return BusyError()
     last = _LAST.findall(said)
     why = (
         last[-1].strip() if last else next((line for line in reversed(said.splitlines()) if line.strip()), "no reason")
@@ -114,6 +122,8 @@ def _ask(words: Sequence[str]) -> str:
         return ended.stdout
     if _FORBIDDEN.search(ended.stderr):
         raise _forbidden()
+    if _BUSY.search(ended.stderr):
+        raise BusyError
     lines = [line for line in ended.stderr.splitlines() if line.strip() and "rauc-Message" not in line]
     raise StationError(f"{' '.join(words[:3])}: {lines[-1] if lines else 'failed'}", "journalctl -u rauc")
 

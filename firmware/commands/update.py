@@ -13,7 +13,7 @@ from firmware import VERSION
 from firmware.box import update, update_bundle
 from firmware.box.update_bundle import Bundle
 from firmware.box.update_folder import Folder
-from firmware.box.update_rauc import InstallError
+from firmware.box.update_rauc import BusyError, InstallError
 from firmware.box.update_slots import RootSlot, booted, other
 from firmware.user import health
 from firmware.user.table import Table, clean, lines_for
@@ -170,7 +170,10 @@ class Teller:
 
 def _status(is_json: bool) -> None:
     own = update_bundle.box()
-    slots = update.slots()
+    try:
+        slots = update.slots()
+    except BusyError:
+        slots = []
     last = update.last(Folder())
     if is_json:
         told = {"slots": [slot._asdict() | {"words": slot.words} for slot in slots], "last": last, "takes": own.takes}
@@ -189,6 +192,7 @@ def _status(is_json: bool) -> None:
         for slot in slots
     ]
     notes = [f"this is {own.takes}"] if own.takes else []
+    notes += [] if slots else ["an update is being installed: the slots are told once it is done"]
     notes.append(_last(last))
     table = Table("slots", ("slot", "", "", "version", "installed", ">tries", "state"), rows, notes)
     print("\n".join(lines_for(table, sys.stdout)), flush=True)

@@ -261,8 +261,14 @@ def test_what_became_of_an_update_that_was_left_with_ctrl_c_is_asked_of_the_serv
     assert main(["update", bundle]) == 130
     assert "is written to its end" in said()[1]
     service.is_at(operation, last_error)
+    if operation != "idle":
+        service.says("", BUSY, 1)
     assert main(["update", "--status", "--json"]) == 0
-    assert json.loads(said()[0])["last"]["result"] == result
+    told = json.loads(said()[0])
+    assert told["last"]["result"] == result
+    assert [slot["name"] for slot in told["slots"]] == ([] if operation != "idle" else ["A", "B"])
+    assert main(["update", "--status"]) == 0
+    assert ("are told once it is done" in said()[0]) is (operation != "idle")
 
 
 def test_ctrl_c_before_anything_is_written_says_so(service: Service, said: Said, monkeypatch: pytest.MonkeyPatch):
