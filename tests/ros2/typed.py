@@ -46,5 +46,5 @@ def _result(what: str, handler: str, said: Any) -> Row:
         f"{said['original']} of them with what was kept beside"
     )
     if said["cut"]:
-        found += f"; {said['cut']} hold a string with a NUL, where rclpy ends it"
+        found += f"; {said['cut']} more hold a string with a NUL, where rclpy ends it: left out"
     return Row(what, found, said["trouble"])

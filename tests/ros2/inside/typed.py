@@ -5,8 +5,8 @@
 With ports: a station that is played here -> the gateway -> a typed subscription of rclpy -> published again, typed -> the
 gateway -> the station. Without: UPER -> to_cdr -> published as it is -> a typed subscription -> published again -> a raw
 subscription -> from_cdr -> UPER. FOLDER holds captain_messages. Counted: UPER that comes back; UPER that comes back with
-what was kept beside, because something has no place in the ROS message; and what does not, because rclpy ends a string at
-its first NUL, which IA5String and UTF8String may hold. Half of the values are of a newer sender.
+what was kept beside, because something has no place in the ROS message; and what was made and left out, because rclpy ends
+a string at its first NUL, which IA5String and UTF8String may hold. Half of the values are of a newer sender.
 """
 
 import importlib
@@ -133,34 +133,41 @@ def main(edition: str, profile: str, count: int, ports: dict[str, int], handler:
     message = captain_messages.find(edition)
     rclpy.init()
     echo = Gateway(message, profile, ports, handler) if ports else Alone(message, profile)
-    counts: Counter[str] = Counter()
+    values, cut = _values(message, count, head=bytes((message.versions[-1], message.ids[0])) if ports else b"")
+    counts: Counter[str] = Counter(cut=cut)
     trouble = ""
-    values = list(_values(message, count, head=bytes((message.versions[-1], message.ids[0])) if ports else b""))
-    echo.connect(next(octets for octets in values if not _has_nul(message.decode(octets))))
+    echo.connect(values[0])
     for octets in values:
-        has_nul = _has_nul(message.decode(octets))
-        how = "original" if message.to_cdr(octets, profile)[1] else "back"
         try:
-            came = b"" if has_nul else echo(octets)
+            came = echo(octets)
         except LostError as error:
             trouble = f"{octets.hex()}: {error}"
             break
         if came != octets:
-            how = "cut" if has_nul else "lost"
-            trouble = trouble or (f"{octets.hex()} does not come back" if how == "lost" else "")
-        counts[how] += 1
+            trouble = trouble or f"{octets.hex()} does not come back"
+        else:
+            counts["original" if message.to_cdr(octets, profile)[1] else "back"] += 1
     return {"values": count, "trouble": trouble, **{how: counts[how] for how in ("back", "original", "cut")}}
 
 
-def _values(message: Any, count: int, head: bytes) -> Any:
-    """Octets of made ones, every other of a newer sender; head: what each begins with, as the gateway asks for."""
+def _values(message: Any, count: int, head: bytes) -> tuple[list[bytes], int]:
+    """Octets of made ones, every other of a newer sender, and how many were left out for a NUL.
+
+    head: what each begins with, as the gateway asks for; then none is longer than a station takes.
+    """
     schema = load_schema()
     makers = [Values(schema, schema.messages[message.name].pdu, seed, knows_more=seed == 2) for seed in (1, 2)]
-    for number in range(count):
-        octets = b""
-        while not octets or (head and len(octets) > LONGEST):
-            octets = message.encode(makers[number % 2].value())
-        yield head + octets[len(head) :]
+    found: list[bytes] = []
+    cut = 0
+    while len(found) < count:
+        octets = message.encode(makers[len(found) % 2].value())
+        if head and len(octets) > LONGEST:
+            continue
+        if _has_nul(message.decode(octets)):
+            cut += 1
+        else:
+            found.append(head + octets[len(head) :])
+    return found, cut
 
 
 def _has_nul(value: Any) -> bool:
