@@ -37,7 +37,7 @@ def _refused(card: Path, device: Device, answer: str, why: str) -> Row:
     try:
         flash.write(card, device, _users(), lambda _: answer)
     except ImageError as error:
-        return Row(f"{device.path.name}, answered with {answer}", error.message, why, why in error.message)
+        return Row(f"{device.path.name}, answered with {answer}", str(error).splitlines()[0], why, why in str(error))
     return Row(f"{device.path.name}, answered with {answer}", "was written", why, False)
 
 
