@@ -228,6 +228,7 @@ class Frames:
         }
         if kind is not None:
             said["type"] = kind.name
+            said["message_id"] = one.pdu[1] if len(one.pdu) > 1 else None
             said["station_id"] = int.from_bytes(one.pdu[2:ITS_HEADER], "big")
             said["digest"] = digest_of(one.pdu)
         if one.indication is not None and one.indication.rx.rssi_dbm is not None:

@@ -7,7 +7,7 @@ import json
 import struct
 from collections.abc import Mapping
 from enum import IntEnum
-from typing import BinaryIO
+from typing import Protocol
 
 MAGIC = 0x1A2B3C4D  # written in the order of this program: little-endian
 SECTION, INTERFACE, STATISTICS, ENHANCED_PACKET = 0x0A0D0D0A, 1, 5, 6
@@ -37,6 +37,10 @@ class Direction(IntEnum):
     OUT = 2
 
 
+class Stream(Protocol):
+    def write(self, octets: bytes, /) -> object: ...
+
+
 class Pcapng:
     """A recording into a stream; it is whole after each block, so that no end need be written.
 
@@ -47,7 +51,7 @@ class Pcapng:
     """
 
     def __init__(
-        self, stream: BinaryIO, application: str, comment: str = "", said: Mapping[str, object] | None = None
+        self, stream: Stream, application: str, comment: str = "", said: Mapping[str, object] | None = None
     ) -> None:
         self._stream = stream
         self._interfaces: dict[str, int] = {}
@@ -99,9 +103,6 @@ class Pcapng:
         head = struct.pack("<III", number, when >> 32, when & 0xFFFFFFFF)
         counts = (ISB_RECEIVED, struct.pack("<Q", received)), (ISB_DROPPED, struct.pack("<Q", dropped))
         self._put(STATISTICS, head + _options((COMMENT, _text(comment)), *counts))
-
-    def flush(self) -> None:
-        self._stream.flush()
 
     def _put(self, kind: int, body: bytes) -> None:
         length = len(body) + 12

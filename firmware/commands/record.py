@@ -1,53 +1,67 @@
-"""captain record: what a station's users receive, into a file of the form that the tools of ROS 2 read, MCAP."""
+"""captain record: what a station hears and sends, into files that Wireshark reads, and what users get, for ROS 2."""
 
 import argparse
-import re
-import signal
+import subprocess
 import sys
 import time
-from collections import Counter
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from types import FrameType
-from typing import BinaryIO, NamedTuple, Self
+from typing import BinaryIO
 
-from board.errors import RequestError, UsageError
-from firmware import VERSION
-from firmware.codec import library as library_
-from firmware.codec import ros2
-from firmware.codec.decoding import Decoder
-from firmware.codec.identify import Identity
-from firmware.codec.library import Library, load
-from firmware.user import client, reception
-from firmware.user.arguments import add_station, address
-from firmware.user.listening import Listening, add_wish, wish_of
-from firmware.user.mcap import Mcap
-from firmware.user.received import Message
+from board.errors import RequestError, StationError, UsageError
+from firmware.codec.library import load
+from firmware.recorder.ending import Ending
+from firmware.recorder.hearing import Hearing, say
+from firmware.recorder.mcap_recording import Recording
+from firmware.recorder.ring import Limits
+from firmware.recorder.sinks import File, Keeper, Pipe, Sink, standard_output
+from firmware.recorder.told import Told
+from firmware.recorder.triggers import ALL, OPERATOR
+from firmware.user import client
+from firmware.user.arguments import add_control, address, integer, number
+from firmware.user.listening import Listening, Wish, add_wish, wish_of
 
 DESCRIPTION = """\
-Records what a station's users receive, as messages of ROS 2 in one file of the
-form MCAP, in its profile for ROS 2, which `ros2 bag`, Foxglove and PlotJuggler
-read; it has been read back by mcap-ros2-support, and not tried with them. The
-types are those of etsi_its_messages where it has the edition; their definitions
-are in the file. For each type of message there are two topics:
+Records a station.
+
+--pcapng, --live and --ring have every frame as it came or left, by each of the
+station's interfaces, with what became of it: Wireshark, tshark and the tools of
+this program read them. Interfaces that have no frames (SOM301-E, MQTT, UART,
+bare PDUs) have theirs made up around the PDU, and say so. Comments and a custom
+option tell signal strength, drop reasons, queue times, and how good the time is.
+
+--mcap has what users receive, as messages of ROS 2 in its profile for ROS 2,
+which `ros2 bag`, Foxglove and PlotJuggler read; it has been read back by
+mcap-ros2-support, and not tried with them. The types are those of
+etsi_its_messages where it has the edition. For each type there are two topics:
 
   cam/received            the message, of the type etsi_its_cam_msgs/msg/CAM
   cam/received/metadata   time, signal strength, positions, edition, and the
                           octets of the PDU as they came
 
-What no edition of the message library takes is on the second topic alone,
-without an edition. Parts of a message that its ROS type has no field for are
-in its octets there.
+What no edition of the message library takes is on the second topic alone. That
+file is not compressed; one that was not closed, because the power failed, ends
+within its last two seconds, and `mcap recover` mends it.
 
-The file is not compressed. One that was not closed, because the power failed,
-ends within its last two seconds; `mcap recover` mends it.
+--ring keeps the last octets and seconds in files of a folder, and what was
+before an event under a name that says why: --on denm (a DENM that passed), loss
+(ten frames lost within a second), gnss (time by pulses no more), or SIGUSR1. The
+station does that by itself where captain.toml has [recorder]; --trigger tells
+it to keep what was.
+
+A disk that is full or gone costs frames, which are counted: recording goes on
+when it is back. A cut of power costs the last second.
 """
 EPILOG = """\
 examples:
-  captain record --mcap drive.mcap          everything, until Ctrl-C
+  captain record --pcapng drive.pcapng      everything, until Ctrl-C
+  captain record --pcapng - | tshark -r -   while it comes
+  captain record --live                     in Wireshark, while it comes
+  captain record --ring /data/ring --size 512 --age 7200 --on denm
+  captain record --trigger "near miss"      the station keeps what was before
   captain record --mcap minute.mcap --duration 60 --type cam --type denm
-                                            a minute of two types
-  captain record --mcap far.mcap --station 192.168.1.7
+  captain record --pcapng far.pcapng --station 192.168.1.7
                                             of a station elsewhere
 
 exit codes:
@@ -57,31 +71,115 @@ exit codes:
   2    wrong usage
   130  Ctrl-C; the file is whole
 """
-FLUSH_S = 2.0
-MOST_NAMES = 300  # more than there are messageIDs: a station that makes names up fills no recording with topics
-
-
-# The profile "ros2" of MCAP asks for it. rosbag2 reads a text that is not empty as profiles with all nine keys,
-# in words or numbers by the version of a record that it alone writes; for an empty one it takes its default, which is
-# reliable and volatile, as the gateway publishes. Source: rosbag2_storage, qos.cpp: Rosbag2QoS::decode.
-QOS = {"offered_qos_profiles": ""}
-
-
-class Topic(NamedTuple):
-    """Of an edition; `write` makes CDR of a decoded message."""
-
-    name: str
-    channel: int
-    write: ros2.Cdr
+DEFAULT = Limits()
+MOST_MB = 1 << 20
+LONGEST_S = 30 * 86400.0
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--mcap", metavar="FILE", type=Path, required=True, help="the recording, which must not exist")
+    what = parser.add_mutually_exclusive_group(required=True)
+    what.add_argument("--pcapng", metavar="FILE", help="frames, into a file that must not exist; `-`: standard output")
+    what.add_argument("--mcap", metavar="FILE", type=Path, help="messages for ROS 2, into a file that must not exist")
+    what.add_argument("--live", action="store_true", help="frames, into a Wireshark that is started")
+    what.add_argument("--ring", metavar="FOLDER", type=Path, help="frames, into a ring of files in a folder")
+    what.add_argument("--trigger", metavar="TEXT", help="tell a station of this machine to keep what was, and why")
+    ring = parser.add_argument_group("the ring")
+    ring.add_argument(
+        "--size", metavar="MB", type=integer(1, MOST_MB), default=DEFAULT.size >> 20, help="at most (256)"
+    )
+    ring.add_argument("--age", metavar="S", type=_seconds, default=DEFAULT.age_s, help="at most (3600)")
+    ring.add_argument("--on", metavar="EVENT", action="append", choices=ALL, help="keep what was before (default: all)")
+    ring.add_argument("--before", metavar="S", type=_seconds, default=DEFAULT.before_s, help="kept of an event (30)")
+    ring.add_argument("--after", metavar="S", type=_seconds, default=DEFAULT.after_s, help="kept of an event (10)")
     add_wish(parser)
-    add_station(parser)
+    add_control(parser)
+
+
+_seconds = number("seconds", LONGEST_S)
 
 
 def main(arguments: argparse.Namespace) -> int:
+    if arguments.trigger is not None:
+        return _trigger(arguments)
+    if arguments.mcap is not None:
+        return _mcap(arguments)
+    if arguments.live:
+        return _live(arguments)
+    if arguments.ring is not None:
+        limits = Limits(arguments.size << 20, arguments.age, arguments.before, arguments.after)
+        return _frames(arguments, lambda: _keeper(arguments, limits), str(arguments.ring))
+    make: Callable[[], Sink] = standard_output if arguments.pcapng == "-" else lambda: File(Path(arguments.pcapng))
+    return _frames(arguments, make, "standard output" if arguments.pcapng == "-" else arguments.pcapng)
+
+
+def _keeper(arguments: argparse.Namespace, limits: Limits) -> Keeper:
+    if not arguments.ring.is_dir():
+        raise RequestError(f"{arguments.ring} is no folder", "make it: nobody else shall, where a card is missing")
+    return Keeper(arguments.ring, limits, frozenset(arguments.on or ALL))
+
+
+def _trigger(arguments: argparse.Namespace) -> int:
+    answer = client.ask_local(address(arguments), arguments.control, "record", text=arguments.trigger)
+    print(f"captain: kept: {answer.get('folder', '')}")
+    return 0
+
+
+def _frames(arguments: argparse.Namespace, make: Callable[[], Sink], name: str) -> int:
+    """Frames into what is made once a station is there."""
+    wish, place = wish_of(arguments), address(arguments)
+    with client.session() as context, suppress(SystemExit), Ending() as ending:
+        hearing = Hearing(context, place)
+        sink = make()
+        hearing.on_status, hearing.on_time = sink.know, sink.time
+        end = time.monotonic() + wish.for_s if wish.for_s is not None else None
+
+        def goes_on() -> bool:
+            ending.check()
+            if ending.is_asked() and isinstance(sink, Keeper):
+                sink.trigger(OPERATOR)
+            if hearing.is_known:
+                sink.idle()
+            return end is None or time.monotonic() < end
+
+        try:
+            for told in hearing.frames(goes_on):
+                if not _is_wanted(wish, told):
+                    sink.scribe.pass_over(told)
+                    continue
+                sink.add(told)
+                ending.check()
+                if sink.scribe.frames == wish.most:
+                    break
+        finally:
+            sink.close()
+            say(f"{name}: {sink.scribe.frames} frames, {sink.scribe.lost} lost")
+    return 0
+
+
+def _is_wanted(wish: Wish, told: Told) -> bool:
+    is_type = not wish.types or not wish.types.isdisjoint((told.type, told.said.get("message_id")))
+    return is_type and (not wish.stations or told.said.get("station_id") in wish.stations)
+
+
+def _live(arguments: argparse.Namespace) -> int:
+    """Into Wireshark's standard input; it ends when its window is closed."""
+    try:
+        shark = subprocess.Popen(["wireshark", "-k", "-i", "-"], stdin=subprocess.PIPE)
+    except FileNotFoundError as error:
+        raise StationError("the program wireshark is missing", "install the package wireshark") from error
+    with shark:
+        pipe = shark.stdin
+        assert pipe is not None
+        try:
+            return _frames(arguments, lambda: Pipe(pipe.write, pipe.flush), "wireshark")
+        except BrokenPipeError:
+            return 0
+        finally:
+            with suppress(BrokenPipeError):
+                pipe.close()
+
+
+def _mcap(arguments: argparse.Namespace) -> int:
     library = load()
     place = address(arguments)
     with (
@@ -95,6 +193,7 @@ def main(arguments: argparse.Namespace) -> int:
 
         try:
             listening = Listening(client.subscribe(context, place, place.to_users, ""), place, wish_of(arguments))
+            listening.on_heard = lambda: say(f"a station is heard at {place.host}:{place.to_users}")
             for message in listening.messages(idle):
                 recording.add(message)
                 ending.check()
@@ -111,102 +210,3 @@ def _created(path: Path) -> BinaryIO:
         raise UsageError(f"--mcap: {path} is there already", "name another, or remove it") from None
     except OSError as error:
         raise RequestError(f"{path}: {error.strerror}", "does its folder exist, and may you write there?") from error
-
-
-class Ending:
-    """Ctrl-C and SIGTERM, which end a recording between two records: what is half written would not be read.
-
-    check() raises what the signal stands for, KeyboardInterrupt or SystemExit; so does leaving it.
-    """
-
-    def __init__(self) -> None:
-        self._number = 0
-        self._before = {one: signal.signal(one, self._note) for one in (signal.SIGINT, signal.SIGTERM)}
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        for number, handler in self._before.items():
-            signal.signal(number, handler)
-        if kind is None:
-            self.check()
-
-    def check(self) -> None:
-        if self._number == signal.SIGINT:
-            raise KeyboardInterrupt
-        if self._number:
-            raise SystemExit(0)
-
-    def _note(self, number: int, _frame: FrameType | None) -> None:
-        self._number = number
-
-
-def topic_names(library: Library) -> dict[str, str]:
-    """What stands before /received, for each edition: `cam` for the preferred one, `cam_2_1_1` for others."""
-    preferred = {library.find(message.type).name for message in library.all()}
-    names = [message.name for message in library.all()]
-    return {name: name.partition("-")[0] if name in preferred else re.sub(r"\W", "_", name) for name in names}
-
-
-class Recording:
-    """Messages into MCAP; a topic begins with its first message."""
-
-    def __init__(self, stream: BinaryIO, library: Library) -> None:
-        self._mcap = Mcap(stream, "ros2", f"captain {VERSION}")
-        self._decoder = Decoder(library)
-        self._names = topic_names(library)
-        self._types = ros2.Types(library.ros2_plan())
-        self._topics: dict[str, Topic] = {}
-        self._metadata: dict[str, int] = {}
-        self._flushed = time.monotonic()
-        self._unknown: Counter[str] = Counter()
-
-    def add(self, message: Message) -> None:
-        """A message, by the time of its reception."""
-        received_ns = max(0, message.raw.received_ns) if message.raw is not None else time.time_ns()
-        found = self._decoder.find(message.pdu, is_quick=True)
-        if isinstance(found, Identity) and found.message.name in self._types:
-            topic = self._topic(found.message)
-            self._mcap.add(topic.channel, received_ns, topic.write(found.message.decode(message.pdu)))
-            sequence, edition, name = self._mcap.counts[topic.channel], found.message.name, topic.name
-        else:
-            sequence, edition, name = 0, "", self._name_of(message)
-            self._unknown[name] += 1
-        if name not in self._metadata:
-            self._metadata[name] = self._mcap.channel(
-                f"{name}/received/metadata", reception.TYPE, reception.SCHEMA, QOS
-            )
-        self._mcap.add(self._metadata[name], received_ns, reception.cdr(message, received_ns, sequence, edition))
-
-    def _name_of(self, message: Message) -> str:
-        """That ROS takes in a topic, for what no edition takes: the type that the station gave it, or its messageID."""
-        name = re.sub(r"\W", "_", message.type) or f"id_{message.message_id}"
-        return name if name in self._metadata or len(self._metadata) < MOST_NAMES else "others"
-
-    def _topic(self, message: library_.Message) -> Topic:
-        edition = message.name
-        if edition not in self._topics:
-            name = self._names[edition]
-            about = {**QOS, "topic_type_hash": self._types.hash(edition)}
-            channel = self._mcap.channel(
-                f"{name}/received", self._types.name(edition), self._types.definition(edition), about
-            )
-            self._topics[edition] = Topic(name, channel, self._types.writer(edition))
-        return self._topics[edition]
-
-    def idle(self) -> None:
-        """Messages that are few get into the file as well."""
-        if time.monotonic() - self._flushed >= FLUSH_S:
-            self._flushed = time.monotonic()
-            self._mcap.flush()
-
-    def close(self) -> None:
-        """The file is whole then."""
-        self._mcap.close()
-
-    def summary(self) -> str:
-        """How many of which, in words."""
-        words = [f"{self._mcap.counts[topic.channel]} {edition}" for edition, topic in sorted(self._topics.items())]
-        words += [f"{count} {name} that no edition takes, as octets" for name, count in sorted(self._unknown.items())]
-        return ", ".join(words) or "no message came"

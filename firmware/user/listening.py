@@ -62,10 +62,13 @@ class Listening:
     """Messages of one subscription.
 
     messages() calls `idle` at least every REDRAW_S, so that a table can be drawn while nothing comes.
+
+    on_heard  is told of the first message of any kind, a heartbeat among them.
     """
 
     def __init__(self, subscriber: client.Socket, place: client.Address, wish: Wish) -> None:
         self.pairing = Pairing()
+        self.on_heard: Callable[[], None] = lambda: None
         self.place = place
         self.started = self.heard = time.monotonic()
         self._subscriber = subscriber
@@ -79,6 +82,8 @@ class Listening:
             until = wake if self._end is None else min(wake, self._end)
             self._subscriber.poll(max(0, round((until - time.monotonic()) * 1000)) + 1)
             for frames in client.waiting(self._subscriber):
+                if self.heard == self.started:
+                    self.on_heard()
                 self.heard = time.monotonic()
                 message = self.pairing.feed(frames)
                 if message is None or not self._is_wanted(message):

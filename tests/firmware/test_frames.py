@@ -99,6 +99,7 @@ def test_a_message_without_a_frame_is_told_in_one_that_is_made_up(bench: Bench) 
         "quality": {"state": "locked", "error_ns": 60, "offset_ns": 10, "uncertainty_ns": 50},
         "is_made_up": True,
         "type": "cam",
+        "message_id": 2,
         "station_id": 1337,
         "digest": digest_of(CAM_PDU),
         "rssi_dbm": -71,

@@ -12,6 +12,7 @@ from drivers.wire import raw
 from firmware import cli
 from firmware.commands import record
 from firmware.lab.laboratory import vectors
+from firmware.recorder import mcap_recording
 from firmware.user import reception
 from firmware.user.received import Message
 from tests.firmware.commands.fake import FakeStation
@@ -61,7 +62,7 @@ def test_what_no_edition_takes_is_recorded_as_octets(tmp_path, capsys):
 
 
 def test_a_station_that_makes_types_up_gets_a_topic_for_the_rest(tmp_path, monkeypatch):
-    monkeypatch.setattr(record, "MOST_NAMES", 2)
+    monkeypatch.setattr(mcap_recording, "MOST_NAMES", 2)
     _, found = recorded(tmp_path / "a.mcap", *[(kind, b"\0\0") for kind in ("a b", "c", "d", "c")])
     assert [topic for topic, _, _ in found.channels.values()] == [
         "a_b/received/metadata", "c/received/metadata", "others/received/metadata",
@@ -81,7 +82,7 @@ def test_a_reception_before_1970_is_at_its_beginning(tmp_path, monkeypatch):
 
 
 def test_another_edition_than_the_preferred_one_has_a_topic_of_its_own():
-    names = record.topic_names(captain_messages)
+    names = mcap_recording.topic_names(captain_messages)
     preferred = captain_messages.find("vam").name
     assert names[preferred] == "vam"
     assert {names[name] for name in names if name.startswith("vam-") and name != preferred} <= {

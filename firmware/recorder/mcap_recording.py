@@ -1,0 +1,103 @@
+"""What a station's users receive, as messages of ROS 2 in the form MCAP."""
+
+import re
+import time
+from collections import Counter
+from typing import BinaryIO, NamedTuple
+
+from firmware import VERSION
+from firmware.codec import library as library_
+from firmware.codec import ros2
+from firmware.codec.decoding import Decoder
+from firmware.codec.identify import Identity
+from firmware.codec.library import Library
+from firmware.user import reception
+from firmware.user.mcap import Mcap
+from firmware.user.received import Message
+
+FLUSH_S = 2.0
+MOST_NAMES = 300  # more than there are messageIDs: a station that makes names up fills no recording with topics
+
+
+# The profile "ros2" of MCAP asks for it. rosbag2 reads a text that is not empty as profiles with all nine keys,
+# in words or numbers by the version of a record that it alone writes; for an empty one it takes its default, which is
+# reliable and volatile, as the gateway publishes. Source: rosbag2_storage, qos.cpp: Rosbag2QoS::decode.
+QOS = {"offered_qos_profiles": ""}
+
+
+class Topic(NamedTuple):
+    """Of an edition; `write` makes CDR of a decoded message."""
+
+    name: str
+    channel: int
+    write: ros2.Cdr
+
+
+def topic_names(library: Library) -> dict[str, str]:
+    """What stands before /received, for each edition: `cam` for the preferred one, `cam_2_1_1` for others."""
+    preferred = {library.find(message.type).name for message in library.all()}
+    names = [message.name for message in library.all()]
+    return {name: name.partition("-")[0] if name in preferred else re.sub(r"\W", "_", name) for name in names}
+
+
+class Recording:
+    """Messages into MCAP; a topic begins with its first message."""
+
+    def __init__(self, stream: BinaryIO, library: Library) -> None:
+        self._mcap = Mcap(stream, "ros2", f"captain {VERSION}")
+        self._decoder = Decoder(library)
+        self._names = topic_names(library)
+        self._types = ros2.Types(library.ros2_plan())
+        self._topics: dict[str, Topic] = {}
+        self._metadata: dict[str, int] = {}
+        self._flushed = time.monotonic()
+        self._unknown: Counter[str] = Counter()
+
+    def add(self, message: Message) -> None:
+        """A message, by the time of its reception."""
+        received_ns = max(0, message.raw.received_ns) if message.raw is not None else time.time_ns()
+        found = self._decoder.find(message.pdu, is_quick=True)
+        if isinstance(found, Identity) and found.message.name in self._types:
+            topic = self._topic(found.message)
+            self._mcap.add(topic.channel, received_ns, topic.write(found.message.decode(message.pdu)))
+            sequence, edition, name = self._mcap.counts[topic.channel], found.message.name, topic.name
+        else:
+            sequence, edition, name = 0, "", self._name_of(message)
+            self._unknown[name] += 1
+        if name not in self._metadata:
+            self._metadata[name] = self._mcap.channel(
+                f"{name}/received/metadata", reception.TYPE, reception.SCHEMA, QOS
+            )
+        self._mcap.add(self._metadata[name], received_ns, reception.cdr(message, received_ns, sequence, edition))
+
+    def _name_of(self, message: Message) -> str:
+        """That ROS takes in a topic, for what no edition takes: the type that the station gave it, or its messageID."""
+        name = re.sub(r"\W", "_", message.type) or f"id_{message.message_id}"
+        return name if name in self._metadata or len(self._metadata) < MOST_NAMES else "others"
+
+    def _topic(self, message: library_.Message) -> Topic:
+        edition = message.name
+        if edition not in self._topics:
+            name = self._names[edition]
+            about = {**QOS, "topic_type_hash": self._types.hash(edition)}
+            channel = self._mcap.channel(
+                f"{name}/received", self._types.name(edition), self._types.definition(edition), about
+            )
+            self._topics[edition] = Topic(name, channel, self._types.writer(edition))
+        return self._topics[edition]
+
+    def idle(self) -> None:
+        """Messages that are few get into the file as well."""
+        if time.monotonic() - self._flushed >= FLUSH_S:
+            self._flushed = time.monotonic()
+            self._mcap.flush()
+
+    def close(self) -> None:
+        """The file is whole then."""
+        self._mcap.close()
+
+    def summary(self) -> str:
+        """How many of which, in words."""
+        words = [f"{self._mcap.counts[topic.channel]} {edition}" for edition, topic in sorted(self._topics.items())]
+        words += [f"{count} {name} that no edition takes, as octets" for name, count in sorted(self._unknown.items())]
+        return ", ".join(words) or "no message came"

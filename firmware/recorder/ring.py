@@ -1,0 +1,215 @@
+"""A ring of files: so many octets and seconds of all that was heard, and what was kept of it for a reason."""
+
+import logging
+import os
+import re
+import struct
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+from firmware.codec.capture import PCAPNG
+from firmware.recorder.filing import Filing, Segment
+from firmware.recorder.hearing import say
+from firmware.recorder.scribe import Scribe
+from firmware.recorder.told import Told
+
+# The ring turns in so many steps: the oldest of them goes at a time.
+PARTS = 16
+LEAST_S = 1.0
+# Left to others on the same disk, or a twentieth of it where it is small.
+LEAVE = 64 << 20
+_NAME = re.compile(r"(ring|kept)-(\d{8})-.*\.pcapng")
+_LONGEST = 40  # characters of a reason in a name
+
+log = logging.getLogger("captain.recorder")
+
+
+@dataclass(frozen=True)
+class Limits:
+    """size: octets of the ring, and again of what is kept. age_s: of the ring. before_s, after_s: kept of an event."""
+
+    size: int = 256 << 20
+    age_s: float = 3600.0
+    before_s: float = 30.0
+    after_s: float = 10.0
+
+
+class Closed(NamedTuple):
+    """A file of the ring that is whole; ended as the ring's clock has it."""
+
+    path: Path
+    size: int
+    ended: float
+
+
+class Ring:
+    """Files `ring-NUMBER-TIME.pcapng` of a folder, and `kept-NUMBER-TIME-WHY.pcapng`, which it never removes.
+
+    clock  monotonic.
+    """
+
+    def __init__(
+        self, folder: Path, limits: Limits, scribe: Scribe, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self.folder = folder
+        self.kept = self.not_kept = 0
+        self.filing = Filing(scribe, self._open, self._note, clock)
+        self._limits = limits
+        self._clock = clock
+        self._closed: list[Closed] = []
+        self._kept_size = 0
+        self._number = 0
+        self._begun = clock()
+        self._why = ""
+        self._until = self._since = 0.0
+        self._is_known = False
+
+    def add(self, told: Told) -> None:
+        self.filing.add(told)
+        if self.filing.scribe.size >= self._limits.size // PARTS:
+            self.filing.begin()
+
+    def idle(self) -> None:
+        """A few times a second."""
+        now = self._clock()
+        if self._why and now >= self._until:
+            self._keep()
+        elif now >= self._begun + max(LEAST_S, self._limits.age_s / PARTS) and self.filing.scribe.size:
+            self.filing.begin()
+        self.filing.idle()
+
+    def trigger(self, why: str) -> None:
+        """Keep what was before, and what comes for some seconds; a trigger meanwhile makes that longer."""
+        now = self._clock()
+        if not self._why:
+            self._why, self._since = why, now - self._limits.before_s
+            say(f"kept because of {why}: {self._limits.before_s:g} s before and {self._limits.after_s:g} s after")
+        self._until = now + self._limits.after_s
+
+    def close(self) -> None:
+        """What was to be kept is kept."""
+        if self._why:
+            self._keep(is_last=True)
+        else:
+            self.filing.end()
+
+    def status(self) -> dict[str, object]:
+        filing = self.filing
+        return {
+            "folder": str(self.folder),
+            "file": filing.path.name if filing.path else "",
+            "octets": sum(one.size for one in self._closed) + filing.scribe.size,
+            "files": len(self._closed),
+            "kept": self.kept,
+            "kept_octets": self._kept_size,
+            "not_kept": self.not_kept,
+            "frames": filing.scribe.frames,
+            "lost": filing.scribe.lost,
+            "trouble": filing.trouble,
+            "troubles": filing.troubles,
+        }
+
+    def _note(self, path: Path) -> None:
+        """A file that nothing more is written to; one that cannot write took what it could."""
+        try:
+            self._closed.append(Closed(path, path.stat().st_size, self._clock()))
+        except OSError:
+            log.debug("%s is gone", path)
+
+    def _open(self) -> Segment:
+        """The next file, with room for it. Raises OSError."""
+        if not self._is_known:
+            self._look()
+        self._prune()
+        self._begun = self._clock()
+        self._number += 1
+        when = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
+        return Segment(self.folder / f"ring-{self._number:08d}-{when}.pcapng")
+
+    def _look(self) -> None:
+        """What earlier runs have left: the last may end in the middle of a block."""
+        now = self._clock()
+        found_names = ((path, _NAME.fullmatch(path.name)) for path in self.folder.iterdir())
+        names = sorted(((int(match[2]), path, match[1]) for path, match in found_names if match))
+        if names:
+            self._number = names[-1][0]
+            mend(names[-1][1])
+        for _, path, kind in names:
+            if not path.exists():
+                continue
+            found = path.stat()
+            if kind == "kept":
+                self._kept_size += found.st_size
+            else:
+                self._closed.append(Closed(path, found.st_size, now - max(0.0, time.time() - found.st_mtime)))
+        self._is_known = True
+
+    def _prune(self) -> None:
+        """Remove the oldest until the next one has its room. Raises OSError where there is none."""
+        part = self._limits.size // PARTS
+        while self._closed and self._is_too_much(part):
+            one = self._closed.pop(0)
+            one.path.unlink(missing_ok=True)
+        if (free := _room(self.folder)) <= 0:
+            raise OSError(28, f"no room: {-free} octets less than are left to others", str(self.folder))
+
+    def _is_too_much(self, part: int) -> bool:
+        oldest = self._closed[0].ended < self._clock() - self._limits.age_s
+        return oldest or sum(one.size for one in self._closed) + part > self._limits.size or _room(self.folder) < part
+
+    def _keep(self, is_last: bool = False) -> None:
+        """Give the files of the event names by which they stay."""
+        why, self._why = self._why, ""
+        self.filing.end()
+        chosen = [one for one in self._closed if one.ended >= self._since]
+        octets = sum(one.size for one in chosen)
+        if self._kept_size + octets > self._limits.size:
+            self.not_kept += 1
+            say(f"not kept: {why}: what was kept before takes {self._kept_size} octets; remove it")
+        else:
+            for one in chosen:
+                self._rename(one, why)
+            self.kept += 1
+        if not is_last:
+            self.filing.begin()
+
+    def _rename(self, one: Closed, why: str) -> None:
+        word = re.sub(r"[^A-Za-z0-9]+", "-", why).strip("-")[:_LONGEST] or "event"
+        name = f"kept-{one.path.stem.partition('-')[2]}-{word}.pcapng"
+        try:
+            one.path.rename(one.path.with_name(name))
+        except OSError as error:
+            say(f"{one.path}: not kept: {error.strerror}")
+            return
+        self._closed.remove(one)
+        self._kept_size += one.size
+
+
+def mend(path: Path) -> None:
+    """Cut a recording off after its last whole block: the power may have failed. Raises OSError.
+
+    One without any is removed; what begins otherwise is no recording, and left alone.
+    """
+    with path.open("r+b") as file:
+        size, good = os.fstat(file.fileno()).st_size, 0
+        if file.read(len(PCAPNG)) != PCAPNG[:size]:
+            return
+        while good + 12 <= size:
+            file.seek(good)
+            _, length = struct.unpack("<II", file.read(8))
+            if length < 12 or length % 4 or good + length > size:
+                break
+            good += length
+        file.truncate(good)
+    if not good:
+        path.unlink()
+
+
+def _room(folder: Path) -> int:
+    """Octets that may still be written into a folder; less than 0 where others need them."""
+    found = os.statvfs(folder)
+    size = found.f_blocks * found.f_frsize
+    return found.f_bavail * found.f_frsize - min(LEAVE, size // 20)

@@ -1,0 +1,139 @@
+"""Where a recording goes: one file, a pipe, or a ring with what makes it keep something."""
+
+import sys
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Protocol
+
+from board.errors import RequestError, UsageError
+from firmware.recorder.filing import Filing, Segment
+from firmware.recorder.ring import Limits, Ring
+from firmware.recorder.scribe import Scribe
+from firmware.recorder.told import Told
+from firmware.recorder.triggers import Triggers
+
+
+class Sink(Protocol):
+    """scribe counts what was written; know() begins it, or begins it anew; idle() is called a few times a second."""
+
+    scribe: Scribe
+
+    def know(self, status: Mapping[str, object]) -> None: ...
+    def time(self, status: Mapping[str, object]) -> None: ...
+    def add(self, told: Told) -> None: ...
+    def idle(self) -> None: ...
+    def close(self) -> None: ...
+
+
+class File:
+    """One file, which must not exist. Raises UsageError or RequestError where it cannot be begun."""
+
+    def __init__(self, path: Path) -> None:
+        self.scribe = Scribe()
+        self._path = path
+        try:
+            path.open("xb").close()
+        except FileExistsError:
+            raise UsageError(f"--pcapng: {path} is there already", "name another, or remove it") from None
+        except OSError as error:
+            raise RequestError(
+                f"{path}: {error.strerror}", "does its folder exist, and may you write there?"
+            ) from error
+        self._filing = Filing(self.scribe, lambda: Segment(path))
+
+    def know(self, status: Mapping[str, object]) -> None:
+        self.scribe.know(status)
+        self.idle()
+
+    def time(self, status: Mapping[str, object]) -> None: ...
+
+    def add(self, told: Told) -> None:
+        self._filing.add(told)
+
+    def idle(self) -> None:
+        self._filing.idle()
+
+    def close(self) -> None:
+        self._filing.end()
+
+
+class Pipe:
+    """A stream that somebody reads while it is written; BrokenPipeError is raised when nobody does any more."""
+
+    def __init__(self, write: Callable[[bytes], object], flush: Callable[[], None]) -> None:
+        self.scribe = Scribe()
+        self._write = write
+        self._flush = flush
+        self._is_begun = False
+
+    def write(self, octets: bytes) -> None:
+        self._write(octets)
+
+    def know(self, status: Mapping[str, object]) -> None:
+        self.scribe.know(status)
+        self.idle()
+
+    def time(self, status: Mapping[str, object]) -> None: ...
+
+    def add(self, told: Told) -> None:
+        self._begin()
+        self.scribe.add(told)
+
+    def idle(self) -> None:
+        self._begin()
+        self._flush()
+
+    def close(self) -> None:
+        self.scribe.end()
+        self._flush()
+
+    def _begin(self) -> None:
+        if not self._is_begun:
+            self._is_begun = True
+            self.scribe.begin(self)
+
+
+def standard_output() -> Pipe:
+    if sys.stdout.isatty():
+        raise UsageError("a terminal cannot show a recording", "send it through a pipe: ... --pcapng - | tshark -r -")
+    return Pipe(sys.stdout.buffer.write, sys.stdout.buffer.flush)
+
+
+class Keeper:
+    """A ring, kept of when something triggers."""
+
+    def __init__(
+        self,
+        folder: Path,
+        limits: Limits,
+        triggers: frozenset[str],
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.scribe = Scribe()
+        self.ring = Ring(folder, limits, self.scribe, clock)
+        self._triggers = Triggers(triggers)
+        self._clock = clock
+
+    def know(self, status: Mapping[str, object]) -> None:
+        self.scribe.know(status)
+        self.idle()
+
+    def time(self, status: Mapping[str, object]) -> None:
+        if why := self._triggers.time(status):
+            self.ring.trigger(why)
+
+    def add(self, told: Told) -> None:
+        missing = self.scribe.missing
+        self.ring.add(told)
+        if why := self._triggers.frame(told, self.scribe.missing - missing, self._clock()):
+            self.ring.trigger(why)
+
+    def idle(self) -> None:
+        self.ring.idle()
+
+    def trigger(self, why: str) -> None:
+        self.ring.trigger(why)
+
+    def close(self) -> None:
+        self.ring.close()

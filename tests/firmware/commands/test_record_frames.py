@@ -1,0 +1,146 @@
+"""captain record: frames of a station into pcapng, into a pipe, and what a user is told."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from firmware import cli
+from tests.firmware.commands.fake import FakeControl, FakeStation
+from tests.firmware.recorder.frames_told import FRAME, message, read
+
+ROOT = Path(__file__).parents[3]
+
+
+def test_frames_are_recorded_with_what_is_known_of_their_station(tmp_path, capsys):
+    path = tmp_path / "a.pcapng"
+    reports = [message(1, "g5", rssi_dbm=-71), message(2, "g5"), message(5, "g5")]
+    with FakeStation(reports=reports) as station:
+        assert cli.main(["record", "--pcapng", str(path), *station.options, "--count", "3"]) == 0
+    found = read(path)
+    assert [frame.lost for frame in found] == [0, 0, 2]
+    assert found[0].recording["station"] == "fake"
+    assert found[0].description == "its-g5 by udp"
+    said = capsys.readouterr().err
+    assert said.startswith(f"captain: a station is heard at 127.0.0.1:{station.ports[3]}\n")
+    assert said.endswith(f"captain: {path}: 3 frames, 2 lost\n")
+
+
+@pytest.mark.parametrize(
+    ("wish", "numbers"),
+    [(["--type", "denm"], [2]), (["--type", "1"], [2]), (["--station-id", "7"], [3]), (["--type", "cam"], [1, 3, 4])],
+)
+def test_what_is_not_wanted_is_left_out_and_not_missing(tmp_path, capsys, wish, numbers):
+    path = tmp_path / "a.pcapng"
+    reports = [
+        message(1), message(2, type="denm", message_id=1), message(3, station_id=7), message(4),
+    ]  # fmt: skip
+    with FakeStation(reports=reports) as station:
+        command = ["record", "--pcapng", str(path), *station.options, *wish, "--count", str(len(numbers))]
+        assert cli.main(command) == 0
+    assert [frame.said["sequence"] for frame in read(path)] == numbers
+    assert ", 0 lost" in capsys.readouterr().err
+
+
+def test_a_duration_ends_it(tmp_path):
+    with FakeStation(reports=[message()]) as station:
+        assert cli.main(["record", "--pcapng", str(tmp_path / "a"), *station.options, "--duration", "0.3"]) == 0
+    assert len(read(tmp_path / "a")) == 1
+
+
+def test_a_pipe_is_read_by_tshark_while_it_comes():
+    with FakeStation(reports=[message(1), message(2)]) as station:
+        command = [sys.executable, "-m", "firmware", "record", "--pcapng", "-", *station.options, "--count", "2"]
+        with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE) as recorder:
+            shown = subprocess.run(
+                ["tshark", "-n", "-l", "-r", "-", "-T", "fields", "-e", "frame.comment", "-e", "_ws.malformed"],
+                check=True,
+                stdin=recorder.stdout,
+                capture_output=True,
+                text=True,
+                timeout=60,
+            )
+        assert recorder.returncode == 0
+    assert shown.stdout.splitlines() == ["cam of station 1337; time locked +-1.2 us\t"] * 2
+
+
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 0)])
+def test_a_signal_leaves_the_file_whole(tmp_path, monkeypatch, number, status):
+    monkeypatch.setattr("firmware.recorder.scribe.Scribe.add", lambda scribe, told: os.kill(os.getpid(), number))
+    with FakeStation(reports=[message(1)]) as station:
+        assert cli.main(["record", "--pcapng", str(tmp_path / "a"), *station.options]) == status
+    assert read(tmp_path / "a") == []
+
+
+def test_a_ring_keeps_what_an_operator_asks_for(tmp_path, monkeypatch):
+    reports = [message(1), message(2)]
+    with FakeStation(reports=reports) as station:
+        timer = threading.Timer(0.2, lambda: os.kill(os.getpid(), signal.SIGUSR1))
+        timer.start()
+        command = ["record", "--ring", str(tmp_path), *station.options, "--duration", "0.8"]
+        assert cli.main(command) == 0
+        timer.join()
+    (path,) = tmp_path.glob("kept-*-operator.pcapng")
+    assert len(read(path)) == 2
+
+
+@pytest.mark.parametrize(
+    ("options", "status", "words"),
+    [
+        (["--pcapng", "{there}"], 2, "is there already"),
+        (["--pcapng", "{folder}/no/a.pcapng"], 1, "No such file or directory"),
+        (["--ring", "{folder}/no"], 1, "is no folder"),
+        (["--ring", "{there}"], 1, "is no folder"),
+    ],
+)
+def test_what_cannot_be_written_is_told_with_a_remedy(tmp_path, capsys, options, status, words):
+    (tmp_path / "there").write_text("mine")
+    options = [one.format(folder=tmp_path, there=tmp_path / "there") for one in options]
+    with FakeStation() as station:
+        assert cli.main(["record", *options, *station.options]) == status
+    assert words in capsys.readouterr().err
+    assert (tmp_path / "there").read_text() == "mine"
+
+
+def test_without_a_station_no_file_is_left(tmp_path, capsys):
+    assert cli.main(["record", "--pcapng", str(tmp_path / "a"), "--station", "127.0.0.1:9"]) == 1
+    assert "no station answers at 127.0.0.1:12" in capsys.readouterr().err
+    assert not (tmp_path / "a").exists()
+
+
+def test_without_wireshark_it_says_so(monkeypatch, capsys):
+    monkeypatch.setenv("PATH", "/nowhere")
+    assert cli.main(["record", "--live"]) == 1
+    assert "the program wireshark is missing" in capsys.readouterr().err
+
+
+def test_a_station_is_told_to_keep_what_was(tmp_path, capsys):
+    with FakeControl(tmp_path / "c", b'{"ok": true, "folder": "/data/ring"}\n') as control:
+        assert cli.main(["record", "--trigger", "near miss", "--control", str(control.path)]) == 0
+    asked = json.loads(control.lines[0])
+    assert (asked["do"], asked["text"]) == ("record", "near miss")
+    assert capsys.readouterr().out == "captain: kept: /data/ring\n"
+
+
+def test_something_has_to_be_recorded(capsys):
+    with pytest.raises(SystemExit):
+        cli.main(["record"])
+    assert "one of the arguments" in capsys.readouterr().err
+
+
+def test_rubbish_of_a_station_is_passed_over(tmp_path):
+    reports = [
+        (b"frame.", b"x"),
+        (b"frame.a.", b"{}", b""),
+        (b"else", b"{}"),
+        (b"time.", b"[]"),
+        message(1, frame=FRAME),
+    ]
+    with FakeStation(reports=reports) as station:
+        assert cli.main(["record", "--pcapng", str(tmp_path / "a"), *station.options, "--count", "1"]) == 0
+    assert len(read(tmp_path / "a")) == 1
