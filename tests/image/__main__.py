@@ -25,7 +25,7 @@ PARTS = {
     "ports": "each network of the box, scanned from outside",
     "hardening": "how closed each unit is, and why not more",
     "chart": "what a start is made of, and what captain adds to it (a bench)",
-    "flashed": "make flash, at a loop device",
+    "flash": "make flash, at a loop device",
     "owner": "the owner's files: the README's page, mistakes, Raspberry Pi Imager",
     "cuts": "power cuts, on a drive that loses, reorders or tears what was not flushed (40 minutes)",
     "storage": "data in trouble: what the early boot repairs, what the station says, what is written at rest",

@@ -1,9 +1,10 @@
 """`make flash` at a block device of the kernel's: a loop device, which is a card's but for one word of it."""
 
+import io
 import subprocess
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 
 from image import flash
@@ -25,7 +26,7 @@ def rows(card: Path, folder: Path, options: Options) -> Iterator[Row]:
         device = Device(path, _reader(path, folder / "sys"))
         yield _refused(card, device, "sda", "nothing was written")
         began = time.monotonic()
-        flash.write(card, device, _users(), lambda _: path.name)
+        _write(card, device, path.name)
         took_s = time.monotonic() - began
     is_same = digest_of(medium, 0, card.stat().st_size) == digest_of(card)
     yield Row(
@@ -35,14 +36,16 @@ def rows(card: Path, folder: Path, options: Options) -> Iterator[Row]:
 
 def _refused(card: Path, device: Device, answer: str, why: str) -> Row:
     try:
-        flash.write(card, device, _users(), lambda _: answer)
+        _write(card, device, answer)
     except ImageError as error:
         return Row(f"{device.path.name}, answered with {answer}", str(error).splitlines()[0], why, why in str(error))
     return Row(f"{device.path.name}, answered with {answer}", "was written", why, False)
 
 
-def _users() -> Users:
-    return Users(Path("/proc/self/mountinfo").read_text(), Path("/proc/swaps").read_text())
+def _write(card: Path, device: Device, answer: str) -> None:
+    users = Users(Path("/proc/self/mountinfo").read_text(), Path("/proc/swaps").read_text())
+    with redirect_stdout(io.StringIO()):
+        flash.write(card, device, users, lambda _: answer)
 
 
 def _reader(path: Path, folder: Path) -> Path:
