@@ -35,6 +35,7 @@ VERBS = {
     "update": "another version for the box: from a file or an address; the slots; back to the one before",
     "box": "the owner's files of a card: whether a box will take them",
     "ros2": "the gateway to ROS 2, by the Python of the ROS that is sourced",
+    "meter": "loss, delay, order and age of messages between stations, live or of recordings; as a page",
     "doctor": "check configuration, ports, interfaces, permissions and clock, and say what to do",
     "demo": "two simulated stations that exchange messages, watched live",
     "lab": "the ten-message test between two stations: sent, received, equal, lost",
@@ -134,6 +135,10 @@ def load(verb: str) -> ModuleType:
             from firmware.commands import ros2
 
             return ros2
+        case "meter":
+            from firmware.commands import meter
+
+            return meter
         case "doctor":
             from firmware.commands import doctor
 

@@ -60,7 +60,7 @@ TABLE = {
     ),
     "firmware/replay": Rule(("board", "drivers", "firmware", "zmq"), frozenset({"firmware.lab"})),
     "firmware/lab": Rule(("board", "drivers", "pps", "firmware", "zmq", "rich")),
-    "firmware/meter": Rule(("board", "drivers.wire", *WORDS, "pps", "firmware", "zmq", "rich", "pygal")),
+    "firmware/meter": Rule(("board", "drivers", "pps", "firmware", "zmq")),
     # The station starts it as a process of its own; only firmware/workers.py, which that process begins with, names it.
     "firmware/recorder": Rule(("board", "drivers.wire", *WORDS, "firmware", "zmq"), frozenset({"firmware.lab"})),
     "firmware/tap": Rule(("board", "drivers", "firmware", "rich", "paho"), frozenset({"firmware.lab"})),

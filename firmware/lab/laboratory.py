@@ -61,6 +61,7 @@ class Seat:
 
     def __init__(self, name: str, context: client.Context, place: client.Address, station: Program) -> None:
         self.name = name
+        self.place = place
         self.station = station
         self.subscriber = client.subscribe(context, place, place.to_users, "")
         self._pairing = Pairing()
@@ -77,7 +78,10 @@ class Seat:
         self._publisher.recv()
 
     def send(self, vector: Vector) -> None:
-        self._publisher.send_multipart([b"v2x.", vector.pdu])
+        self.send_pdu(vector.pdu)
+
+    def send_pdu(self, pdu: bytes) -> None:
+        self._publisher.send_multipart([b"v2x.", pdu])
 
     def receive(self) -> Iterator[Message]:
         """What has arrived, both messages of each PDU joined."""
@@ -131,13 +135,19 @@ class Bench(NamedTuple):
 
 @contextmanager
 def bench(
-    link: Link, loss: float, capture: Pcap | None, devices: Sequence[Device] = (), has_broker: bool = False
+    link: Link,
+    loss: float,
+    capture: Pcap | None,
+    devices: Sequence[Device] = (),
+    has_broker: bool = False,
+    more: str = "",
 ) -> Iterator[Bench]:
     """Start everything; users have joined and links are up. Raises StationError when anything is missing.
 
     loss        share of messages that the radios' air loses.
     devices     two that hear each other, with link `devices`.
     has_broker  whether the stations are at a broker besides; not in namespaces of their own.
+    more        words for both radios (drivers/sim/radio/settings.h).
     """
     with ExitStack() as ending:
         folder = Path(ending.enter_context(tempfile.TemporaryDirectory(prefix="captain-lab-")))
@@ -158,7 +168,7 @@ def bench(
             seeing.bind((HOST, 0))
             recorder_port = seeing.getsockname()[1]
             if link == "radio":
-                radios = radio.pair(HOST, recorder_port, loss)
+                radios = radio.pair(HOST, recorder_port, loss, more)
                 boards = [one.board for one in radios]
                 environments = [one.environment for one in radios]
             else:

@@ -5,6 +5,7 @@ them, and a message may be late. What was received waits so long for the word th
 What was sent waits as long again.
 """
 
+from bisect import insort
 from collections import OrderedDict, deque
 from collections.abc import Sequence
 from enum import Enum
@@ -98,7 +99,7 @@ class _Unheard:
 
 
 class Matching:
-    """One way. Events of either end come in their order there.
+    """One way. Sent events come in the order in which they left.
 
     grace_s  how long one end's word is waited for after the other's.
     """
@@ -108,7 +109,7 @@ class Matching:
         self.grace_s = grace_s
         self._remembered = remembered
         self._outs: deque[_Out] = deque()
-        self._ins: deque[Received] = deque()
+        self._ins: list[Received] = []  # by when they came: a station may tell of what is urgent first
         self._open: dict[str, list[_Out]] = {}  # that have not arrived, in their order
         self._known: OrderedDict[str, _Known] = OrderedDict()
         self._unheard: deque[_Unheard] = deque()
@@ -131,7 +132,7 @@ class Matching:
         self._open.setdefault(digest, []).append(out)
 
     def received(self, event: Received) -> None:
-        self._ins.append(event)
+        insort(self._ins, event, key=_when)
 
     def unheard(self, count: float, since_s: float, until_s: float) -> None:
         """So many reports of the receiver were missed between these moments; math.inf: nobody knows how many."""
@@ -141,8 +142,9 @@ class Matching:
         """The fates that are known by now: of what was received in its order, then of what was not; math.inf: all."""
         settled: list[Settled] = []
         until_s = now_s - self.grace_s
-        while self._ins and self._ins[0].at_s <= until_s:
-            settled.append(self._came(self._ins.popleft()))
+        ready = next((at for at, one in enumerate(self._ins) if one.at_s > until_s), len(self._ins))
+        settled += map(self._came, self._ins[:ready])
+        del self._ins[:ready]
         until_s -= self.grace_s
         while self._outs and self._outs[0].sent.at_s <= until_s:
             out = self._outs.popleft()
@@ -191,6 +193,10 @@ class Matching:
         left.remove(out)
         if not left:
             del self._open[digest]
+
+
+def _when(received: Received) -> int:
+    return received.received_ns
 
 
 def _plausible(outs: Sequence[_Out], received: Received) -> list[_Out]:

@@ -57,16 +57,19 @@ class Probes:
         """Of the next one."""
         return len(self._made(self._count, 0))
 
-    def next(self) -> bytes:
+    def next(self, station_id: int = STATION_ID, place: Position | None = None) -> bytes:
+        """Another one; of a CAM also of another station, at another place."""
         now_s = self._now_s()
         # Two of one millisecond would be the same message.
         self._last_ms = max(self._last_ms + 1, its_time_ms(now_s, leap_seconds(now_s)))
         self._count += 1
-        return self._made(self._count, self._last_ms)
+        if place is not None:
+            _put(self._base, place)
+        return self._made(self._count, self._last_ms, station_id)
 
-    def _made(self, count: int, its_ms: int) -> bytes:
+    def _made(self, count: int, its_ms: int, station_id: int = STATION_ID) -> bytes:
         value = json.loads(json.dumps(self._base))
-        value["header"]["stationID"] = STATION_ID
+        value["header"]["stationID"] = station_id
         _MAKERS[self.kind](value, count, its_ms, self._trace)
         return self._message.from_json(json.dumps(value))
 

@@ -11,6 +11,7 @@ from firmware.user import client
 
 LOOK_S = 0.1  # how often is settled
 REDRAW_S = 1.0
+CONFIRM_S = 0.5  # until a station's word is here of what has left it
 
 
 class TimeLine:
@@ -50,9 +51,10 @@ class Session:
     def end(self, idle: Callable[[], None] = lambda: None) -> None:
         """What is still under way is waited for; what is sent from now on is not measured."""
         self.ended_s = self.line()
+        self._until(self.ended_s + CONFIRM_S, idle, is_sending=False)
         for watch in self.watches:
             watch.end()
-        self._until(self.ended_s + 2 * self.meter.grace_s, idle, is_sending=False)
+        self._until(self.line() + 2 * self.meter.grace_s, idle, is_sending=False)
         self.meter.finish()
 
     def serve(self, for_s: float) -> None:

@@ -3,7 +3,7 @@
 import math
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import NamedTuple
 
 import zmq
@@ -16,6 +16,7 @@ from firmware.meter.place import place_of
 from firmware.report import boot_id
 from firmware.user import client
 from firmware.user.received import Message, Pairing
+from firmware.user.table import times
 from firmware.user.untrusted import number, text, within
 
 REPORTS = ("confirm.", "indication.", "status.")
@@ -108,6 +109,36 @@ class Watch:
     def end(self) -> None:
         """What leaves from now on is not measured: nobody would wait for its arrival."""
         self._is_ending = True
+
+    def told(self) -> dict[str, object]:
+        """What a report has to say of this station."""
+        clock = within(self.status, "clock")
+        uncertainty_ns = clock.get("uncertainty_ns")
+        return {
+            "where": f"{self.place.host}:{self.place.from_users}",
+            "station": text(self.status, "station"),
+            "version": text(self.status, "version"),
+            "configuration": text(self.status, "configuration"),
+            "boot": self.boot,
+            "time": text(clock, "state"),
+            "uncertainty_us": uncertainty_ns / 1000 if isinstance(uncertainty_ns, int) else None,
+            "clock": [second._asdict() for second in self.seconds],
+            "interfaces": told.interfaces(self.status),
+            "missed_indications": self.missed_indications,
+            "missed_confirms": self.missed_confirms,
+            "notes": list(self._notes()),
+        }
+
+    def _notes(self) -> Iterator[str]:
+        if self.missed_indications or self.missed_confirms:
+            yield (
+                f"{self.missed_indications} indications and {self.missed_confirms} confirms were not heard: "
+                "the report port or this meter did not keep up; nothing of that is counted as lost"
+            )
+        if self.silent_s:
+            yield f"it was silent for {self.silent_s:.1f} s: what was sent meanwhile is unseen"
+        if self.restarts:
+            yield f"it was started anew {times(self.restarts)}"
 
     def look(self, now_s: float) -> None:
         """Called now and then: whether the station is still heard."""

@@ -86,6 +86,14 @@ def test_what_overtakes_makes_the_other_one_reordered_as_rfc_4737_has_it() -> No
     assert [one.is_reordered for one in settled] == [False, False, False, True, False]
 
 
+def test_a_station_that_tells_of_urgent_messages_first_has_not_reordered_them() -> None:
+    settled = fates(
+        *(sent(n, n * 0.01) for n in range(3)),
+        *(received(n, n * 0.01 + 0.001, heard_s=0.05 + at * 0.001) for at, n in enumerate((2, 0, 1))),
+    )
+    assert [(one.is_reordered, one.copy) for one in settled] == [(False, 0)] * 3
+
+
 def test_repeats_of_a_pdu_are_taken_for_the_last_one_that_was_sent_before() -> None:
     """Every tenth of a second the same octets, and the first of them is lost: the others' delays are their own."""
     settled = fates(

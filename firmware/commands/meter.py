@@ -1,0 +1,277 @@
+"""captain meter: what becomes of messages between stations: loss, order, delay, age, way by way."""
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import NamedTuple
+
+from board.errors import UsageError
+from drivers.message import Position
+from firmware.codec.library import load
+from firmware.meter import recording, shows
+from firmware.meter.matching import GRACE_S
+from firmware.meter.meter import Ends, Meter
+from firmware.meter.probe import STATION_ID, Probes
+from firmware.meter.prober import Prober, Reflector
+from firmware.meter.result import About, measure, result
+from firmware.meter.session import Session, TimeLine
+from firmware.meter.text import duration, tables
+from firmware.meter.watch import Watch
+from firmware.user import client
+from firmware.user.arguments import HIGHEST_RATE, integer, number, seconds, station, times
+from firmware.user.received import Pairing
+from firmware.user.table import Screen, lines_for
+from firmware.user.untrusted import number as number_of
+from firmware.user.untrusted import text, within
+
+DESCRIPTION = """\
+Measures what becomes of messages between stations, without changing a bit of
+any: loss, duplicates, order, one-way delay, round trip, age of information and
+the gap between receptions, of each way from interface to interface, by type and
+station; and inside of each station, where a delay is made. Messages are matched
+by their octets (SHA-256), so that any traffic will do: what stations send
+anyway, or probes of the meter's own.
+
+With two stations (--at twice) the way between them is measured; with one, its
+own hops. With two recordings (`captain record --pcapng`) the same is measured
+afterwards. Averages are over T (--interval) and the whole.
+
+A one-way delay is told where both clocks say how good they are, or are one: as
+a value +- what is not known. Elsewhere a round trip needs one clock alone:
+`captain meter --reflect` at the other end, and --round-trip here.
+
+Nothing is called lost before the grace is over, and what the meter itself did
+not hear (a report port that was silent, numbers that are missing) is told as
+unseen, never as lost.
+"""
+EPILOG = """\
+examples:
+  captain meter --at A=10.0.0.1 --at B=10.0.0.2
+                              what the two say, until Ctrl-C
+  captain meter --at A=10.0.0.1 --at B=10.0.0.2 --duration 600 \\
+      --report drive.html     and drive.json, drive.geojson beside it
+  captain meter --at A=10.0.0.1 --at B=10.0.0.2 --probe cam --from A \\
+      --rate 10 --count 6000  with probes of stationID 1347571522
+  captain meter --reflect     at the other end: sends probes back, ...
+  captain meter --at A=10.0.0.1 --probe cam --round-trip
+                              ... and here their round trip is measured
+  captain meter a.pcapng b.pcapng
+                              two recordings
+  captain meter table1        ten messages between two stations of this machine
+  captain meter table3        10 Hz CAM, T = 1 s, round a block of houses, by
+                              simulated radios; the loss is that of the radios
+
+exit codes:
+  0    measured; tables: and the loss is that which was injected
+  1    no station answers, or a table's loss is not what was injected
+  2    wrong usage
+"""
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("what", metavar="WHAT", nargs="*", help="two recordings, or table1 or table3")
+    parser.add_argument(
+        "--at", metavar="NAME=HOST[:PORT]", action="append", default=[], type=_named, help="a station, by any name"
+    )
+    parser.add_argument("--duration", metavar="S", type=seconds, help="end after so many seconds")
+    parser.add_argument(
+        "--interval", metavar="MS", type=integer(10, 3_600_000), default=1000, help="T, averaged over (default 1000)"
+    )
+    parser.add_argument(
+        "--grace", metavar="S", type=seconds, default=GRACE_S, help=f"what is later is late (default {GRACE_S:g})"
+    )
+    parser.add_argument(
+        "--between",
+        metavar="A:IF=B:IF",
+        action="append",
+        default=[],
+        type=_ends,
+        help="interfaces that hear each other, where neither name nor technology says so",
+    )
+    probing = parser.add_argument_group("probes")
+    probing.add_argument("--probe", metavar="TYPE", choices=("cam", "denm"), help="send probes: cam or denm")
+    probing.add_argument(
+        "--from", metavar="NAME", dest="sender", help="the station that sends them (default the first)"
+    )
+    probing.add_argument(
+        "--rate", metavar="HZ", type=number("probes a second", HIGHEST_RATE), default=10.0, help="default 10"
+    )
+    probing.add_argument("--size", metavar="OCTETS", type=integer(1, 1500), help="at least so many each")
+    probing.add_argument("--count", metavar="N", type=times, help="end after so many")
+    probing.add_argument("--interface", metavar="I", action="append", help="only by this interface; may be repeated")
+    probing.add_argument("--round-trip", action="store_true", help="somebody reflects them")
+    probing.add_argument("--reflect", action="store_true", help="send back what probes this station receives")
+    told = parser.add_argument_group("what is told")
+    told.add_argument("--json", action="store_true", help="one JSON object in place of tables")
+    told.add_argument("--report", metavar="FILE.html", type=Path, help="a page, and .json and .geojson beside it")
+
+
+class At(NamedTuple):
+    """A station by the name that it is to have here."""
+
+    name: str
+    place: client.Address
+
+
+def _named(given: str) -> At:
+    name, equals, where = given.partition("=")
+    if not equals:
+        name, where = "", given
+    host, first = station(where)
+    return At(name or where, client.Address(host, first, first + 1, first + 2, first + 3))
+
+
+def _ends(given: str) -> Ends:
+    ends = [tuple(end.split(":")) for end in given.split("=")]
+    if len(ends) != 2 or any(len(end) != 2 or not all(end) for end in ends):
+        raise argparse.ArgumentTypeError(f"{given!r} names no two interfaces: A:g5=B:air")
+    (one, by), (other, into) = ends
+    return Ends((one, by), (other, into))
+
+
+def main(arguments: argparse.Namespace) -> int:
+    _check(arguments)
+    if arguments.reflect:
+        return _reflect(arguments)
+    if arguments.what and arguments.what[0] in shows.SHOWS:
+        shown = shows.SHOWS[arguments.what[0]](arguments.duration, arguments.interval / 1000)
+        _tell(shown.result, arguments)
+        print("\n".join(["", *shown.verdict]), file=sys.stderr if arguments.json else sys.stdout)
+        return 0 if shown.is_right else 1
+    _tell(_recordings(arguments) if arguments.what else _live(arguments), arguments)
+    return 0
+
+
+def _check(arguments: argparse.Namespace) -> None:
+    what, at = arguments.what, arguments.at
+    if what and what[0] in shows.SHOWS:
+        if len(what) > 1 or at:
+            raise UsageError(f"{what[0]} starts its own stations", f"captain meter {what[0]}")
+    elif what:
+        if len(what) != 2 or at:
+            raise UsageError("recordings are measured two at a time", "captain meter A.pcapng B.pcapng")
+    elif not at and not arguments.reflect:
+        raise UsageError("no station is named", "captain meter --at A=HOST --at B=HOST")
+    if len({one.name for one in at}) != len(at):
+        raise UsageError("--at: two stations have one name", "--at A=HOST --at B=HOST")
+    if arguments.reflect and len(at) > 1:
+        raise UsageError("--reflect is for one station", "captain meter --reflect --at HOST")
+    if arguments.sender is not None and arguments.sender not in [one.name for one in at]:
+        raise UsageError(f"--from {arguments.sender}: no --at has that name")
+    if not arguments.probe and not arguments.reflect and (arguments.round_trip or arguments.count or arguments.size):
+        raise UsageError("--round-trip, --count and --size are of probes", "add --probe cam")
+    if arguments.report is not None and arguments.report.suffix.lower() not in (".html", ".htm"):
+        raise UsageError(f"--report: {arguments.report} is no name of a page", "name it FILE.html")
+
+
+# -- over the network
+
+
+def _live(arguments: argparse.Namespace) -> dict[str, object]:
+    line = TimeLine()
+    probes = STATION_ID if arguments.round_trip else None
+    meter = Meter(arguments.interval / 1000, arguments.grace, arguments.between, probes)
+    session = Session(meter, line)
+    with client.session() as context:
+        for one in arguments.at:
+            session.watch(one.name, one.place, context)
+        if arguments.probe:
+            session.prober = _prober(arguments, context, session.watches)
+        began_s = line()
+        with Screen(sys.stderr if arguments.json else None) as screen:
+
+            def idle() -> None:
+                if screen.is_terminal and not arguments.json:
+                    screen.show(tables(result(meter, _about(session, began_s), session.prober)))
+
+            session.run(arguments.duration, idle)
+        return result(meter, _about(session, began_s), session.prober)
+
+
+def _prober(arguments: argparse.Namespace, context: client.Context, watches: Sequence[Watch]) -> Prober:
+    watch = next(one for one in watches if arguments.sender in (None, one.name))
+    here = within(watch.status, "position")
+    place = None
+    if text(here, "source"):
+        place = Position(*(round(number_of(here, key) * 1e7) for key in ("latitude", "longitude")))
+    probes = Probes(load(), arguments.probe, arguments.size, time.time, place)
+    return Prober(
+        watch.name,
+        context,
+        watch.place,
+        probes,
+        rate=arguments.rate,
+        most=arguments.count,
+        options={} if arguments.interface is None else {"interfaces": arguments.interface},
+    )
+
+
+def _about(session: Session, began_s: float) -> About:
+    ended_s = session.line() if session.ended_s is None else session.ended_s
+    notes = []
+    if (prober := session.prober) is not None:
+        notes.append(
+            f"{prober.count} probes ({prober.probes.kind}, {prober.probes.octets} octets, {prober.rate:g} a second) "
+            f"were sent by {prober.name}: their stationID is {STATION_ID}"
+        )
+    stations = {watch.name: watch.told() for watch in session.watches}
+    return About("link meter", "over the network", began_s, ended_s - began_s, stations, tuple(notes))
+
+
+def _reflect(arguments: argparse.Namespace) -> int:
+    place = arguments.at[0].place if arguments.at else client.Address()
+    options = {} if arguments.interface is None else {"interfaces": arguments.interface}
+    end = None if arguments.duration is None else time.monotonic() + arguments.duration
+    with client.session() as context:
+        reflector = Reflector(context, place, options)
+        subscriber = client.subscribe(context, place, place.to_users, "")
+        pairing = Pairing()
+        print(f"captain: probes that {place.host}:{place.to_users} receives are sent back", file=sys.stderr, flush=True)
+        with suppress(KeyboardInterrupt):
+            while end is None or time.monotonic() < end:
+                subscriber.poll(200)
+                for frames in client.waiting(subscriber):
+                    came_ns = time.monotonic_ns()
+                    if (message := pairing.feed(frames)) is not None:
+                        reflector.take(message, came_ns, time.monotonic_ns)
+        stay_us = measure(reflector.stay_us)
+    if arguments.json:
+        print(json.dumps({"reflected": reflector.reflected, "stay_us": stay_us}))
+    else:
+        print(f"{reflector.reflected} probes sent back; here for {duration(stay_us, 'median')}, half of them for less")
+    return 0
+
+
+# -- afterwards
+
+
+def _recordings(arguments: argparse.Namespace) -> dict[str, object]:
+    meter = Meter(arguments.interval / 1000, arguments.grace, arguments.between)
+    one, other = (
+        recording.read(Path(path), name, is_first=name == "A") for path, name in zip(arguments.what, "AB", strict=True)
+    )
+    laid = recording.measure(meter, one, other)
+    stations = {each.name: recording.told_of(each) for each in (one, other)}
+    began_s = min(each.span[0] for each in (one, other))
+    ended_s = max(each.span[1] for each in (one, other))
+    about = About("link meter", "two recordings", began_s, ended_s - began_s, stations, tuple(laid.notes))
+    return result(meter, about)
+
+
+# -- what is told
+
+
+def _tell(measured: Mapping[str, object], arguments: argparse.Namespace) -> None:
+    if arguments.report is not None:
+        from firmware.meter import page
+
+        for path in page.write(measured, arguments.report):
+            print(f"captain: {path}", file=sys.stderr)
+    if arguments.json:
+        print(json.dumps(measured))
+        return
+    print("\n\n".join("\n".join(lines_for(table, sys.stdout)) for table in tables(measured)))

@@ -1,0 +1,211 @@
+"""Recordings of two stations, measured afterwards: those of `captain record`, or any capture of either end."""
+
+import statistics
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from board.errors import ProtocolError, StationError
+from drivers.message import Position
+from firmware.codec import capture, layers
+from firmware.codec.pcapng import Direction
+from firmware.meter import told
+from firmware.meter.event import NO_CLOCK, Clock, Received, Sent, What, what_of
+from firmware.meter.meter import Meter
+from firmware.meter.place import place_of
+from firmware.topics import Topics
+from firmware.user.untrusted import number, text, within
+
+# Of one file: ten minutes of a full channel, four times over. 0.5 kB each.
+MOST_FRAMES = 4_000_000
+BOTH_WAYS = frozenset({"", "duplicate"})  # reasons with which a frame has arrived all the same
+
+
+class Recording(NamedTuple):
+    """What one file tells.
+
+    sent, received  in their order; their at_s is the recorder's own.
+    interfaces      their technology, where the file says it.
+    span            first and last moment, s.
+    missed          frames that the recorder did not have.
+    not_sent        by interface and reason.
+    said            what it says of itself: station, version, configuration.
+    is_plain        frames do not say which way they went.
+    """
+
+    name: str
+    path: Path
+    sent: list[Sent]
+    received: list[Received]
+    interfaces: dict[str, str]
+    span: tuple[float, float]
+    missed: int
+    not_sent: list[tuple[str, str]]
+    said: Mapping[str, object]
+    is_plain: bool
+    places: dict[str, Position]
+
+
+def read(path: Path, name: str, is_first: bool) -> Recording:
+    """All of a file; frames of a plain capture count as sent in the first file and as received in the second.
+
+    Raises StationError where it is none.
+    """
+    try:
+        with path.open("rb") as stream:
+            head = stream.read(4)
+            if not capture.is_capture(head):
+                raise StationError(f"{path}: it is no capture", "`captain record --pcapng FILE` makes one")
+            return _Reading(path, name, is_first).all(capture.frames(head, stream))
+    except OSError as error:
+        raise StationError(f"{path}: {error.strerror}") from error
+    except ProtocolError as error:
+        raise StationError(f"{path}: {error.message}", error.hint) from error
+
+
+class _Reading:
+    def __init__(self, path: Path, name: str, is_first: bool) -> None:
+        self._path = path
+        self._name = name
+        self._is_first = is_first
+        self._made = Recording(name, path, [], [], {}, (0.0, 0.0), 0, [], {}, False, {})
+        self._types = Topics().by_number
+
+    def all(self, frames: Iterator[capture.Frame]) -> Recording:
+        moments: list[float] = []
+        missed, is_plain, said = 0, False, self._made.said
+        for frame in frames:
+            if frame.when_ns is None:
+                continue
+            moments.append(frame.when_ns / 1e9)
+            missed += frame.lost
+            is_plain |= frame.direction is Direction.UNKNOWN
+            said = frame.recording or said
+            self._made.interfaces.setdefault(_interface(frame), frame.description.partition(" by ")[0])
+            self._take(frame, text(said, "boot"))
+            if frame.number >= MOST_FRAMES:
+                raise StationError(f"{self._path}: more than {MOST_FRAMES} frames", "cut it: `editcap -c`")
+        span = (min(moments), max(moments)) if moments else (0.0, 0.0)
+        return self._made._replace(span=span, missed=missed, is_plain=is_plain, said=said)
+
+    def _take(self, frame: capture.Frame, boot: str) -> None:
+        what = self._what(frame)
+        if what is None:
+            return
+        assert frame.when_ns is not None
+        reason = text(frame.said, "reason")
+        clock = told.clock_of(within(frame.said, "quality"), boot) if frame.said else NO_CLOCK
+        interface, at_s = _interface(frame), frame.when_ns / 1e9
+        is_out = frame.direction is Direction.OUT or (frame.direction is Direction.UNKNOWN and self._is_first)
+        if is_out and reason:
+            self._made.not_sent.append((interface, reason))
+        elif is_out:
+            self._made.sent.append(_sent(self._name, interface, what, frame, clock))
+        elif reason in BOTH_WAYS:
+            rssi = frame.said.get("rssi_dbm")
+            rssi_dbm = rssi if isinstance(rssi, int) else None
+            one = Received(self._name, interface, what, frame.when_ns, clock, at_s, rssi_dbm)
+            self._made.received.append(one)
+
+    def _what(self, frame: capture.Frame) -> What | None:
+        """Its message; None where it carries none, or a broken one."""
+        try:
+            carried = layers.open_frame(frame.link, frame.octets)
+        except ProtocolError:
+            return None
+        if isinstance(carried, layers.NoMessage) or len(carried.pdu) < 6:
+            return None
+        what = what_of(carried.pdu, self._types[carried.pdu[1]].name)
+        if (place := place_of(carried.pdu)) is not None:
+            self._made.places[what.digest] = place
+        return what
+
+
+def _interface(frame: capture.Frame) -> str:
+    return frame.interface or "capture"
+
+
+def _sent(name: str, interface: str, what: What, frame: capture.Frame, clock: Clock) -> Sent:
+    assert frame.when_ns is not None
+    queue_ns, send_ns = (round(number(frame.said, key) * 1000) for key in ("queue_us", "send_us"))
+    accepted_ns = frame.when_ns - queue_ns - send_ns
+    return Sent(name, interface, what, accepted_ns, queue_ns, send_ns, clock, frame.when_ns / 1e9)
+
+
+class Laid(NamedTuple):
+    """What came of laying recordings on one time line: sent messages that the other one does not cover; notes."""
+
+    uncovered: int
+    notes: list[str]
+
+
+def measure(meter: Meter, one: Recording, other: Recording) -> Laid:
+    """Two recordings into a meter, and everything settled."""
+    ahead_s, how = _ahead(one, other)
+    notes = [f"{other.name}'s clock is taken to be {ahead_s:+.6f} s from {one.name}'s: {how}"] if how else []
+    for name, recording in ((one.name, one), (other.name, other)):
+        meter.station(name, recording.interfaces)
+        if recording.missed:
+            since, until = (moment - (ahead_s if recording is other else 0.0) for moment in recording.span)
+            meter.unheard(name, recording.missed, since, until)
+            notes.append(f"{recording.path}: {recording.missed} frames that its recorder did not have")
+        for interface, reason in recording.not_sent:
+            meter.inside.not_sent(name, interface, reason)
+        for digest, place in recording.places.items():
+            meter.spots.place(digest, place)
+    uncovered = 0
+    for recording, against, shift in ((one, other, 0.0), (other, one, ahead_s)):
+        since, until = (moment + (ahead_s if against is one else -ahead_s) for moment in against.span)
+        for event in recording.sent:
+            if since <= event.at_s <= until:
+                meter.sent(event._replace(at_s=event.at_s - shift))
+            else:
+                uncovered += 1
+        for heard in recording.received:
+            meter.received(heard._replace(at_s=heard.at_s - shift))
+    meter.finish()
+    if uncovered:
+        notes.append(f"{uncovered} messages were sent while the other end was not recorded: they are not counted")
+    return Laid(uncovered, notes)
+
+
+def _ahead(one: Recording, other: Recording) -> tuple[float, str]:
+    """By how much the second one's clock is ahead, as far as laying both side by side needs it; how that is known."""
+    boots = {text(recording.said, "boot") for recording in (one, other)}
+    if len(boots) == 1 and "" not in boots:
+        return 0.0, ""
+    there, back = _differences(one, other), _differences(other, one)
+    if there and back:
+        return (statistics.median(there) - statistics.median(back)) / 2, "half of what both ways differ by"
+    if there:
+        return statistics.median(there), "all that messages took is taken for it"
+    return (-statistics.median(back), "all that messages took is taken for it") if back else (0.0, "")
+
+
+def _differences(one: Recording, other: Recording) -> list[float]:
+    """Of stamps of messages that one sent and the other received, of those that were sent once."""
+    moments: dict[str, float | None] = {}
+    for event in one.sent:
+        moments[event.what.digest] = None if event.what.digest in moments else event.at_s
+    return [heard.at_s - at_s for heard in other.received if (at_s := moments.get(heard.what.digest)) is not None]
+
+
+def told_of(one: Recording) -> dict[str, object]:
+    """What a report has to say of the station that was recorded."""
+    said = one.said
+    notes = []
+    if one.is_plain:
+        notes.append("frames do not say which way they went: the first file's count as sent, the second's as received")
+    return {
+        "where": str(one.path),
+        "station": text(said, "station"),
+        "version": text(said, "version"),
+        "configuration": text(said, "configuration"),
+        "boot": text(said, "boot"),
+        "time": "",
+        "uncertainty_us": None,
+        "clock": [],
+        "interfaces": dict(one.interfaces),
+        "missed_frames": one.missed,
+        "notes": notes,
+    }

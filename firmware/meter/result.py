@@ -1,0 +1,230 @@
+"""What was measured, as one JSON object: the form in which `captain meter --json` and every report have it."""
+
+import math
+import time
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+from firmware import VERSION
+from firmware.meter.figures import Figures, Key
+from firmware.meter.inside import Inside
+from firmware.meter.matching import Fate, Way
+from firmware.meter.meter import Meter
+from firmware.meter.paths import Paths
+from firmware.meter.prober import Prober
+from firmware.meter.sample import Sample
+from firmware.meter.spots import Spot
+
+BARS = 60  # of a distribution
+STEPS = 200  # of a cumulative one
+
+
+class About(NamedTuple):
+    """What a measurement says of itself.
+
+    title     of the report. what: where figures come from, in words.
+    began_s   Unix time; for_s: how long.
+    stations  by name: address, version, configuration, clock, seconds of its quality, what was not heard of it.
+    notes     what has to be known to read the figures.
+    """
+
+    title: str
+    what: str
+    began_s: float
+    for_s: float
+    stations: Mapping[str, Mapping[str, object]]
+    notes: tuple[str, ...] = ()
+
+
+def result(meter: Meter, about: About, prober: Prober | None = None) -> dict[str, object]:
+    """All of it. Times are in microseconds, gaps and ages in seconds; null is what nobody knows."""
+    return {
+        "captain": VERSION,
+        "title": about.title,
+        "what": about.what,
+        "began": time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime(about.began_s)),
+        "began_s": round(about.began_s, 3),
+        "duration_s": round(about.for_s, 3),
+        "interval_s": meter.interval_s,
+        "grace_s": meter.grace_s,
+        "stations": dict(about.stations),
+        "ways": [_way(way, meter) for way in _used(meter)],
+        "rows": [_row(key, one) for key, one in meter.rows],
+        "paths": list(_paths(meter.paths)),
+        **_inside(meter.inside),
+        "trips": _trips(prober) if prober is not None else [],
+        "map": [_spot(spot) for spot in sorted(meter.spots, key=lambda spot: spot.at_s)],
+        "map_more": meter.spots.more,
+        "notes": [*about.notes, *_notes(meter)],
+    }
+
+
+def figures(one: Figures) -> dict[str, object]:
+    """Counts and measures of one way or row."""
+    counts = one.counts
+    return {
+        "sent": one.sent,
+        "arrived": counts[Fate.ARRIVED],
+        "lost": one.lost,
+        "late": counts[Fate.LATE],
+        "unseen": counts[Fate.UNSEEN],
+        "duplicates": counts[Fate.DUPLICATE],
+        "reordered": one.reordered,
+        "repeats": one.repeats,
+        "loss": _rounded(one.loss, 6),
+        "octets": one.octets,
+        "one_way_us": measure(one.one_way_us),
+        "link_us": measure(one.link_us),
+        "doubt_us": measure(one.doubt_us),
+        "queue_us": measure(one.queue_us),
+        "send_us": measure(one.send_us),
+        "gap_s": measure(one.gaps.gaps, 6),
+        "age_s": {"mean": _rounded(one.age.mean_s, 6), "peak": measure(one.age.peaks, 6)},
+        "rssi_dbm": measure(one.rssi_dbm),
+    }
+
+
+def measure(sample: Sample, digits: int = 1) -> dict[str, object] | None:
+    """Of a sample; None of nothing."""
+    if not sample.count:
+        return None
+    median, p95, p99 = sample.quantiles(0.5, 0.95, 0.99)
+    told = {"mean": sample.mean, "least": sample.least, "median": median, "p95": p95, "p99": p99, "most": sample.most}
+    return {"count": sample.count, **{key: _rounded(value, digits) for key, value in told.items()}}
+
+
+def distribution(sample: Sample) -> dict[str, object] | None:
+    """How many numbers are in each of BARS equal parts, and the cumulative distribution in STEPS steps."""
+    values = sorted(sample.values())
+    if not values:
+        return None
+    low, high = values[0], values[min(len(values) - 1, math.ceil(0.995 * len(values)))]
+    width = (high - low) / BARS or 1.0
+    bars = [0] * BARS
+    for value in values:
+        bars[min(BARS - 1, int((value - low) / width))] += 1
+    shares = [step / STEPS for step in range(STEPS + 1)]
+    at = [values[min(len(values) - 1, int(share * len(values)))] for share in shares]
+    return {
+        "low": _rounded(low, 3),
+        "width": _rounded(width, 3),
+        "bars": bars,
+        "cumulative": [_rounded(value, 3) for value in at],
+    }
+
+
+def _used(meter: Meter) -> list[Way]:
+    return sorted(way for way, one in meter.ways.items() if one.whole.sent)
+
+
+def _named(way: Way) -> dict[str, object]:
+    return {"way": str(way), **way._asdict(), "is_round_trip": way.is_round_trip}
+
+
+def _row(key: Key, one: Figures) -> dict[str, object]:
+    return {**_named(key.way), "type": key.type, "station_id": key.station_id, **figures(one)}
+
+
+def _way(way: Way, meter: Meter) -> dict[str, object]:
+    measured = meter.ways[way]
+    whole = measured.whole
+    return {
+        **_named(way),
+        **figures(whole),
+        "strange": whole.counts[Fate.STRANGE],
+        "delays": distribution(whole.one_way_us),
+        "gaps": distribution(whole.gaps.gaps),
+        "windows": [{"at_s": round(begun, 3), **window.as_json()} for begun, window in measured.windows],
+        "windows_forgotten": measured.windows.forgotten,
+    }
+
+
+def _paths(paths: Paths) -> Iterator[dict[str, object]]:
+    for between, both in sorted(paths.both.items()):
+        yield {
+            **between._asdict(),
+            "sent": both.sent,
+            "arrived": both.arrived,
+            "delivery": _rounded(both.delivery, 6),
+            "gain": _rounded(both.gain, 6),
+            "one_way_us": measure(both.one_way_us),
+            "ways": [
+                {
+                    **_named(way),
+                    "sent": one.sent,
+                    "arrived": one.arrived,
+                    "delivery": _rounded(one.delivery, 6),
+                    "first": one.first,
+                    "alone": one.alone,
+                    "lead_us": measure(one.lead_us),
+                    "one_way_us": measure(one.one_way_us),
+                }
+                for way, one in sorted(both.ways.items())
+            ],
+        }
+
+
+def _inside(inside: Inside) -> dict[str, object]:
+    return {
+        "leaving": [
+            {
+                **port._asdict(),
+                "sent": one.sent,
+                "queue_us": measure(one.queue_us),
+                "send_us": measure(one.send_us),
+                "not_sent": dict(one.not_sent),
+            }
+            for port, one in sorted(inside.leaving.items())
+        ],
+        "hearing": [
+            {
+                **source._asdict(),
+                "received": one.received,
+                "gap_s": measure(one.gaps.gaps, 6),
+                "rssi_dbm": measure(one.rssi_dbm),
+            }
+            for source, one in inside.hearing()
+        ],
+        "delivered": [
+            {"station": station, "types": dict(one.types), "up_us": measure(one.up_us)}
+            for station, one in sorted(inside.delivered.items())
+        ],
+    }
+
+
+def _trips(prober: Prober) -> list[dict[str, object]]:
+    return [{**trip._asdict(), "user_us": measure(sample)} for trip, sample in sorted(prober.trips_us.items())]
+
+
+def _spot(spot: Spot) -> dict[str, object]:
+    return {
+        "at_s": round(spot.at_s, 3),
+        "way": str(spot.way),
+        "station_id": spot.station_id,
+        "type": spot.type,
+        "is_lost": spot.is_lost,
+        "rssi_dbm": spot.rssi_dbm,
+        "latitude": round(spot.latitude, 7),
+        "longitude": round(spot.longitude, 7),
+        "is_guessed": spot.is_guessed,
+    }
+
+
+def _notes(meter: Meter) -> Iterator[str]:
+    wholes = [one.whole for one in meter.ways.values()]
+    if any(one.counts[Fate.ARRIVED] > one.one_way_us.count for one in wholes):
+        yield (
+            "Of some messages there is no one-way delay: the clocks of both ends are not known well enough. A round "
+            "trip needs one clock alone: --probe with --round-trip, and --reflect at the other end."
+        )
+    if repeats := sum(one.repeats for one in wholes):
+        yield (
+            f"{repeats} messages were repeats of one that was under way or lost: each was taken for the last one sent, "
+            "so that their delays hold where they are shorter than the time between repeats."
+        )
+    if strange := sum(one.counts[Fate.STRANGE] for one in wholes):
+        yield f"{strange} messages were received that nobody metered was heard to send, or before it was heard."
+
+
+def _rounded(value: float | None, digits: int) -> float | None:
+    return None if value is None or not math.isfinite(value) else round(value, digits)

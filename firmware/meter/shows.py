@@ -1,0 +1,143 @@
+"""The tests of the paper, each as one command: stations of this machine, a meter, and what was injected beside it."""
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import NamedTuple
+
+from drivers.message import Position
+from drivers.sim import drive
+from firmware.codec.library import load
+from firmware.lab.copies import Count
+from firmware.lab.laboratory import Bench, Link, bench, vectors
+from firmware.meter.matching import Fate
+from firmware.meter.meter import Meter
+from firmware.meter.probe import Probes
+from firmware.meter.result import About, result
+from firmware.meter.session import Session, TimeLine
+from firmware.user import client
+
+TABLE_1_S = 10.0
+RATE_HZ = 10.0
+GRACE_S = 1.0
+LAP_S = drive.drive().length_m / drive.SPEED_M_S
+
+
+class Shown(NamedTuple):
+    """What was measured, and whether that is what was injected; verdict: both in words."""
+
+    result: Mapping[str, object]
+    verdict: list[str]
+    is_right: bool
+
+
+class _Measured(NamedTuple):
+    made: Bench
+    session: Session
+    began_s: float
+
+    def about(self, title: str, what: str, notes: tuple[str, ...]) -> About:
+        stations = {watch.name: watch.told() for watch in self.session.watches}
+        ended_s = self.session.ended_s or self.session.line()
+        return About(title, what, self.began_s, ended_s - self.began_s, stations, notes)
+
+
+@contextmanager
+def _metered(link: Link, interval_s: float, more: str = "") -> Iterator[_Measured]:
+    """Two stations side by side, and a meter at both."""
+    with bench(link, 0.0, None, more=more) as made, client.session() as context:
+        line = TimeLine()
+        session = Session(Meter(interval_s, GRACE_S), line)
+        for seat in made.seats:
+            session.watch(seat.name, seat.place, context)
+        yield _Measured(made, session, line())
+
+
+def table_1(for_s: float | None, interval_s: float) -> Shown:
+    """Ten messages between two stations, each at 10 Hz both ways: what users sent, and what users received."""
+    duration_s = TABLE_1_S if for_s is None else for_s
+    with _metered("udp", interval_s) as measured:
+        seats, session = measured.made.seats, measured.session
+        ten = [place for place, vector in enumerate(vectors()) if not vector.is_beside]
+        count = Count(vectors(), [seat.name for seat in seats])
+
+        def hear() -> None:
+            for seat, sender in zip(seats, reversed(seats), strict=True):
+                for message in seat.receive():
+                    count.received(sender.name, message)
+
+        def send(turn: int) -> None:
+            place = ten[turn % len(ten)]
+            for seat in seats:
+                seat.send(count.vectors[place])
+                count.sent(seat.name, place)
+            hear()
+
+        _paced(session, round(duration_s * RATE_HZ) * len(ten), RATE_HZ * len(ten), send)
+        session.end()
+        hear()
+        about = measured.about("Table 1: ten messages between two stations", "captain meter table1", ())
+        told = result(session.meter, about)
+    rows = count.rows()
+    lost, altered = sum(row.lost for row in rows), sum(row.altered for row in rows) + count.strange
+    meter = session.meter
+    sent, received = sum(row.sent for row in rows), sum(row.received for row in rows)
+    is_right = (sent, received, lost, altered) == (meter.sent_count, meter.arrived, meter.lost, 0) and lost == 0
+    verdict = [
+        f"by the users' programs: {sent} sent, {received} received, {lost} lost, {altered} altered",
+        f"by the meter:           {meter.sent_count} sent, {meter.arrived} received, {meter.lost} lost",
+    ]
+    return Shown(told, verdict, is_right)
+
+
+def table_3(for_s: float | None, interval_s: float) -> Shown:
+    """CAMs at 10 Hz between a car that drives round a block of houses and a station at its corner, by radio.
+
+    The loss is that of the simulated radios: drivers/sim/radio/path.h, with the block between them.
+    """
+    duration_s = LAP_S if for_s is None else for_s
+    with _metered("radio", interval_s, drive.radio()) as measured:
+        parked, car = measured.made.seats
+        radios = dict(zip((parked.name, car.name), measured.made.radios, strict=True))
+        radios[parked.name].say(drive.at(drive.PARKED))
+        before = {name: radio.lost() for name, radio in radios.items()}
+        track, session = drive.drive(), measured.session
+        probes = {seat.name: Probes(load(), "cam", None, time.time) for seat in (parked, car)}
+
+        def send(turn: int) -> None:
+            there = track.at(turn / RATE_HZ)
+            radios[car.name].say(drive.at(there))
+            parked.send_pdu(probes[parked.name].next(PARKED_ID, drive.fixed(drive.PARKED)))
+            car.send_pdu(probes[car.name].next(CAR_ID, Position(there.latitude, there.longitude)))
+
+        _paced(session, round(duration_s * RATE_HZ), RATE_HZ, send)
+        session.end()
+        injected = {name: radio.lost() - before[name] for name, radio in radios.items()}
+        notes = (
+            f"{parked.name} stands at a corner of a block of {drive.WIDTH_M:g} m x {drive.LENGTH_M:g} m, {car.name} "
+            f"drives round it at {drive.SPEED_M_S * 3.6:.0f} km/h; radios: {drive.RADIO}",
+        )
+        about = measured.about("Table 3: 10 Hz CAM round a block of houses", "captain meter table3", notes)
+        told = result(session.meter, about)
+    found = {way.receiver: one.whole for way, one in session.meter.ways.items()}
+    verdict = [
+        f"what {name} was to hear: {found[name].sent} sent, {injected[name]} lost by its radio; "
+        f"measured: {found[name].counts[Fate.ARRIVED]} arrived, {found[name].lost} lost"
+        for name in radios
+    ]
+    is_right = all(found[name].lost == injected[name] and not found[name].counts[Fate.UNSEEN] for name in radios)
+    return Shown(told, verdict, is_right)
+
+
+PARKED_ID, CAR_ID = 1001, 1002
+
+
+def _paced(session: Session, turns: int, rate_hz: float, send: Callable[[int], None]) -> None:
+    """So many turns at a rate, the meter taking what comes between them."""
+    start = time.monotonic()
+    for turn in range(turns):
+        session.serve(max(0.0, start + turn / rate_hz - time.monotonic()))
+        send(turn)
+
+
+SHOWS: dict[str, Callable[[float | None, float], Shown]] = {"table1": table_1, "table3": table_3}
