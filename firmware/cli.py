@@ -20,6 +20,7 @@ VERBS = {
     "listen": "live table of received messages with their fields, or one JSON object a line",
     "record": "received messages into a file of ROS 2, of the form MCAP",
     "replay": "recordings and captures sent again, into a station or on a link; rewritten, through a bad way",
+    "swarm": "many virtual stations that drive and send CAMs by the rules, CPMs and DENMs: up to and past a channel",
     "send": "send messages from hex, base64, files or directories, and say what became of each",
     "decode": "octets of messages to their fields, from hex, base64, files or captures",
     "encode": "fields to octets: the inverse of decode --json",
@@ -75,6 +76,10 @@ def load(verb: str) -> ModuleType:
             from firmware.commands import replay
 
             return replay
+        case "swarm":
+            from firmware.commands import swarm
+
+            return swarm
         case "send":
             from firmware.commands import send
 

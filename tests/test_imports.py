@@ -59,6 +59,7 @@ TABLE = {
         ("board", "drivers.wire", *WORDS, "firmware", "zmq", "rich", "pygal"), frozenset({"firmware.lab"})
     ),
     "firmware/replay": Rule(("board", "drivers", "firmware", "zmq"), frozenset({"firmware.lab"})),
+    "firmware/swarm": Rule(("board", "drivers", "firmware", "zmq"), frozenset({"firmware.lab"})),
     "firmware/lab": Rule(("board", "drivers", "pps", "firmware", "zmq", "rich")),
     "firmware/meter": Rule(("board", "drivers", "pps", "firmware", "zmq")),
     # The station starts it as a process of its own; only firmware/workers.py, which that process begins with, names it.

@@ -1,0 +1,226 @@
+"""captain swarm: many virtual stations from one process."""
+
+import argparse
+import json
+import resource
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from random import Random
+
+import zmq
+
+from board.address import Address
+from board.address import address as udp_address
+from board.errors import ConfigurationError
+from drivers.message import Area, MessageType
+from drivers.sim.track import Point
+from firmware.codec.reading import Pdu
+from firmware.replay.ends import Datagrams, Device, End
+from firmware.swarm import tracks
+from firmware.swarm.messages import Writer
+from firmware.swarm.swarm import LATE_S, Out, Plan, Sent, Swarm
+from firmware.swarm.vehicle import Vehicle, style
+from firmware.user import client
+from firmware.user.arguments import add_station, address, finite, integer, number, seconds
+
+DESCRIPTION = """\
+Virtual stations drive around the blocks of a simulated town, faster and slower,
+and send what real ones would: CAMs by the rules of EN 302 637-2 (a turn of 4
+degrees, 4 m, 0.5 m/s; at least one a second, at most ten), with the low
+frequency container every 500 ms and the way behind in it; on demand CPMs of
+the other stations around each (TS 103 324), and DENMs of accidents, repeated
+each second ten times and then cancelled. --rate has CAMs at a fixed rate.
+
+They are heard as frames in UDP datagrams by a station's `udp` interface, as
+frames on a network device, or given to a station's PULL, which sends them.
+"""
+EPILOG = """\
+examples:
+  captain swarm 20                          around the station of this machine,
+                                            which has --board sim
+  captain swarm 200 --rate 10 --duration 600 --udp 127.0.0.1:8947
+                                            2,000 frames a second: more than one
+                                            channel of ITS-G5 carries
+  captain swarm 50 --cpm 2 --denm 0.1 --ethernet wlan0
+                                            by 802.11p, with what they see, and
+                                            an accident every ten seconds
+  captain swarm 10 --endpoint --duration 30 into the station's PULL
+  captain swarm 5 --track way.txt --speed 25
+                                            along a way, a place a line:
+                                            LATITUDE,LONGITUDE
+
+exit codes:
+  0    the duration is reached; nobody refused anything
+  1    somebody did, no station answers, or there is no message library
+  2    wrong usage
+  130  Ctrl-C
+"""
+FIRST_STATION = 100_001
+MOST = 10_000
+DEFAULT_UDP = Address("127.0.0.1", 8947)  # of the simulated board
+ANY = Pdu(b"", "swarm")
+WAIT_MS = 3000  # for a station that takes nothing
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("count", metavar="N", type=integer(1, MOST), help=f"how many stations (1 ... {MOST})")
+    parser.add_argument("--duration", metavar="S", type=seconds, help="end after so many seconds (default: Ctrl-C)")
+    parser.add_argument(
+        "--rate", metavar="HZ", type=number("CAMs a second", 1000.0), help="CAMs a second of each, whatever it does"
+    )
+    more = number("messages a second", 1000.0, is_zero_allowed=True)
+    parser.add_argument("--cpm", metavar="HZ", type=more, default=0.0, help="CPMs a second of each (default none)")
+    parser.add_argument(
+        "--denm", metavar="HZ", type=more, default=0.0, help="new events a second of all together (default none)"
+    )
+    parser.add_argument(
+        "--speed", metavar="M/S", type=number("m/s", 70.0), default=13.9, help="(default 13.9: 50 km/h)"
+    )
+    parser.add_argument(
+        "--centre", metavar="LAT,LON", type=_place, default=Point(48.7668616, 11.4320680, 420.0), help="of the town"
+    )
+    parser.add_argument("--track", metavar="FILE", type=Path, help="drive along this way, and not around blocks")
+    parser.add_argument(
+        "--first-id", metavar="N", type=integer(1, 2**32 - 1 - MOST), default=FIRST_STATION, help="the first stationID"
+    )
+    parser.add_argument("--seed", metavar="N", type=integer(0, 2**63), default=1, help="of all chance (default 1)")
+    parser.add_argument("--json", action="store_true", help="the summary as one JSON object")
+    end = parser.add_argument_group("where to").add_mutually_exclusive_group()
+    end.add_argument("--udp", metavar="HOST:PORT", type=_udp, default=DEFAULT_UDP, help=f"(default {DEFAULT_UDP})")
+    end.add_argument("--ethernet", metavar="DEVICE", help="by a network device")
+    end.add_argument("--endpoint", action="store_true", help="to a station's PULL, as its user")
+    add_station(parser)
+
+
+def main(arguments: argparse.Namespace) -> int:
+    writer = Writer()
+    vehicles = list(_vehicles(arguments, writer))
+    plan = Plan(arguments.rate, arguments.cpm, arguments.denm, arguments.seed)
+    with ExitStack() as ending:
+        out = Air(arguments, ending)
+        swarm = Swarm(vehicles, plan, writer, out)
+        try:
+            for _ in swarm.run(arguments.duration):
+                if sys.stderr.isatty() and not arguments.json:
+                    print(f"\r{swarm.sent.seconds:.0f} s: {_told(swarm.sent)}", end="", file=sys.stderr, flush=True)
+        finally:
+            print(_json(swarm.sent, out) if arguments.json else "\n".join(_lines(swarm.sent, out)), flush=True)
+    return 1 if out.unheard or out.refused else 0
+
+
+def _vehicles(arguments: argparse.Namespace, writer: Writer) -> Iterator[Vehicle]:
+    count, chance = arguments.count, Random(f"{arguments.seed} styles")
+    ways = [tracks.read(arguments.track)] * count if arguments.track else tracks.town(arguments.centre, count)
+    for at, way in enumerate(ways):
+        yield Vehicle(at, arguments.first_id + at, way, style(chance, arguments.speed, way.length_m), writer)
+
+
+class Air:
+    """Where messages go. refused: those that nothing took."""
+
+    def __init__(self, arguments: argparse.Namespace, ending: ExitStack) -> None:
+        self.refused = 0
+        self._end: End | None = None
+        if arguments.endpoint:
+            context = ending.enter_context(client.session())
+            self._pusher = client.push(context, address(arguments))
+            self._send: Out = self._to_endpoint
+            ending.callback(lambda: self._pusher.close(linger=WAIT_MS))
+            return
+        end = Device(arguments.ethernet) if arguments.ethernet else Datagrams(arguments.udp, "ethernet")
+        ending.callback(end.close)
+        self._end = end
+        self._send = self._to_link
+
+    @property
+    def unheard(self) -> int:
+        """Datagrams of which the peer said that nobody listens there."""
+        return self._end.unheard if isinstance(self._end, Datagrams) else 0
+
+    def __call__(
+        self, vehicle: Vehicle, kind: MessageType, pdu: bytes, now: float, its_ms: int, area: Area | None
+    ) -> None:
+        self._send(vehicle, kind, pdu, now, its_ms, area)
+
+    def _to_link(
+        self, vehicle: Vehicle, kind: MessageType, pdu: bytes, now: float, its_ms: int, area: Area | None
+    ) -> None:
+        assert self._end is not None
+        self._end.send(vehicle.frame(kind, pdu, now, its_ms, area), ANY)
+
+    def _to_endpoint(
+        self, vehicle: Vehicle, kind: MessageType, pdu: bytes, now: float, its_ms: int, area: Area | None
+    ) -> None:
+        frames = [f"v2x.{kind.name}.".encode(), pdu]
+        if area is not None:
+            latitude, longitude = area.centre.latitude / 1e7, area.centre.longitude / 1e7
+            shape = {"shape": "circle", "latitude": latitude, "longitude": longitude, "distance_a": area.distance_a}
+            frames.append(json.dumps({"area": shape}).encode())
+        try:
+            self._pusher.send_multipart(frames, zmq.DONTWAIT)
+        except zmq.Again:
+            if not self._pusher.poll(WAIT_MS, zmq.POLLOUT):
+                self.refused += 1
+                return
+            self._pusher.send_multipart(frames, zmq.DONTWAIT)
+
+
+def _told(sent: Sent) -> str:
+    return ", ".join(f"{count} {kind.upper()}" for kind, count in sorted(sent.types.items())) or "nothing yet"
+
+
+def _lines(sent: Sent, out: Air) -> Iterator[str]:
+    rate = sent.total / sent.seconds if sent.seconds else 0.0
+    stations = len({station for _, station in sent.stations})
+    yield f"{sent.total} messages of {stations} stations in {sent.seconds:.1f} s: {rate:.1f} a second: {_told(sent)}"
+    yield f"processor: {_cpu_s() / sent.seconds:.1%} of one core" if sent.seconds else ""
+    if sent.late:
+        yield f"{sent.late} were more than {LATE_S:g} s late, up to {sent.latest_s:.2f} s: this machine is too slow"
+    if out.unheard:
+        yield f"nobody listened to {out.unheard} of them"
+    if out.refused:
+        yield f"the station did not take {out.refused} of them"
+
+
+def _json(sent: Sent, out: Air) -> str:
+    stations: dict[str, dict[int, int]] = {}
+    for (kind, station), count in sorted(sent.stations.items()):
+        stations.setdefault(kind, {})[station] = count
+    return json.dumps(
+        {
+            "sent": sent.total,
+            "seconds": sent.seconds,
+            "types": dict(sent.types),
+            "stations": stations,
+            "late": sent.late,
+            "latest_s": sent.latest_s,
+            "unheard": out.unheard,
+            "refused": out.refused,
+            "cpu_s": _cpu_s(),
+        }
+    )
+
+
+def _cpu_s() -> float:
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    return used.ru_utime + used.ru_stime
+
+
+# -- values
+
+
+def _udp(text: str) -> Address:
+    try:
+        return udp_address(text)
+    except ConfigurationError as error:
+        raise argparse.ArgumentTypeError(error.message) from error
+
+
+def _place(text: str) -> Point:
+    latitude, comma, longitude = text.partition(",")
+    north, east = finite(latitude), finite(longitude)
+    if not comma or north is None or east is None or abs(north) > 89 or abs(east) > 180:
+        raise argparse.ArgumentTypeError(f"{text!r} is no LATITUDE,LONGITUDE in degrees: 48.7668,11.4320")
+    return Point(north, east, 420.0)

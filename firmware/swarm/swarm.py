@@ -1,0 +1,208 @@
+"""Sends for all virtual stations, each when it is due, in one thread; late ones are sent late, and never left out."""
+
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from heapq import heappop, heappush
+from itertools import count, islice
+from random import Random
+from typing import Protocol, TypeAlias
+
+from board.time import EPOCH, its_time_ms, leap_seconds
+from drivers.message import Area, MessageType
+from drivers.sim.track import Motion
+from firmware.swarm.generation import CHECK_S
+from firmware.swarm.messages import MOST_OBJECTS, REACH_M, Writer
+from firmware.swarm.vehicle import Vehicle, area_around, distance_m
+from firmware.topics import Topics
+
+REPEAT_S, REPETITIONS = 1.0, 10  # of a DENM, until it is cancelled
+TYPES = Topics()
+CAM, CPM, DENM = (TYPES.by_envelope[b"v2x.%s." % name] for name in (b"cam", b"cpm", b"denm"))
+
+
+@dataclass
+class Event:
+    """What a vehicle warns of; told: how often it has."""
+
+    vehicle: Vehicle
+    sequence: int
+    place: Motion
+    detected_ms: int
+    told: int = 0
+
+
+class Out(Protocol):
+    """Where messages go."""
+
+    def __call__(
+        self, vehicle: Vehicle, kind: MessageType, pdu: bytes, now: float, its_ms: int, area: Area | None
+    ) -> None: ...
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is sent.
+
+    cam_hz  CAMs a second of each, whatever it does; None: by the rules of EN 302 637-2.
+    cpm_hz  CPMs a second of each; 0 for none.
+    denm_hz  new events a second of all together; 0 for none. Each is told ten times, a second apart, then cancelled.
+    """
+
+    cam_hz: float | None = None
+    cpm_hz: float = 0.0
+    denm_hz: float = 0.0
+    seed: int = 1
+
+
+@dataclass
+class Sent:
+    """What was sent, by type and by type and station; how late the latest was, and how many were later than 0.1 s."""
+
+    types: Counter[str]
+    stations: Counter[tuple[str, int]]
+    latest_s: float = 0.0
+    late: int = 0
+    seconds: float = 0.0
+
+    @property
+    def total(self) -> int:
+        return self.types.total()
+
+
+# Does something that is due so many seconds after the start, and says when again; None: never.
+Call: TypeAlias = Callable[[float], float | None]
+LATE_S = 0.1
+
+
+class Swarm:
+    """Vehicles and their timetable.
+
+    wall   Unix time in seconds; clock: monotonic seconds.
+    """
+
+    def __init__(
+        self,
+        vehicles: Sequence[Vehicle],
+        plan: Plan,
+        writer: Writer,
+        out: Out,
+        clock: Callable[[], float] = time.monotonic,
+        wall: Callable[[], float] = time.time,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        self.sent = Sent(Counter(), Counter())
+        self._vehicles = vehicles
+        self._plan = plan
+        self._writer = writer
+        self._out = out
+        self._clock = clock
+        self._wall = wall
+        self._sleep = sleep
+        self._chance = Random(f"{plan.seed} events")
+        self._events = 0
+        self._order = count()
+        self._due: list[tuple[float, int, Call]] = []
+        for at, vehicle in enumerate(vehicles):
+            self._enlist(vehicle, at / len(vehicles))
+        if plan.denm_hz:
+            self._plan_call(self._chance.expovariate(plan.denm_hz), self._happen)
+
+    def run(self, duration: float | None) -> Iterator[None]:
+        """Until nothing more is due within so many seconds; yields once a second."""
+        start = self._clock()
+        told = start + 1.0
+        while duration is None or self._due[0][0] < duration:
+            due, _, call = heappop(self._due)
+            self._wait(start + due)
+            again = call(due)
+            if again is not None:
+                self._plan_call(again, call)
+            if self._clock() >= told:
+                told += 1.0
+                self.sent.seconds = self._clock() - start
+                yield
+        self.sent.seconds = self._clock() - start
+
+    def _wait(self, due: float) -> None:
+        left = due - self._clock()
+        if left > 0:
+            self._sleep(left)
+        else:
+            self.sent.latest_s = max(self.sent.latest_s, -left)
+            self.sent.late += -left > LATE_S
+
+    def _plan_call(self, due: float, call: Call) -> None:
+        heappush(self._due, (due, next(self._order), call))
+
+    def _enlist(self, vehicle: Vehicle, phase: float) -> None:
+        """Stations of the same rate are spread over its period: phase is of 0 ... 1."""
+        plan = self._plan
+        period, cam = (CHECK_S, self._check) if plan.cam_hz is None else (1 / plan.cam_hz, self._cam)
+        self._plan_call(phase * period, _steadily(period, partial(cam, vehicle)))
+        if plan.cpm_hz:
+            self._plan_call(phase / plan.cpm_hz, _steadily(1 / plan.cpm_hz, partial(self._cpm, vehicle)))
+
+    def _check(self, vehicle: Vehicle, due: float) -> None:
+        if vehicle.generation.is_due(due, vehicle.move(due)):
+            self._cam(vehicle, due)
+
+    def _cam(self, vehicle: Vehicle, due: float) -> None:
+        its_ms = self._its_ms()
+        self._send(vehicle, CAM, vehicle.cam(due, its_ms), due, its_ms)
+
+    def _cpm(self, vehicle: Vehicle, due: float) -> None:
+        its_ms, own = self._its_ms(), vehicle.move(due)
+        near = islice((one for one in self._vehicles if _is_near(vehicle, own, one)), MOST_OBJECTS)
+        pdu = self._writer.cpm(vehicle.station_id, its_ms, own, [(one.number, one.motion) for one in near])
+        self._send(vehicle, CPM, pdu, due, its_ms)
+
+    def _happen(self, due: float) -> float:
+        """A new event, which tells of itself until it is over."""
+        vehicle = self._vehicles[self._chance.randrange(len(self._vehicles))]
+        self._events += 1
+        event = Event(vehicle, self._events, vehicle.move(due), self._its_ms())
+        self._plan_call(due, partial(self._tell, event))
+        return due + self._chance.expovariate(self._plan.denm_hz)
+
+    def _tell(self, event: Event, due: float) -> float | None:
+        its_ms = self._its_ms()
+        is_over = event.told == REPETITIONS
+        event.told += 1
+        sender = event.vehicle
+        pdu = self._writer.denm(sender.station_id, event.sequence, event.detected_ms, its_ms, event.place, is_over)
+        sender.move(due)
+        self._send(sender, DENM, pdu, due, its_ms, area_around(event.place))
+        return None if is_over else due + REPEAT_S
+
+    def _send(
+        self, vehicle: Vehicle, kind: MessageType, pdu: bytes, now: float, its_ms: int, area: Area | None = None
+    ) -> None:
+        self._out(vehicle, kind, pdu, now, its_ms, area)
+        self.sent.types[kind.name] += 1
+        self.sent.stations[kind.name, vehicle.station_id] += 1
+
+    def _its_ms(self) -> int:
+        utc_s = max(self._wall(), EPOCH)
+        return its_time_ms(utc_s, leap_seconds(utc_s))
+
+
+def _steadily(period: float, do: Callable[[float], None]) -> Call:
+    """Again and again, without drift."""
+    first: float | None = None
+    times = 0
+
+    def call(due: float) -> float:
+        nonlocal first, times
+        first = due if first is None else first
+        times += 1
+        do(due)
+        return first + times * period
+
+    return call
+
+
+def _is_near(vehicle: Vehicle, own: Motion, other: Vehicle) -> bool:
+    return other is not vehicle and distance_m(own, other.motion) <= REACH_M

@@ -1,0 +1,36 @@
+"""captain swarm, for a second."""
+
+import json
+import socket
+
+from drivers.wire import frame
+from firmware import cli
+from tests.firmware.commands.fake import FakeStation
+
+
+def test_frames_come_to_whom_they_are_sent(capsys):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ear:
+        ear.bind(("127.0.0.1", 0))
+        ear.settimeout(5)
+        to = "{}:{}".format(*ear.getsockname())
+        assert cli.main(["swarm", "20", "--rate", "10", "--duration", "0.5", "--udp", to, "--json"]) == 0
+        told = json.loads(capsys.readouterr().out)
+        assert (told["sent"], told["types"], told["unheard"]) == (100, {"cam": 100}, 0)
+        heard = [frame.unwrap(ear.recv(2048)) for _ in range(100)]
+    assert len({one.source for one in heard if isinstance(one, frame.Ethernet)}) == 20
+
+
+def test_messages_come_to_a_stations_pull(capsys):
+    with FakeStation() as station:
+        assert cli.main(["swarm", "3", "--rate", "10", "--duration", "0.5", "--endpoint", *station.options]) == 0
+        assert "15 messages of 3 stations" in capsys.readouterr().out
+    assert {frames[0] for frames in station.requests} == {b"v2x.cam."}
+    assert len({frames[1][2:6] for frames in station.requests}) == 3
+
+
+def test_nobody_there_is_told(capsys):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as holder:
+        holder.bind(("127.0.0.1", 0))
+        to = "{}:{}".format(*holder.getsockname())
+    assert cli.main(["swarm", "2", "--rate", "10", "--duration", "0.3", "--udp", to]) == 1
+    assert "nobody listened to" in capsys.readouterr().out
