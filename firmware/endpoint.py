@@ -69,7 +69,9 @@ class Endpoint:
 
         try:
             self.users = Users(loop, self.context, at(options.to_users), topics, drops, local)
-            self._reports = Publisher(loop, self.context, at(options.report), "report", drops, TOPICS, self._interest)
+            self._reports = Publisher(
+                loop, self.context, at(options.report), "report", drops, TOPICS, self._interest, costly=(FRAME,)
+            )
             self.report = Report(loop, self._reports, status, refresh, time_status, router.quality_now)
             self.inlets = [
                 Inlet(loop, self.context, kind, at(port), name, topics, router, kind == zmq.PULL, options.strict)

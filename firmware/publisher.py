@@ -4,7 +4,7 @@ import errno
 import logging
 import os
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Container, Iterable
 
 import zmq
 from zmq.backend import Socket as PlainSocket
@@ -60,6 +60,7 @@ class Publisher:
     place   its key in [endpoint], which is also where its drops are counted: to_users, report or ipc_out.
     topics  of which on_interest tells with each subscriber that comes, and when the last goes: topic, whether wanted.
     whole   topics as they are sent, of which wants() tells.
+    costly  of topics, those that a subscription to everything does not ask for.
 
     libzmq drops for a slow subscriber alone and counts nothing. So the socket refuses first (XPUB_NODROP): the
     refusal is the word that a subscriber is slow, then the message is sent again, dropping for that one.
@@ -75,6 +76,7 @@ class Publisher:
         topics: tuple[bytes, ...] = (),
         on_interest: Callable[[bytes, bool], None] = lambda topic, is_wanted: None,
         whole: Iterable[bytes] = (),
+        costly: Container[bytes] = (),
     ) -> None:
         self.slow_since: float | None = None
         self.slow_count = 0
@@ -84,6 +86,7 @@ class Publisher:
         self._interest = dict.fromkeys(topics, 0)
         self._takers = dict.fromkeys(whole, 0)
         self._on_interest = on_interest
+        self._costly = costly
         self._is_looking = False
         self._socket = context.socket(zmq.XPUB)
         self._socket.set(zmq.SNDHWM, SEND_HWM)
@@ -192,7 +195,7 @@ class Publisher:
             if topic.startswith(prefix):
                 self._takers[topic] = max(0, before + step)
         for topic, before in self._interest.items():
-            if not (topic.startswith(prefix) or prefix.startswith(topic)):
+            if not (topic.startswith(prefix) or prefix.startswith(topic)) or (not prefix and topic in self._costly):
                 continue
             after = self._interest[topic] = max(0, before + step)
             if after > before or before > after == 0:

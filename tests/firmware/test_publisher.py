@@ -82,6 +82,36 @@ def test_a_prefix_is_interest_in_what_it_overlaps(bench: Bench, prefix: bytes, t
     assert set(bench.interest) == {(topic, False) for topic in topics}
 
 
+def test_a_message_of_three_frames_reaches_its_subscriber(bench: Bench) -> None:
+    subscriber = bench.users.join(b"v2x.")
+    bench.publisher.publish_both(b"v2x.cam.", b"{}", b"pdu")
+    assert received(subscriber) == [[b"v2x.cam.", b"{}", b"pdu"]]
+
+
+def test_a_subscription_to_everything_does_not_ask_for_what_costs_much() -> None:
+    interest: list[tuple[bytes, bool]] = []
+    with closing(VirtualLoop()) as loop, closing(Bench(loop)) as bench:
+        publisher = Publisher(
+            loop,
+            bench.context,
+            "inproc://costly",
+            "report",
+            bench.drops,
+            TOPICS,
+            lambda *change: interest.append(change),
+            costly=(b"raw.",),
+        )
+        users = Subscribers(loop, bench.context, "inproc://costly")
+        with closing(publisher), closing(users):
+            everything = users.join(b"")
+            assert interest == [(b"status.", True)]
+            users.join(b"r")
+            assert interest == [(b"status.", True), (b"raw.", True)]
+            everything.unsubscribe(b"")
+            loop.run_for(0.05)
+            assert interest[2:] == [(b"status.", False)]
+
+
 def test_interest_lasts_until_the_last_prefix_has_gone(bench: Bench) -> None:
     subscriber = bench.users.join(b"", b"r", b"raw.", b"raw.x")
     assert set(bench.interest) == {(b"raw.", True), (b"status.", True)}
