@@ -3,8 +3,9 @@
 import json
 import subprocess
 import sys
-import time
 from collections import Counter
+from contextlib import suppress
+from typing import IO
 
 import zmq
 
@@ -17,26 +18,29 @@ from tests.ros2.rows import Row
 
 TURNS, PERIOD_S = 50, 0.1  # of the ten messages
 FILE = ros.MADE / "lab.mcap"
-JOIN_S = 2.0  # until the recorder's subscription has come to the station
-END_S = 30.0
+HEARD = "a station is heard"  # what the recorder says when its subscription has come to the station
+END_S = 10.0  # until it has read what was sent, and closed its file
 
 
 def read(packages: list[RosPackage]) -> list[Row]:
     """Rows: what was recorded, and what was read of it; CDR is compared for the editions of the packages."""
     FILE.unlink(missing_ok=True)
+    sent = Counter(vector.type for vector in vectors() for _ in range(1 if vector.is_beside else TURNS))
     with bench("udp", 0.0, None) as made:
-        recorder = _recorder(made.seats[1])
+        recorder = _recorder(made.seats[1], sent.total())
         try:
-            time.sleep(JOIN_S)
+            _wait(recorder)
             count = Count(vectors(), [seat.name for seat in made.seats])
             Test(made, count, None).run(TURNS, PERIOD_S)
+            with suppress(subprocess.TimeoutExpired):  # then it has less than there is
+                recorder.wait(END_S)
         finally:
             recorder.terminate()
-            said = recorder.communicate(timeout=END_S)[1]
-    sent = Counter(vector.type for vector in vectors() for _ in range(1 if vector.is_beside else TURNS))
+            recorder.wait(END_S)
+    said = "".join(_said(recorder).read().splitlines()[-1:])
     found = json.loads(ros.inside("recording.py", codec.made(packages), FILE))
     return [
-        Row("captain record", said.strip(), "" if recorder.returncode == 0 else f"exit status {recorder.returncode}"),
+        Row("captain record", said, "" if recorder.returncode == 0 else f"exit status {recorder.returncode}"),
         _row("typed messages decoded", found["typed"], sent),
         _row("metadata decoded, with the octets that were sent", found["octets"], sent),
         Row(
@@ -48,11 +52,26 @@ def read(packages: list[RosPackage]) -> list[Row]:
     ]
 
 
-def _recorder(seat: Seat) -> "subprocess.Popen[str]":
-    """captain record at a seat's station."""
+def _recorder(seat: Seat, count: int) -> "subprocess.Popen[str]":
+    """captain record at a seat's station, until so many messages have come."""
     port = seat.subscriber.get_string(zmq.LAST_ENDPOINT).rpartition(":")[2].rstrip("/\0")
-    command = [sys.executable, "-m", "firmware", "record", "--mcap", FILE, "--to-users", port]
+    command = [sys.executable, "-m", "firmware", "record", "--mcap", FILE, "--to-users", port, "--count", str(count)]
     return subprocess.Popen(command, cwd=ros.ROOT, stderr=subprocess.PIPE, text=True)
+
+
+def _wait(recorder: "subprocess.Popen[str]") -> None:
+    """Until it hears the station. Raises RosError with what it said where it has ended before."""
+    lines = []
+    for line in _said(recorder):
+        if HEARD in line:
+            return
+        lines.append(line)
+    raise ros.RosError(f"captain record heard nobody: {''.join(lines)}")
+
+
+def _said(recorder: "subprocess.Popen[str]") -> IO[str]:
+    assert recorder.stderr is not None
+    return recorder.stderr
 
 
 def _row(what: str, found: dict[str, int], sent: Counter[str]) -> Row:
