@@ -20,6 +20,7 @@ VERBS = {
     "listen": "live table of received messages with their fields, or one JSON object a line",
     "record": "received messages into a file of ROS 2, of the form MCAP",
     "replay": "recordings and captures sent again, into a station or on a link; rewritten, through a bad way",
+    "impair": "a bad way between two interfaces: loss, bursts, delay, reordering, copies, wrong bits; all counted",
     "swarm": "many virtual stations that drive and send CAMs by the rules, CPMs and DENMs: up to and past a channel",
     "send": "send messages from hex, base64, files or directories, and say what became of each",
     "decode": "octets of messages to their fields, from hex, base64, files or captures",
@@ -49,7 +50,7 @@ INTERRUPTED = 130  # as a shell reports SIGINT
 CUT_OFF = 141  # as a shell reports SIGPIPE
 
 
-def load(verb: str) -> ModuleType:
+def load(verb: str) -> ModuleType:  # noqa: PLR0915 (a table)
     """The module of a verb; imported here by name so that tools and the freezer find each."""
     match verb:
         case "run":
@@ -76,6 +77,10 @@ def load(verb: str) -> ModuleType:
             from firmware.commands import replay
 
             return replay
+        case "impair":
+            from firmware.commands import impair
+
+            return impair
         case "swarm":
             from firmware.commands import swarm
 

@@ -1,5 +1,6 @@
 """Where replayed frames and messages go: a station's endpoint, UDP datagrams, a network device."""
 
+import json
 import socket
 import time
 from collections.abc import Mapping
@@ -55,6 +56,27 @@ class Station:
 
     def wait(self, until: float) -> None:
         self._sending.hear(until)
+
+
+class Pull:
+    """The PULL of a station, which says nothing of it: what it does not take within a while is refused here."""
+
+    def __init__(self, context: client.Context, place: client.Address) -> None:
+        self._pusher = client.push(context, place)
+
+    def octets(self, one: Pdu) -> bytes:
+        return _pdu(one)
+
+    def send(self, octets: bytes, one: Pdu) -> None:
+        if not self._pusher.poll(round(client.ANSWER_S * 1000), zmq.POLLOUT):
+            raise RequestError(f"{one.origin}: the station takes no more", "see `captain status`")
+        self._pusher.send_multipart([b"v2x.", octets, json.dumps(wishes(one)).encode()], zmq.DONTWAIT)
+
+    def wait(self, until: float) -> None:
+        _sleep(until)
+
+    def close(self) -> None:
+        self._pusher.close(linger=2000)
 
 
 class Users:
@@ -127,14 +149,7 @@ class Device:
     """Whole frames on a network device. Raises StationError where it is not there, or raw sockets are not permitted."""
 
     def __init__(self, name: str) -> None:
-        try:
-            self._socket = socket.socket(socket.AF_PACKET, socket.SOCK_RAW, 0)
-            self._socket.bind((name, 0))
-        except PermissionError as error:
-            hint = "run as root, or give the program CAP_NET_RAW: setcap cap_net_raw+ep <program>"
-            raise StationError(f"{name}: raw sockets are not permitted", hint) from error
-        except OSError as error:
-            raise StationError(f"network device {name}: {error.strerror}", "`ip link` lists them") from error
+        self._socket = raw_socket(name, 0)  # it takes nothing
 
     def octets(self, one: Pdu) -> bytes:
         return _frame(one)
@@ -150,6 +165,19 @@ class Device:
 
     def close(self) -> None:
         self._socket.close()
+
+
+def raw_socket(device: str, ethertype: int) -> socket.socket:
+    """A socket of whole frames on a device. Raises StationError that says what is missing."""
+    try:
+        one = socket.socket(socket.AF_PACKET, socket.SOCK_RAW, 0)
+        one.bind((device, ethertype))
+    except PermissionError as error:
+        hint = "run as root, or give the program CAP_NET_RAW: setcap cap_net_raw+ep <program>"
+        raise StationError(f"{device}: raw sockets are not permitted", hint) from error
+    except OSError as error:
+        raise StationError(f"network device {device}: {error.strerror}", "`ip link` lists them") from error
+    return one
 
 
 def wishes(one: Pdu) -> Mapping[str, object]:

@@ -1,0 +1,177 @@
+"""captain impair: a bad way between two interfaces."""
+
+import argparse
+import json
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import asdict, replace
+from typing import TypeAlias
+
+from board.address import address as udp_address
+from board.errors import ConfigurationError
+from drivers.wire.impairment import Impairment
+from firmware.codec.reading import Pdu
+from firmware.replay import ears, ends
+from firmware.replay.arguments import add_impairments, impairments, told
+from firmware.replay.bridge import Bridge, Side, Way
+from firmware.user import client
+from firmware.user.arguments import seconds, station
+from firmware.user.table import clean
+
+DESCRIPTION = """\
+Stands between A and B and passes on what each sends to the other, but for what
+a bad way takes: losses one by one or in bursts, delay and jitter, reordering,
+copies, wrong bits. Each is counted to the packet, and the same seed does the
+same again. A side is
+
+  udp:LISTEN,PEER   hears datagrams at address LISTEN, and sends to address PEER
+  ethernet:DEVICE   hears and sends frames of GeoNetworking on a network device
+  station:HOST[:PORT]
+                    hears what a station's users receive, and gives to its PULL
+
+Between two stations with udp interfaces, each has this program as its peer:
+LISTEN is what the station sends to, PEER where it listens. Frames become
+messages for a station's endpoint, and its messages become frames.
+"""
+EPILOG = """\
+examples:
+  captain impair udp:127.0.0.1:9001,127.0.0.1:8947 \\
+                 udp:127.0.0.1:9002,127.0.0.1:8948 --loss 0.1 --delay 0.05
+                                      between two stations of this machine, of
+                                      which one sends to 9001, the other to 9002
+  captain impair ethernet:veth1 ethernet:veth2 --burst 0.01:0.25
+                                      between two devices (as root)
+  captain impair station:10.0.0.2 udp:127.0.0.1:9002,127.0.0.1:8948 --one-way
+                                      what a station elsewhere receives, to an
+                                      interface here
+
+exit codes:
+  0    the duration is reached, or SIGTERM
+  1    an address is taken, a device is not there, or no station answers
+  2    wrong usage
+  130  Ctrl-C
+"""
+Opening: TypeAlias = Callable[[argparse.Namespace, ExitStack], tuple[ears.Ear, ends.End]]
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    for name in ("A", "B"):
+        parser.add_argument(
+            name.lower(), metavar=name, type=side, help=f"side {name}: udp:..., ethernet:... or station:..."
+        )
+    parser.add_argument("--one-way", action="store_true", help="from A to B only")
+    parser.add_argument("--duration", metavar="S", type=seconds, help="end after so many seconds (default: Ctrl-C)")
+    parser.add_argument(
+        "--framing", choices=("ethernet", "btp", "pdu"), default="ethernet", help="of datagrams (default ethernet)"
+    )
+    parser.add_argument("--json", action="store_true", help="the summary as one JSON object")
+    add_impairments(parser)
+
+
+def main(arguments: argparse.Namespace) -> int:
+    wanted = impairments(arguments)
+    with ExitStack() as ending:
+        a, b = (Side(name, *opening(arguments, ending)) for name, opening in (arguments.a, arguments.b))
+        ways = [Way(a, b, Impairment[Pdu](wanted))]
+        if not arguments.one_way:
+            # The other direction has chances of its own.
+            ways.append(Way(b, a, Impairment[Pdu](replace(wanted, seed=wanted.seed + 1))))
+        bridge, came = Bridge(ways), list[int]()
+
+        def stop(number: int, _: object) -> None:
+            came.append(number)
+            bridge.stop()
+
+        for number in (signal.SIGINT, signal.SIGTERM):
+            ending.callback(signal.signal, number, signal.signal(number, stop))
+        print(f"captain: between {a.name} and {b.name}", file=sys.stderr, flush=True)
+        bridge.run(arguments.duration)
+        print(_json(ways) if arguments.json else "\n".join(_lines(ways)), flush=True)
+    if signal.SIGINT in came:
+        raise KeyboardInterrupt
+    return 0
+
+
+def _lines(ways: list[Way]) -> Iterator[str]:
+    for way in ways:
+        yield f"{way.source.name} to {way.to.name}: {way.heard} heard, {way.sent} sent"
+        if words := told(way.impairment.counts):
+            yield f"  {words}"
+        for why, count in sorted(way.left_out.items()):
+            yield clean(f"  left out: {count}: {why}")
+
+
+def _json(ways: list[Way]) -> str:
+    return json.dumps(
+        {
+            "ways": [
+                {
+                    "from": way.source.name,
+                    "to": way.to.name,
+                    "heard": way.heard,
+                    "sent": way.sent,
+                    "left_out": dict(way.left_out),
+                    "waiting": way.impairment.waiting,
+                    **asdict(way.impairment.counts),
+                }
+                for way in ways
+            ]
+        }
+    )
+
+
+# -- sides
+
+
+def side(text: str) -> tuple[str, Opening]:
+    """What a side is, and how it is opened."""
+    kind, _, rest = text.partition(":")
+    make = {"udp": _udp, "ethernet": _ethernet, "station": _station}.get(kind)
+    if make is None or not rest:
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is no side; write udp:LISTEN,PEER or ethernet:DEVICE or station:HOST[:PORT]"
+        )
+    return text, make(rest)
+
+
+def _udp(text: str) -> Opening:
+    try:
+        listen, peer = (udp_address(part) for part in text.split(","))
+    except ConfigurationError as error:
+        raise argparse.ArgumentTypeError(f"udp:{text}: {error.message}") from error
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"udp:{text}: write LISTEN,PEER: 127.0.0.1:9001,127.0.0.1:8947") from None
+
+    def opening(arguments: argparse.Namespace, ending: ExitStack) -> tuple[ears.Ear, ends.End]:
+        ear, end = ears.Datagrams(listen, arguments.framing), ends.Datagrams(peer, arguments.framing)
+        ending.callback(ear.close)
+        ending.callback(end.close)
+        return ear, end
+
+    return opening
+
+
+def _ethernet(device: str) -> Opening:
+    def opening(_arguments: argparse.Namespace, ending: ExitStack) -> tuple[ears.Ear, ends.End]:
+        ear, end = ears.Device(device), ends.Device(device)
+        ending.callback(ear.close)
+        ending.callback(end.close)
+        return ear, end
+
+    return opening
+
+
+def _station(text: str) -> Opening:
+    host, first = station(text)
+    place = client.Address(host, first, first + 1, first + 2, first + 3)
+
+    def opening(_arguments: argparse.Namespace, ending: ExitStack) -> tuple[ears.Ear, ends.End]:
+        context = ending.enter_context(client.session())
+        ear, end = ears.Station(context, place), ends.Pull(context, place)
+        ending.callback(ear.close)
+        ending.callback(end.close)
+        return ear, end
+
+    return opening

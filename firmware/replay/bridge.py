@@ -1,0 +1,109 @@
+"""A bad way between two sides, there and back: what one hears, the other is sent, as far as the way lets it."""
+
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from math import ceil
+from typing import NamedTuple
+
+import zmq
+
+from board.errors import RequestError
+from drivers.wire.impairment import Impairment
+from firmware.codec.reading import Pdu
+from firmware.replay.ears import Ear
+from firmware.replay.ends import End
+
+LONGEST_WAIT_S = 0.2  # so soon a signal is obeyed
+
+
+class Side(NamedTuple):
+    """One side: name as its user wrote it, what it hears, where it is sent to."""
+
+    name: str
+    ear: Ear
+    end: End
+
+
+@dataclass
+class Way:
+    """One direction."""
+
+    source: Side
+    to: Side
+    impairment: Impairment[Pdu]
+    heard: int = 0
+    sent: int = 0
+    left_out: Counter[str] = field(default_factory=Counter)
+
+    def take(self, now: float) -> int:
+        """What has come at its beginning. Returns how much."""
+        before = self.heard
+        for one in self.source.ear.hear():
+            self.heard += 1
+            try:
+                octets = self.to.end.octets(one)
+            except RequestError as error:
+                self._leave_out(error, one)
+            else:
+                self.impairment.take(octets, now, one)
+        return self.heard - before
+
+    def give(self, now: float) -> None:
+        """What has come out at its end."""
+        for octets, one in self.impairment.due(now):
+            try:
+                self.to.end.send(octets, one)
+            except RequestError as error:
+                self._leave_out(error, one)
+            else:
+                self.sent += 1
+
+    def _leave_out(self, error: RequestError, one: Pdu) -> None:
+        self.left_out[error.message.removeprefix(f"{one.origin}: ")] += 1
+
+
+class Bridge:
+    """Serves its ways in one thread."""
+
+    def __init__(self, ways: list[Way], clock: Callable[[], float] = time.monotonic) -> None:
+        self._ways = ways
+        self._clock = clock
+        self._is_stopped = False
+        self._poller = zmq.Poller()
+        for way in ways:
+            self._poller.register(way.source.ear.polled, zmq.POLLIN)
+
+    def run(self, duration: float | None) -> None:
+        """For so many seconds, and then until all that is on its way has come out; None: until stop()."""
+        end = None if duration is None else self._clock() + duration
+        while not self._is_stopped and (end is None or self._clock() < end):
+            self._turn(end)
+        while not self._is_stopped and any(way.impairment.waiting for way in self._ways):
+            self._turn(None, is_taking=False)
+
+    def stop(self) -> None:
+        """End between two turns; what is on its way stays there. For a signal's handler."""
+        self._is_stopped = True
+
+    def _turn(self, end: float | None, is_taking: bool = True) -> None:
+        now = self._clock()
+        # A subscription's descriptor tells of an edge only: what waits in it is taken first, then waited for.
+        taken = sum(way.take(now) for way in self._ways) if is_taking else 0
+        for way in self._ways:
+            way.give(self._clock())
+        if not taken:
+            self._wait(end, is_taking)
+
+    def _wait(self, end: float | None, is_taking: bool) -> None:
+        until = [due for way in self._ways if (due := way.impairment.deadline()) is not None]
+        if end is not None:
+            until.append(end)
+        left = min([LONGEST_WAIT_S, *(max(0.0, when - self._clock()) for when in until)])
+        if not is_taking:
+            time.sleep(left)
+        elif left < 0.001:
+            time.sleep(left)  # zmq counts milliseconds: so short a time is slept
+        else:
+            self._poller.poll(ceil(left * 1000) - 1)
