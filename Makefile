@@ -3,7 +3,7 @@
 
 .DEFAULT_GOAL := help
 .PHONY: help setup run codec import-check docs test test-binary check portable fuzz truth \
-	bench bench-station bench-messages bench-v2n bench-time bench-ros2 lab chaos outages fleet kernel ros2 clock days chronyd binary \
+	bench bench-station bench-messages bench-v2n bench-time bench-ros2 lab chaos outages fleet swarm kernel ros2 clock days chronyd binary \
 	image image-test release flash lock proof clean
 
 PYTEST := .venv/bin/python -m pytest
@@ -88,6 +88,9 @@ outages: setup-test ## a vehicle's network: HOURS=24 of it in virtual time, then
 
 fleet: setup-test ## V2N of 1,000 to 100,000 vehicles: messages by tile, broker, vehicle; measured at two brokers: DURATION=20
 	@.venv/bin/python -m tests.fleet --duration $(or $(DURATION),20) $(ARGS)
+
+swarm: setup-test ## 200 virtual stations at 10 Hz through one station, each message seen: DURATION=600; then past the ceiling
+	@.venv/bin/python -m tests.swarm --duration $(or $(DURATION),600) $(ARGS)
 
 kernel: setup-kernel ## our code on Debian's kernel in an emulated computer: 802.11p, GPIO, I2C, PPS, USB; ARGS='--only air'
 	@.ci/kernel
