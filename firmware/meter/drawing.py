@@ -15,14 +15,15 @@ METRES = 111_320.0  # of a degree of latitude
 STRENGTHS = ((-95.0, "#fde725"), (-85.0, "#7ad151"), (-75.0, "#22a884"), (-65.0, "#2a788e"), (-55.0, "#414487"))
 LOST, HEARD = "#b3261e", "#5a6472"
 MAP_WIDTH, MAP_HEIGHT = 640, 480
+STILL_M = 20.0  # of a receiver that stands: its fixes wander
 
 
 def drawn(plot: Plot) -> str:
     """SVG of a plot, with its axes."""
     values = [value for one in plot.series for value in one.values if value is not None]
-    low, high = min(0.0, *values) if len(values) > 1 else min([0.0, *values]), max([0.0, *values]) or 1.0
-    if min(values, default=0.0) < 0 and max(values, default=0.0) <= 0:
-        low, high = min(values), max(values) if max(values) > min(values) else min(values) + 1
+    low, high = min([0.0, *values]), max([0.0, *values]) or 1.0
+    if not plot.from_zero:
+        low, high = min(values) - 2, max(values) + 2
     first, last = plot.at[0], plot.at[-1] if plot.at[-1] > plot.at[0] else plot.at[0] + 1
 
     def x(value: float) -> float:
@@ -91,13 +92,28 @@ def strength(rssi_dbm: float | None) -> str:
     return next((colour for least, colour in STRENGTHS if rssi_dbm <= least), STRENGTHS[-1][1])
 
 
+def end_of(spots: Sequence[Mapping[str, Any]]) -> str:
+    """Whose place tells more: sender or receiver. One that stands still tells nothing where the other one moves."""
+    if any(spot["receiver"] is None for spot in spots) or _extent(_metres(spots, "sender")) > STILL_M:
+        return "sender"
+    return "receiver" if _extent(_metres(spots, "receiver")) > STILL_M else "sender"
+
+
+def _metres(spots: Sequence[Mapping[str, Any]], end: str) -> list[tuple[float, float]]:
+    """East and north."""
+    narrow = math.cos(math.radians(sum(spot[end][0] for spot in spots) / len(spots)))
+    return [(spot[end][1] * narrow * METRES, spot[end][0] * METRES) for spot in spots]
+
+
+def _extent(points: Sequence[tuple[float, float]]) -> float:
+    return max(max(values) - min(values) for values in zip(*points, strict=True))
+
+
 def mapped(spots: Sequence[Mapping[str, Any]]) -> str:
     """SVG of where messages were sent: north is up, a scale below, no tiles; empty of nothing."""
     if not spots:
         return ""
-    middle = sum(spot["latitude"] for spot in spots) / len(spots)
-    narrow = math.cos(math.radians(middle))
-    points = [(spot["longitude"] * narrow * METRES, spot["latitude"] * METRES) for spot in spots]
+    points = _metres(spots, end_of(spots))
     west, south = (min(point[axis] for point in points) for axis in (0, 1))
     east, north = (max(point[axis] for point in points) for axis in (0, 1))
     metres = max(east - west, (north - south) * MAP_WIDTH / MAP_HEIGHT, 20.0) * 1.12

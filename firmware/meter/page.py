@@ -58,8 +58,8 @@ def geojson(result: Object) -> dict[str, object]:
         "features": [
             {
                 "type": "Feature",
-                "geometry": {"type": "Point", "coordinates": [spot["longitude"], spot["latitude"]]},
-                "properties": {key: value for key, value in spot.items() if key not in ("latitude", "longitude")},
+                "geometry": {"type": "Point", "coordinates": spot["sender"][::-1]},
+                "properties": {key: value for key, value in spot.items() if key != "sender"},
             }
             for spot in result["map"]
         ],
@@ -91,7 +91,7 @@ def _tile(one: Object) -> str:
 
 def _body(result: Object, made: list[Plot]) -> Iterator[str]:
     for table in text.tables({**result, "notes": []}):
-        yield _table(table)
+        yield _table(table._replace(title="Loss and order") if table.title.startswith(result["title"]) else table)
     if result["map"]:
         yield "<h2>Where messages were sent</h2>" + _map(result)
     if made:
@@ -126,18 +126,19 @@ def _map(result: Object) -> str:
     strengths.append((drawing.STRENGTHS[-1][1], f"above {drawing.STRENGTHS[-2][0]:g} dBm"))
     others = [(drawing.HEARD, "strength not known"), (drawing.LOST, "lost")]
     keys = "".join(f'<span><i style="background:{colour}"></i>{name}</span>' for colour, name in strengths + others)
-    guessed = sum(spot["is_guessed"] for spot in result["map"])
-    more = f" {result['map_more']} more are not shown." if result["map_more"] else ""
-    caption = (
-        f"Each message where its sender was, by the strength at which it was received; {guessed} of "
-        f"{len(result['map'])} lie between the places before and after.{more}"
-    )
     figures = "".join(
-        f"<figure><figcaption>{_text(way)}: {caption}</figcaption>{drawing.mapped(spots)}"
+        f"<figure><figcaption>{_text(_caption(way, spots, result['map_more']))}</figcaption>{drawing.mapped(spots)}"
         f'<div class="keys">{keys}</div></figure>'
         for way, spots in _by_way(result)
     )
     return f'<div class="plots">{figures}</div>'
+
+
+def _caption(way: str, spots: list[Object], more: int) -> str:
+    guessed = sum(spot["is_guessed"] for spot in spots)
+    words = f"{way}: each message where its {drawing.end_of(spots)} was, by the strength at which it was received"
+    words += f"; {guessed} of {len(spots)} between the places before and after" if guessed else ""
+    return words + (f"; {more} more are not shown" if more else "")
 
 
 def _by_way(result: Object) -> Iterator[tuple[str, list[Object]]]:

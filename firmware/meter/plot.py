@@ -17,7 +17,7 @@ class Series(NamedTuple):
 
 
 class Plot(NamedTuple):
-    """Lines over one axis, or bars."""
+    """Lines over one axis, or bars; from_zero: the axis in the height has 0."""
 
     key: str
     title: str
@@ -27,6 +27,7 @@ class Plot(NamedTuple):
     at: list[float]
     series: list[Series]
     bars: bool = False
+    from_zero: bool = True
 
 
 def plots(result: Object) -> Iterator[Plot]:
@@ -41,7 +42,7 @@ def plots(result: Object) -> Iterator[Plot]:
     for key, title, label, unit, value in lines:
         at, series = _over_time(result, value)
         if any(one is not None for line in series for one in line.values):
-            yield Plot(key, title, "seconds from the beginning", label, unit, at, series)
+            yield Plot(key, title, "seconds from the beginning", label, unit, at, series, from_zero=unit != "dBm")
     yield from _distributions(result)
     clocks = _clocks(result)
     if clocks is not None:
@@ -101,7 +102,8 @@ def _distributions(result: Object) -> Iterator[Plot]:
             at = [(one["low"] + place * one["width"]) / divisor for place in range(len(one["bars"]))]
             title_of = f"{title}: distribution, {name}"
             yield Plot(f"{key} {name}", title_of, label, "messages", "", at, [Series(name, colour, one["bars"])], True)
-        at = sorted({value / divisor for _, _, one in told for value in one["cumulative"]})
+        # The last step would draw out the axis to the one that took longest.
+        at = sorted({value / divisor for _, _, one in told for value in one["cumulative"][:-1]})
         series = [Series(name, colour, _shares(one["cumulative"], divisor, at)) for name, colour, one in told]
         yield Plot(f"{key} cumulative", f"{title}: share that is no longer", label, "share, %", "%", at, series)
 

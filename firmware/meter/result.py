@@ -204,8 +204,8 @@ def _spot(spot: Spot) -> dict[str, object]:
         "type": spot.type,
         "is_lost": spot.is_lost,
         "rssi_dbm": spot.rssi_dbm,
-        "latitude": round(spot.latitude, 7),
-        "longitude": round(spot.longitude, 7),
+        "sender": [round(degrees, 7) for degrees in spot.sender],
+        "receiver": None if spot.receiver is None else [round(degrees, 7) for degrees in spot.receiver],
         "is_guessed": spot.is_guessed,
     }
 

@@ -10,6 +10,7 @@ from drivers.sim import drive
 from firmware.codec.library import load
 from firmware.lab.copies import Count
 from firmware.lab.laboratory import Bench, Link, bench, vectors
+from firmware.meter.event import digest_of
 from firmware.meter.matching import Fate
 from firmware.meter.meter import Meter
 from firmware.meter.probe import Probes
@@ -107,8 +108,11 @@ def table_3(for_s: float | None, interval_s: float) -> Shown:
         def send(turn: int) -> None:
             there = track.at(turn / RATE_HZ)
             radios[car.name].say(drive.at(there))
-            parked.send_pdu(probes[parked.name].next(PARKED_ID, drive.fixed(drive.PARKED)))
-            car.send_pdu(probes[car.name].next(CAR_ID, Position(there.latitude, there.longitude)))
+            place = Position(there.latitude, there.longitude)
+            for seat, station_id, where in ((parked, PARKED_ID, drive.fixed(drive.PARKED)), (car, CAR_ID, place)):
+                pdu = probes[seat.name].next(station_id, where)
+                session.meter.spots.place(digest_of(pdu), where)
+                seat.send_pdu(pdu)
 
         _paced(session, round(duration_s * RATE_HZ), RATE_HZ, send)
         session.end()

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import zmq
 
 from board.errors import StationError
+from drivers.message import Position
 from firmware.meter import told
 from firmware.meter.event import digest_of
 from firmware.meter.meter import Meter
@@ -202,6 +203,10 @@ class Watch:
         for kind in ("indication", "confirm"):
             self._sequences.setdefault(kind, round(number(report, f"{kind}s")))
         self._meter.station(self.name, told.interfaces(status))
+        here = within(status, "position")
+        if text(here, "source"):
+            place = Position(*(round(number(here, key) * 1e7) for key in ("latitude", "longitude")))
+            self._meter.spots.station(self.name, now_s, place)
         clock = within(status, "clock")
         quality = told.clock_of(clock, "")
         self.seconds.append(Second(now_s, text(clock, "state"), quality.offset_ns, quality.uncertainty_ns))

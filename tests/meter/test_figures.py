@@ -273,4 +273,17 @@ def test_a_lost_message_is_placed_between_its_neighbours() -> None:
     told = {spot.at_s: spot for spot in spots}
     assert sorted(told) == [0.0, 1.0, 2.0]  # of the last one nobody knows where it was sent
     assert (told[1.0].is_lost, told[1.0].is_guessed) == (True, True)
-    assert (told[1.0].latitude, told[1.0].longitude) == pytest.approx((48.00001, 11.00002))
+    assert told[1.0].sender == pytest.approx((48.00001, 11.00002))
+
+
+def test_a_station_that_says_where_it_is_places_what_it_sent_and_what_it_received() -> None:
+    spots = Spots()
+    for at_s in (0.0, 2.0):
+        spots.station("A", at_s, Position(480_000_000 + round(at_s * 100), 110_000_000))
+        spots.station("B", at_s, Position(490_000_000, 120_000_000))
+    for one in fates(sent(1, 1.0), received(1, 1.1), sent(2, 1.5)):
+        spots.add(one)
+    assert [(spot.sender, spot.receiver, spot.is_lost) for spot in spots] == [
+        ((48.00001, 11.0), (49.0, 12.0), False),
+        ((48.000015, 11.0), (49.0, 12.0), True),
+    ]

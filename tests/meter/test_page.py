@@ -12,7 +12,7 @@ import pytest
 from board.errors import StationError
 from drivers.message import Position
 from firmware.meter import page
-from firmware.meter.drawing import drawn, strength, ticks
+from firmware.meter.drawing import drawn, end_of, strength, ticks
 from firmware.meter.event import Received, Sent
 from firmware.meter.meter import Meter
 from firmware.meter.plot import Plot, Series, plots
@@ -141,6 +141,22 @@ def test_a_gap_in_a_line_is_drawn_as_one() -> None:
 )
 def test_ticks_are_round_numbers(low: float, high: float, expected: list[float]) -> None:
     assert ticks(low, high) == expected
+
+
+def test_a_map_is_of_the_end_that_moves() -> None:
+    def spots(sender_step: float, receiver_step: float | None) -> list[dict[str, Any]]:
+        return [
+            {
+                "sender": [48 + n * sender_step, 11],
+                "receiver": None if receiver_step is None else [48, 11 + n * receiver_step],
+            }
+            for n in range(3)
+        ]
+
+    assert end_of(spots(0.0, 0.01)) == "receiver"
+    assert end_of(spots(0.01, 0.01)) == "sender"
+    assert end_of(spots(0.0, 0.0)) == "sender"
+    assert end_of(spots(0.0, None)) == "sender"
 
 
 def test_a_strength_has_a_colour_and_none_is_grey() -> None:

@@ -10,9 +10,11 @@
     const size = () => ({ width: figure.clientWidth, height: Math.max(220, Math.min(300, figure.clientWidth * 0.6)) });
     const told = (unit) => (_, value) => (value === null || value === undefined ? "-" : `${+value.toPrecision(4)} ${unit}`);
     const bars = plot.bars ? uPlot.paths.bars({ size: [1, 100], align: 1 }) : undefined;
+    const height = (_, low, high) =>
+      plot.from_zero ? [Math.min(0, low), high > 0 ? high * 1.05 : 1] : [low - 2, high + 2];
     const options = {
       ...size(),
-      scales: { x: { time: false }, y: { range: (_, low, high) => [Math.min(0, low), high > 0 ? high * 1.05 : 1] } },
+      scales: { x: { time: false }, y: { range: height } },
       axes: [
         { label: plot.x, labelSize: 20, size: 40, stroke: "#5a6472", grid: { stroke: "#eceff2" } },
         { label: plot.y, labelSize: 20, size: 55, stroke: "#5a6472", grid: { stroke: "#eceff2" } },
