@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from board.errors import StationError
+from board.errors import RequestError, StationError
 from board.loop import Loop
 from board.time import TimeQuality
 from drivers.contract import Answer, Can, Parting, Witness
@@ -23,7 +23,7 @@ from firmware.notify import ServiceNotice
 from firmware.operator import Operator
 from firmware.place import Place
 from firmware.policy import Policy
-from firmware.question import Commands
+from firmware.question import Commands, Question
 from firmware.report import process_status
 from firmware.router import Router
 from firmware.simulation import Simulation
@@ -36,6 +36,7 @@ from firmware.topics import Topics, TypeRow
 
 if TYPE_CHECKING:
     from firmware.carrier import Carrier
+    from firmware.recording import Recorder
 
 # A stop takes less than a second: what users have handed over is taken for a moment (endpoint.py), what is queued may
 # leave for DRAIN_S, and libzmq has its LINGER_MS for what is published.
@@ -79,6 +80,7 @@ class Station:
         self.router.set_policy(Policy(tables.policy, self.topics, self.router))
         self._interfaces: dict[str, Supervised] = {}
         self._carrier: Carrier | None = None
+        self._recorder: Recorder | None = None
         local = self.place.ego if tables.endpoint.local_info and not is_legacy else None
         witness = Witness()
         self.endpoint = Endpoint(
@@ -111,6 +113,7 @@ class Station:
         if self.duplicates.window_s and len(self._with(Can.RECEIVE)) > 1:
             self.router.stages = (self.duplicates,)
         self._carrier = self._made_carrier(config.board)
+        self._recorder = self._made_recorder()
         bearers.join(self._interfaces)
 
     def start(self) -> None:
@@ -124,6 +127,8 @@ class Station:
         self.endpoint.start()
         self.storage.start()
         self.timekeeper.start(self._with(Can.TIMEMARK))
+        if self._recorder is not None:
+            self._recorder.start()
         # What is there now stays: the collector need not look at it again.
         gc.collect()
         gc.freeze()
@@ -180,6 +185,8 @@ class Station:
             if isinstance(driver := interface.interface.driver, Parting):
                 driver.part()
         self._simulation.stop()
+        if self._recorder is not None:
+            self._recorder.finish()
         self.router.flush()
         self.endpoint.close()
 
@@ -201,6 +208,7 @@ class Station:
             **({"storage": told} if (told := self.storage.status()) else {}),
             "interfaces": {name: entry.status() for name, entry in self._interfaces.items()},
             **({"board": self._carrier.status()} if self._carrier else {}),
+            **({"recorder": self._recorder.status()} if self._recorder else {}),
             **self.endpoint.status(),
             "drops": list(self.drops.status()),
             "duplicates": self.duplicates.status(),
@@ -236,6 +244,19 @@ class Station:
             self.loop, board, self._simulation.machine, in_slots, self.timeline.note, self._simulation.worker
         )
 
+    def _made_recorder(self) -> "Recorder | None":
+        """Nothing where [recorder] names no folder, and then nothing is imported for it."""
+        if not self.config.tables.recorder.folder:
+            return None
+        from firmware.recording import Recorder
+
+        return Recorder(self.loop, self.config.tables.recorder, self.config.tables.endpoint)
+
+    def _record(self, question: Question) -> dict[str, object]:
+        if self._recorder is None:
+            raise RequestError("the station has no recorder", "name a folder: [recorder] in captain.toml")
+        return self._recorder.trigger(question)
+
     def _commands(self) -> Commands:
         def done(act: Callable[[], None]) -> dict[str, object]:
             act()
@@ -250,6 +271,7 @@ class Station:
                 "reload": lambda _: done(self.reload_policy),
                 "stop": lambda _: done(self.stop),
                 "time": self.timekeeper.told,
+                "record": self._record,
                 **self._operator.now,
             },
             self._operator.later,
@@ -277,7 +299,7 @@ def topics_of(tables: Tables) -> Topics:
 def _changed_besides_policy(old: Config, new: Config) -> list[str]:
     changed = [
         f"[{name}]"
-        for name in ("station", "endpoint", "reception", "time", "interfaces", "types")
+        for name in ("station", "endpoint", "reception", "time", "recorder", "interfaces", "types")
         if getattr(old.tables, name) != getattr(new.tables, name)
     ]
     return changed if old.board == new.board else [*changed, "the board file"]

@@ -105,7 +105,7 @@ class Storage:
             return Kept.ABSENT
         if found.f_flag & os.ST_RDONLY:
             return Kept.READ_ONLY
-        if _kind(self._mounts, self._folder) in VOLATILE:
+        if kind_of(self._mounts, self._folder) in VOLATILE:
             return Kept.MEMORY
         if found.f_bavail * found.f_frsize < LEAST_OCTETS or (found.f_files and not found.f_favail):
             return Kept.FULL
@@ -155,7 +155,7 @@ def _free_octets(folder: Path) -> int:
     return found.f_bavail * found.f_frsize
 
 
-def _kind(mounts: Path, folder: Path) -> str:
+def kind_of(mounts: Path, folder: Path) -> str:
     """Of the file system that a folder lies on. Source: Linux, Documentation/filesystems/proc.rst, 3.5."""
     try:
         lines = mounts.read_text("utf-8", "surrogateescape").splitlines()

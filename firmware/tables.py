@@ -93,6 +93,28 @@ class TimeOptions:
 
 
 @dataclass(frozen=True)
+class RecorderOptions:
+    """[recorder]: a ring of recordings, which a process of its own writes.
+
+    folder     of its files, made where the one above is there; one that does not begin with / is in STATE_DIRECTORY;
+               empty: nothing is recorded.
+    size_mb    of the ring, and again of what is kept.
+    age_s      of the ring.
+    keep_on    events of which before_s and after_s seconds are kept: a DENM that passed, ten losses within a second,
+               time by pulses that is lost. An operator may always ask.
+    in_memory  whether the folder may be in memory, where a cut of power takes everything.
+    """
+
+    folder: str = ""
+    size_mb: Annotated[int, Range(1, 1_048_576)] = 256
+    age_s: Annotated[float, Range(1.0, 31_536_000.0)] = 3600.0
+    keep_on: tuple[Literal["denm", "loss", "gnss"], ...] = ("denm", "loss", "gnss")
+    before_s: Seconds = 30.0
+    after_s: Seconds = 10.0
+    in_memory: bool = False
+
+
+@dataclass(frozen=True)
 class QueueOptions:
     """The options that every [interfaces.<name>] has beside its driver's.
 
@@ -205,6 +227,7 @@ class Tables:
     endpoint: EndpointOptions = EndpointOptions()
     reception: ReceptionOptions = ReceptionOptions()
     time: TimeOptions = TimeOptions()
+    recorder: RecorderOptions = RecorderOptions()
     interfaces: dict[str, dict[str, Any]] = field(default_factory=dict)
     types: tuple[TypeConfig, ...] = ()
     policy: tuple[PolicyRow, ...] = ()

@@ -41,6 +41,13 @@ def mqtt(channel: socket.socket) -> None:
     serve(channel)
 
 
+def recorder(channel: socket.socket) -> None:
+    """Writes recordings."""
+    from firmware.recorder.child import serve
+
+    serve(channel)
+
+
 WORKERS: Mapping[str, Callable[[socket.socket], None]] = {
     **echo.WORKERS,
     "board": board,
@@ -48,4 +55,5 @@ WORKERS: Mapping[str, Callable[[socket.socket], None]] = {
     "som301e": som301e,
     "gnss-bus": gnss_bus,
     "mqtt": mqtt,
+    "recorder": recorder,
 }

@@ -114,9 +114,9 @@ def _station(status: Mapping[str, object]) -> str:
 
 
 def _storage(status: Mapping[str, object]) -> list[Table]:
-    """Only where something is not kept, or was refused."""
-    trouble = storage.trouble(within(status, "storage"))
-    return [Table(trouble)] if trouble else []
+    """Only where something is not kept, was refused, or is not recorded."""
+    troubles = storage.trouble(within(status, "storage")), storage.recorder_trouble(within(status, "recorder"))
+    return [Table(trouble) for trouble in troubles if trouble]
 
 
 def _interfaces(status: Mapping[str, object]) -> Table:

@@ -87,7 +87,8 @@ def _nobody(facts: Facts, width: int) -> Section:
 def _of_station(facts: Facts, width: int) -> Iterator[Section]:
     status = facts.status
     unset = UNSET if status.get("is_clock_set") is False else ""
-    known = (unset, storage.trouble(within(status, "storage")), _time(status), _place(within(status, "position")))
+    troubles = storage.trouble(within(status, "storage")), storage.recorder_trouble(within(status, "recorder"))
+    known = (unset, *troubles, _time(status), _place(within(status, "position")))
     yield [part for line in known for part in _folded(line, width)]
     told = within(status, "board")
     if told:

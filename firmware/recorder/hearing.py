@@ -30,11 +30,11 @@ class Hearing:
         self.on_status: Callable[[Status], None] = lambda status: None
         self.on_time: Callable[[Status], None] = lambda status: None
         self._subscriber = client.subscribe(context, place, place.report, "frame.", "time.", "status.")
+        self._connections = self._subscriber.get_monitor_socket(zmq.EVENT_CONNECTED)
         self._is_status_wanted = True
         self.is_known = False  # who the station is, or that it does not say
         self._early: list[Told] = []  # before its status
-        self._sequence: dict[str, int] = {}
-        self._started = self._heard = time.monotonic()
+        self._asked = self._heard = time.monotonic()
         self.is_heard = False
 
     def frames(self, idle: Callable[[], bool]) -> Iterator[Told]:
@@ -44,13 +44,13 @@ class Hearing:
         """
         while idle():
             self._subscriber.poll(round(TURN_S * 1000))
+            self._look()
             for frames in client.waiting(self._subscriber, AT_ONCE):
                 self._heard_now()
                 topic = frames[0]
                 if topic.startswith(b"frame."):
                     told = parse(frames)
                     if told is not None:
-                        self._follow(told)
                         self._early.append(told)
                 elif (report := client.parse_report(frames)) is not None:
                     self._take(*report)
@@ -79,16 +79,15 @@ class Hearing:
             self.is_heard = True
         elif now > self._heard + client.ANSWER_S:
             say(f"the station is heard again, after {now - self._heard:.1f} s")
-            self._want_status(True)
         self._heard = now
 
-    def _follow(self, told: Told) -> None:
-        """A station that counts anew has been started again."""
-        sequence = told.said.get("sequence")
-        if isinstance(sequence, int):
-            if sequence <= self._sequence.get(told.interface, 0):
-                self._want_status(True)
-            self._sequence[told.interface] = sequence
+    def _look(self) -> None:
+        """Another connection may be another station, or the same one that was started again."""
+        while self._connections.poll(0):
+            self._connections.recv_multipart()
+            self.is_known = False
+            self._asked = time.monotonic()
+            self._want_status(True)
 
     def _want_status(self, is_wanted: bool) -> None:
         if is_wanted is not self._is_status_wanted:
@@ -96,7 +95,7 @@ class Hearing:
             self._subscriber.setsockopt(zmq.SUBSCRIBE if is_wanted else zmq.UNSUBSCRIBE, b"status.")
 
     def _check(self) -> None:
-        if self.is_known or time.monotonic() < self._started + client.ANSWER_S:
+        if self.is_known or time.monotonic() < self._asked + client.ANSWER_S:
             return
         if self.is_heard:
             self._know({})

@@ -1,5 +1,6 @@
 """A ring of files: so many octets and seconds of all that was heard, and what was kept of it for a reason."""
 
+import errno
 import logging
 import os
 import re
@@ -15,6 +16,7 @@ from firmware.recorder.filing import Filing, Segment
 from firmware.recorder.hearing import say
 from firmware.recorder.scribe import Scribe
 from firmware.recorder.told import Told
+from firmware.storage import VOLATILE, kind_of
 
 # The ring turns in so many steps: the oldest of them goes at a time.
 PARTS = 16
@@ -24,17 +26,26 @@ LEAVE = 64 << 20
 _NAME = re.compile(r"(ring|kept)-(\d{8})-.*\.pcapng")
 _LONGEST = 40  # characters of a reason in a name
 
+MOUNTS = Path("/proc/self/mountinfo")
+
 log = logging.getLogger("captain.recorder")
 
 
 @dataclass(frozen=True)
 class Limits:
-    """size: octets of the ring, and again of what is kept. age_s: of the ring. before_s, after_s: kept of an event."""
+    """How much there may be.
+
+    size             octets of the ring, and again of what is kept.
+    age_s            of the ring.
+    before_s, after_s  kept of an event.
+    is_memory_fine   whether the folder may be in memory, as it is where a card has not been mounted.
+    """
 
     size: int = 256 << 20
     age_s: float = 3600.0
     before_s: float = 30.0
     after_s: float = 10.0
+    is_memory_fine: bool = True
 
 
 class Closed(NamedTuple):
@@ -121,6 +132,8 @@ class Ring:
 
     def _open(self) -> Segment:
         """The next file, with room for it. Raises OSError."""
+        if not self._limits.is_memory_fine and kind_of(MOUNTS, self.folder) in VOLATILE:
+            raise OSError(errno.ENODEV, "it is in memory: its card is not mounted", str(self.folder))
         if not self._is_known:
             self._look()
         self._prune()
@@ -154,7 +167,7 @@ class Ring:
             one = self._closed.pop(0)
             one.path.unlink(missing_ok=True)
         if (free := _room(self.folder)) <= 0:
-            raise OSError(28, f"no room: {-free} octets less than are left to others", str(self.folder))
+            raise OSError(errno.ENOSPC, f"no room: {-free} octets less than are left to others", str(self.folder))
 
     def _is_too_much(self, part: int) -> bool:
         oldest = self._closed[0].ended < self._clock() - self._limits.age_s

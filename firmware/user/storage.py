@@ -14,3 +14,17 @@ def trouble(told: Mapping[str, object]) -> str:
     if refused:
         words.append(f"{refused:.0f} writes refused, the last: {text(told, 'last_refusal')}")
     return "; ".join(word for word in words if word)
+
+
+def recorder_trouble(told: Mapping[str, object]) -> str:
+    """Why the recorder writes nothing, or keeps nothing; empty where it does, and where there is none."""
+    if not told:
+        return ""
+    if told.get("is_running") is not True:
+        return f"recorder: it does not run: {text(told, 'why')}"
+    words = []
+    if trouble := text(told, "trouble"):
+        words.append(f"{text(told, 'folder')}: {trouble}; {number(told, 'lost'):.0f} frames lost")
+    if not_kept := number(told, "not_kept"):
+        words.append(f"{not_kept:.0f} events not kept: remove what was kept before from {text(told, 'folder')}")
+    return f"recorder: {'; '.join(words)}" if words else ""

@@ -87,6 +87,22 @@ def test_a_folder_for_state_is_told_where_something_is_not_kept(told, line):
     )
 
 
+@pytest.mark.parametrize(
+    ("told", "words"),
+    [
+        ({"is_running": True, "trouble": ""}, []),
+        (
+            {"is_running": True, "trouble": "No space left on device", "lost": 7},
+            ["recorder: /x: No space left on device; 7 frames lost"],
+        ),
+        ({"is_running": True, "not_kept": 2}, ["recorder: 2 events not kept: remove what was kept before from /x"]),
+        ({"is_running": False, "why": "process 7 ended"}, ["recorder: it does not run: process 7 ended"]),
+    ],
+)
+def test_a_recorder_in_trouble_is_told(told: dict[str, object], words: list[str]) -> None:
+    assert [text for text in shown({"recorder": {"folder": "/x", **told}}) if "recorder" in text] == words
+
+
 def test_a_slow_subscriber_is_told_where_it_is():
     slow = {"slow_since": NOW, "slow_count": 3}
     titles = {

@@ -1,0 +1,71 @@
+"""The recorder as a process of the station: told what to do by its first message, and what to keep by others."""
+
+import json
+import os
+import socket
+import time
+from contextlib import suppress
+from pathlib import Path
+
+from board.errors import StationError
+from firmware.recorder.hearing import Hearing, say
+from firmware.recorder.ring import Limits
+from firmware.recorder.sinks import Keeper
+from firmware.user import client
+
+NICE = 10  # routing goes first
+TELL_S = 1.0
+MOST = 65536
+
+
+def serve(channel: socket.socket) -> None:
+    """Until the station says stop."""
+    os.nice(NICE)
+    asked = json.loads(channel.recv(MOST) or b"{}")
+    if not asked:
+        return
+    folder = Path(asked["folder"])
+    with suppress(OSError):
+        folder.mkdir(exist_ok=True)
+    limits = Limits(asked["size"], asked["age_s"], asked["before_s"], asked["after_s"], asked["is_memory_fine"])
+    keeper = Keeper(folder, limits, frozenset(asked["keep_on"]))
+    place = client.Address(asked["host"], report=asked["report"])
+    with client.session() as context:
+        try:
+            hearing = Hearing(context, place)
+            hearing.on_status, hearing.on_time = keeper.know, keeper.time
+            ear = Ear(channel, keeper, hearing)
+            for told in hearing.frames(ear.goes_on):
+                keeper.add(told)
+        except StationError as error:
+            say(f"recorder: {error.message}")
+        finally:
+            keeper.close()
+
+
+class Ear:
+    """The station's end: what it asks, and what it is told once a second."""
+
+    def __init__(self, channel: socket.socket, keeper: Keeper, hearing: Hearing) -> None:
+        self._channel = channel
+        self._keeper = keeper
+        self._hearing = hearing
+        self._told_at = 0.0
+
+    def goes_on(self) -> bool:
+        """Do what is asked; False when that is to stop."""
+        while True:
+            try:
+                message = self._channel.recv(MOST, socket.MSG_DONTWAIT)
+            except BlockingIOError:
+                break
+            if not message:
+                return False
+            self._keeper.trigger(json.loads(message)["trigger"])
+        if self._hearing.is_known:
+            self._keeper.idle()
+        now = time.monotonic()
+        if now >= self._told_at + TELL_S:
+            self._told_at = now
+            self._channel.send(json.dumps(self._keeper.ring.status()).encode())
+        return True
