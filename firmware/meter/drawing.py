@@ -106,7 +106,7 @@ def _metres(spots: Sequence[Mapping[str, Any]], end: str) -> list[tuple[float, f
 
 
 def _extent(points: Sequence[tuple[float, float]]) -> float:
-    return max(max(values) - min(values) for values in zip(*points, strict=True))
+    return max(max(point[axis] for point in points) - min(point[axis] for point in points) for axis in (0, 1))
 
 
 def mapped(spots: Sequence[Mapping[str, Any]]) -> str:

@@ -156,8 +156,9 @@ def measure(meter: Meter, one: Recording, other: Recording) -> Laid:
     uncovered = 0
     for recording, against, shift in ((one, other, 0.0), (other, one, ahead_s)):
         since, until = (moment + (ahead_s if against is one else -ahead_s) for moment in against.span)
+        heard_there = {heard.what.digest for heard in against.received}
         for event in recording.sent:
-            if since <= event.at_s <= until:
+            if since <= event.at_s <= until or event.what.digest in heard_there:
                 meter.sent(event._replace(at_s=event.at_s - shift))
             else:
                 uncovered += 1
@@ -165,7 +166,10 @@ def measure(meter: Meter, one: Recording, other: Recording) -> Laid:
             meter.received(heard._replace(at_s=heard.at_s - shift))
     meter.finish()
     if uncovered:
-        notes.append(f"{uncovered} messages were sent while the other end was not recorded: they are not counted")
+        notes.append(
+            f"{uncovered} messages were sent before the other end's first frame or after its last, and are not in it: "
+            "whether they were lost nobody knows, and they are not counted"
+        )
     return Laid(uncovered, notes)
 
 
