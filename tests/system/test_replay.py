@@ -1,17 +1,22 @@
 """A recording, replayed into another station: its users get what the first one's got, octet for octet."""
 
 import json
+import signal
 import subprocess
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from board.errors import ProtocolError
 from firmware.codec import capture
-from firmware.codec.pcapng import Direction, Pcapng
+from firmware.codec.pcapng import Direction
 from tests.system.conftest import Bench, Launcher
-from tests.system.station import PATIENCE, PROGRAM
-from tests.system.user import Received
+from tests.system.station import BETWEEN, PATIENCE, PROGRAM
+from tests.system.user import Received, mark
 
 NOT_OF_THE_MESSAGE = ("sec", "usec")  # of reception: it is another moment
 
@@ -37,12 +42,32 @@ def on_air(frames: dict[str, bytes], vectors: list[dict[str, Any]]) -> list[byte
     return [*frames.values(), *made, made[-1], made[0][:40], b"\xff" * 12 + b"\x89\x47"]
 
 
-def pcapng(path: Path, frames: list[bytes]) -> Path:
-    with path.open("wb") as stream:
-        recording = Pcapng(stream, "test")
-        for at, one in enumerate(frames):
-            recording.add("g5", 10**18 + at * 2_000_000, one, Direction.IN)
-    return path
+@contextmanager
+def recorded(bench: Bench, path: Path, count: int) -> Iterator[None]:
+    """What the station receives meanwhile goes into a file, which has so many frames at the end."""
+    reports = bench.station.ports["report"]
+    child = subprocess.Popen(
+        [*PROGRAM, "record", "--pcapng", str(path), "--report", str(reports)], stderr=subprocess.PIPE
+    )
+    assert child.stderr is not None
+    with child, child.stderr:
+        while b"a station is heard" not in (line := child.stderr.readline()):
+            assert line, "the recorder has ended"
+        yield
+        end = time.monotonic() + PATIENCE
+        while frames_in(path) < count:
+            assert time.monotonic() < end, f"{frames_in(path)} frames of {count}"
+            time.sleep(BETWEEN)
+        child.send_signal(signal.SIGTERM)
+        assert child.wait(PATIENCE) == 0
+
+
+def frames_in(path: Path) -> int:
+    with path.open("rb") as stream:
+        try:
+            return sum(one.direction is Direction.IN for one in capture.frames(stream.read(4), stream))
+        except ProtocolError:
+            return 0  # the last block is half written
 
 
 def replay(*arguments: str) -> dict[str, Any]:
@@ -74,18 +99,40 @@ def test_a_recording_replayed_into_a_second_station_gives_byte_identical_indicat
     launch: Launcher, on_air: list[bytes], tmp_path: Path
 ):
     first, second = launch("ethernet"), launch("ethernet")
-    for octets in on_air:
-        first.air.throw(octets)
-    expected = [_described(first.user.receive())]
-    first.air.send(last := b"\2\2\0\0\0\7end")
+    path = tmp_path / "drive.pcapng"
+    with recorded(first, path, len(on_air)):
+        for octets in on_air:
+            first.air.throw(octets)
+    first.air.send(last := mark())
+    expected = []
     while (one := first.user.receive()).pdu != last:
         expected.append(_described(one))
     assert len(expected) >= 24
-    listens = "{}:{}".format(*second.air.station)
-    told = replay(str(pcapng(tmp_path / "drive.pcapng", on_air)), "--udp", listens)
+    told = replay(str(path), "--udp", "{}:{}".format(*second.air.station))
     assert told["read"] == told["sent"] == len(on_air)
     # Types have lanes: what came first of two types may be delivered after the other.
     assert by_type(indications(second, len(expected))) == by_type(expected)
+
+
+@pytest.mark.parametrize("framing", ["pdu", "btp"])
+def test_what_came_in_no_frame_is_replayed_in_a_made_up_one(
+    launch: Launcher, vectors: list[dict[str, Any]], tmp_path: Path, framing: str
+):
+    first, second = launch(framing), launch("ethernet")
+    path = tmp_path / "drive.pcapng"
+    ports = {"cam": 2001, "denm": 2002, "mapem": 2003, "spatem": 2004, "ivim": 2006, "cpm": 2009, "vam": 2018}
+    with recorded(first, path, len(vectors)):
+        for row in vectors:
+            first.air.send(row["pdu"], ports[row["type"]])
+    first.air.send(last := mark())
+    expected = []
+    while (one := first.user.receive()).pdu != last:
+        expected.append((one.envelope, one.pdu))
+    assert len(expected) == len(vectors)
+    told = replay(str(path), "--udp", "{}:{}".format(*second.air.station))
+    assert told["sent"] == len(vectors)
+    found = [(envelope, pdu) for envelope, pdu, _ in indications(second, len(expected))]
+    assert sorted(found) == sorted(expected)
 
 
 def test_the_vectors_replayed_to_the_endpoint_leave_as_they_are(launch: Launcher, vectors: list[dict[str, Any]]):
