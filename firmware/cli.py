@@ -18,10 +18,11 @@ VERBS = {
     "status": "what a running station does: interfaces, queues, counters, drops with their reasons",
     "console": "the status screen of a serial console: 80 columns, 24 lines, a key for a shell",
     "listen": "live table of received messages with their fields, or one JSON object a line",
-    "record": "received messages into a file of ROS 2, of the form MCAP",
+    "record": "frames as they come and go, for Wireshark; messages for ROS 2; a ring that keeps what was",
     "replay": "recordings and captures sent again, into a station or on a link; rewritten, through a bad way",
     "impair": "a bad way between two interfaces: loss, bursts, delay, reordering, copies, wrong bits; all counted",
     "swarm": "many virtual stations that drive and send CAMs by the rules, CPMs and DENMs: up to and past a channel",
+    "extcap": "what Wireshark calls to capture from a station as from a network device",
     "send": "send messages from hex, base64, files or directories, and say what became of each",
     "decode": "octets of messages to their fields, from hex, base64, files or captures",
     "encode": "fields to octets: the inverse of decode --json",
@@ -85,6 +86,10 @@ def load(verb: str) -> ModuleType:  # noqa: PLR0915 (a table)
             from firmware.commands import swarm
 
             return swarm
+        case "extcap":
+            from firmware.commands import extcap
+
+            return extcap
         case "send":
             from firmware.commands import send
 

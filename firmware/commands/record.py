@@ -3,7 +3,6 @@
 import argparse
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -12,15 +11,15 @@ from typing import BinaryIO
 from board.errors import RequestError, StationError, UsageError
 from firmware.codec.library import load
 from firmware.recorder.ending import Ending
-from firmware.recorder.hearing import Hearing, say
+from firmware.recorder.hearing import say
 from firmware.recorder.mcap_recording import Recording
 from firmware.recorder.ring import Limits
+from firmware.recorder.session import record
 from firmware.recorder.sinks import File, Keeper, Pipe, Sink, standard_output
-from firmware.recorder.told import Told
-from firmware.recorder.triggers import ALL, OPERATOR
+from firmware.recorder.triggers import ALL
 from firmware.user import client
 from firmware.user.arguments import add_control, address, integer, number
-from firmware.user.listening import Listening, Wish, add_wish, wish_of
+from firmware.user.listening import Listening, add_wish, wish_of
 
 DESCRIPTION = """\
 Records a station.
@@ -107,9 +106,10 @@ def main(arguments: argparse.Namespace) -> int:
         return _live(arguments)
     if arguments.ring is not None:
         limits = Limits(arguments.size << 20, arguments.age, arguments.before, arguments.after)
-        return _frames(arguments, lambda: _keeper(arguments, limits), str(arguments.ring))
+        return record(address(arguments), wish_of(arguments), lambda: _keeper(arguments, limits), str(arguments.ring))
     make: Callable[[], Sink] = standard_output if arguments.pcapng == "-" else lambda: File(Path(arguments.pcapng))
-    return _frames(arguments, make, "standard output" if arguments.pcapng == "-" else arguments.pcapng)
+    name = "standard output" if arguments.pcapng == "-" else arguments.pcapng
+    return record(address(arguments), wish_of(arguments), make, name)
 
 
 def _keeper(arguments: argparse.Namespace, limits: Limits) -> Keeper:
@@ -124,43 +124,6 @@ def _trigger(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _frames(arguments: argparse.Namespace, make: Callable[[], Sink], name: str) -> int:
-    """Frames into what is made once a station is there."""
-    wish, place = wish_of(arguments), address(arguments)
-    with client.session() as context, suppress(SystemExit), Ending() as ending:
-        hearing = Hearing(context, place)
-        sink = make()
-        hearing.on_status, hearing.on_time = sink.know, sink.time
-        end = time.monotonic() + wish.for_s if wish.for_s is not None else None
-
-        def goes_on() -> bool:
-            ending.check()
-            if ending.is_asked() and isinstance(sink, Keeper):
-                sink.trigger(OPERATOR)
-            if hearing.is_known:
-                sink.idle()
-            return end is None or time.monotonic() < end
-
-        try:
-            for told in hearing.frames(goes_on):
-                if not _is_wanted(wish, told):
-                    sink.scribe.pass_over(told)
-                    continue
-                sink.add(told)
-                ending.check()
-                if sink.scribe.frames == wish.most:
-                    break
-        finally:
-            sink.close()
-            say(f"{name}: {sink.scribe.frames} frames, {sink.scribe.lost} lost")
-    return 0
-
-
-def _is_wanted(wish: Wish, told: Told) -> bool:
-    is_type = not wish.types or not wish.types.isdisjoint((told.type, told.said.get("message_id")))
-    return is_type and (not wish.stations or told.said.get("station_id") in wish.stations)
-
-
 def _live(arguments: argparse.Namespace) -> int:
     """Into Wireshark's standard input; it ends when its window is closed."""
     try:
@@ -171,7 +134,7 @@ def _live(arguments: argparse.Namespace) -> int:
         pipe = shark.stdin
         assert pipe is not None
         try:
-            return _frames(arguments, lambda: Pipe(pipe.write, pipe.flush), "wireshark")
+            return record(address(arguments), wish_of(arguments), lambda: Pipe(pipe), "wireshark")
         except BrokenPipeError:
             return 0
         finally:

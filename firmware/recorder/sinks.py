@@ -1,10 +1,11 @@
 """Where a recording goes: one file, a pipe, or a ring with what makes it keep something."""
 
+import select
 import sys
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Protocol
+from typing import IO, Protocol
 
 from board.errors import RequestError, UsageError
 from firmware.recorder.filing import Filing, Segment
@@ -61,14 +62,15 @@ class File:
 class Pipe:
     """A stream that somebody reads while it is written; BrokenPipeError is raised when nobody does any more."""
 
-    def __init__(self, write: Callable[[bytes], object], flush: Callable[[], None]) -> None:
+    def __init__(self, stream: IO[bytes]) -> None:
         self.scribe = Scribe()
-        self._write = write
-        self._flush = flush
+        self._stream = stream
+        self._end = select.poll()
+        self._end.register(stream, 0)  # POLLERR is always told: the reader has left
         self._is_begun = False
 
     def write(self, octets: bytes) -> None:
-        self._write(octets)
+        self._stream.write(octets)
 
     def know(self, status: Mapping[str, object]) -> None:
         self.scribe.know(status)
@@ -82,11 +84,13 @@ class Pipe:
 
     def idle(self) -> None:
         self._begin()
-        self._flush()
+        self._stream.flush()
+        if any(events & select.POLLERR for _, events in self._end.poll(0)):
+            raise BrokenPipeError
 
     def close(self) -> None:
         self.scribe.end()
-        self._flush()
+        self._stream.flush()
 
     def _begin(self) -> None:
         if not self._is_begun:
@@ -97,7 +101,7 @@ class Pipe:
 def standard_output() -> Pipe:
     if sys.stdout.isatty():
         raise UsageError("a terminal cannot show a recording", "send it through a pipe: ... --pcapng - | tshark -r -")
-    return Pipe(sys.stdout.buffer.write, sys.stdout.buffer.flush)
+    return Pipe(sys.stdout.buffer)
 
 
 class Keeper:
