@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from image import disk, slot_names, state, verify_bundle, verify_slot, verify_tree
 from image.description import Description, Partition
+from image.errors import ImageError
 from image.ext4 import FileSystem
 from image.program import run
 from image.project import PROJECT, version
@@ -55,7 +56,10 @@ class Card:
         self._places = {place.partition.name: place for place in disk.places(description.disk)}
 
     def rows(self) -> Iterator[Row]:
-        """Every check."""
+        """Every check. Raises ImageError where nothing was built."""
+        for path in (self._image, self._tools):
+            if not path.exists():
+                raise ImageError(f"{path}: is not there", "make image builds it")
         yield self._table()
         if self._image.stat().st_size < self._description.disk.size_mib * MIB:
             return

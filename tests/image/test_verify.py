@@ -9,6 +9,7 @@ import pytest
 
 from image import disk, state
 from image.description import read
+from image.errors import ImageError
 from image.verify import Card, inside
 
 OWN = read(Path(__file__).resolve().parents[2] / "image/image.toml")
@@ -78,9 +79,15 @@ def test_a_card_that_was_cut_short_is_told(tmp_path: Path):
     path = card(tmp_path / "card")
     with path.open("r+b") as file:
         file.truncate(100 * MIB)
-    assert [row.trouble for row in Card(OWN, path, Path("/none")).rows()] == [
+    assert [row.trouble for row in Card(OWN, path, tmp_path).rows()] == [
         f"the image has {100 * MIB} octets, not 2048 MiB"
     ]
+
+
+def test_a_card_that_was_never_built_is_told_with_what_builds_it(tmp_path: Path):
+    for path in (tmp_path / "card", card(tmp_path / "one")):  # without its tools a card cannot be looked at either
+        with pytest.raises(ImageError, match="(?s)is not there.*make image builds it"):
+            list(Card(OWN, path, tmp_path / "tools").rows())
 
 
 def test_counters_of_a_card_that_was_used_are_told(tmp_path: Path):
