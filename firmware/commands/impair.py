@@ -26,7 +26,8 @@ a bad way takes: losses one by one or in bursts, delay and jitter, reordering,
 copies, wrong bits. Each is counted to the packet, and the same seed does the
 same again. A side is
 
-  udp:LISTEN,PEER   hears datagrams at address LISTEN, and sends to address PEER
+  udp:LISTEN,PEER   hears datagrams at LISTEN, and sends to PEER: HOST:PORT each, or
+                    :PORT of this machine
   ethernet:DEVICE   hears and sends frames of GeoNetworking on a network device
   station:HOST[:PORT]
                     hears what a station's users receive, and gives to its PULL
@@ -37,13 +38,12 @@ messages for a station's endpoint, and its messages become frames.
 """
 EPILOG = """\
 examples:
-  captain impair udp:127.0.0.1:9001,127.0.0.1:8947 \\
-                 udp:127.0.0.1:9002,127.0.0.1:8948 --loss 0.1 --delay 0.05
+  captain impair udp::9001,:8947 udp::9002,:8948 --loss 0.1 --delay 0.05
                                       between two stations of this machine, of
                                       which one sends to 9001, the other to 9002
   captain impair ethernet:veth1 ethernet:veth2 --burst 0.01:0.25
                                       between two devices (as root)
-  captain impair station:10.0.0.2 udp:127.0.0.1:9002,127.0.0.1:8948 --one-way
+  captain impair station:10.0.0.2 udp::9002,:8948 --one-way
                                       what a station elsewhere receives, to an
                                       interface here
 
@@ -53,6 +53,7 @@ exit codes:
   2    wrong usage
   130  Ctrl-C
 """
+HOST = "127.0.0.1"
 Opening: TypeAlias = Callable[[argparse.Namespace, ExitStack], tuple[ears.Ear, ends.End]]
 
 
@@ -138,11 +139,11 @@ def side(text: str) -> tuple[str, Opening]:
 
 def _udp(text: str) -> Opening:
     try:
-        listen, peer = (udp_address(part) for part in text.split(","))
+        listen, peer = (udp_address(f"{HOST}{part}" if part.startswith(":") else part) for part in text.split(","))
     except ConfigurationError as error:
         raise argparse.ArgumentTypeError(f"udp:{text}: {error.message}") from error
     except ValueError:
-        raise argparse.ArgumentTypeError(f"udp:{text}: write LISTEN,PEER: 127.0.0.1:9001,127.0.0.1:8947") from None
+        raise argparse.ArgumentTypeError(f"udp:{text}: write LISTEN,PEER: :9001,10.0.0.2:8947") from None
 
     def opening(arguments: argparse.Namespace, ending: ExitStack) -> tuple[ears.Ear, ends.End]:
         ear, end = ears.Datagrams(listen, arguments.framing), ends.Datagrams(peer, arguments.framing)

@@ -46,7 +46,8 @@ examples:
   captain swarm 50 --cpm 2 --denm 0.1 --ethernet wlan0
                                             by 802.11p, with what they see, and
                                             an accident every ten seconds
-  captain swarm 10 --endpoint --duration 30 into the station's PULL
+  captain swarm 10 --endpoint --duration 30
+                                            into the station's PULL
   captain swarm 5 --track way.txt --speed 25
                                             along a way, a place a line:
                                             LATITUDE,LONGITUDE
