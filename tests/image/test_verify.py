@@ -86,7 +86,7 @@ def test_a_card_that_was_cut_short_is_told(tmp_path: Path):
 
 def test_a_card_that_was_never_built_is_told_with_what_builds_it(tmp_path: Path):
     for path in (tmp_path / "card", card(tmp_path / "one")):  # without its tools a card cannot be looked at either
-        with pytest.raises(ImageError, match="(?s)is not there.*make image builds it"):
+        with pytest.raises(ImageError, match=r"(?s)is not there.*make image builds it"):
             list(Card(OWN, path, tmp_path / "tools").rows())
 
 
