@@ -1,0 +1,133 @@
+"""captain replay: what goes where, and what it says of the rest."""
+
+import json
+import socket
+
+import pytest
+
+from drivers.message import Area, Position, Shape
+from firmware import cli
+from firmware.codec import capture
+from firmware.lab.laboratory import vectors
+from tests.firmware.commands.fake import FakeStation
+from tests.firmware.commands.test_send import refused, sent_by
+from tests.firmware.replay.test_rewriting import frame_of
+
+PDUS = [one.pdu for one in vectors()]
+AREA = Area(Shape.ELLIPSE, Position(487_668_616, 114_320_680), 500, 100, 45)
+BEACON = b"\xff" * 6 + bytes(6) + bytes.fromhex("894711001a01001080000000 0100".replace(" ", "")) + bytes(24)
+
+
+@pytest.fixture
+def drive(tmp_path):
+    """A capture: a CAM by single hop, a DENM into an area, a beacon, a broken frame."""
+    frames = [frame_of(PDUS[1]), frame_of(PDUS[0], AREA), BEACON, frame_of(PDUS[1])[:50]]
+    path = tmp_path / "drive.pcap"
+    path.write_bytes(
+        capture.header() + b"".join(capture.record(one, 10**18 + at * 10**6) for at, one in enumerate(frames))
+    )
+    return str(path), frames
+
+
+def test_a_station_is_given_pdus_with_what_their_frames_had(drive, capsys):
+    with FakeStation(answer=sent_by("g5")) as station:
+        assert cli.main(["replay", drive[0], *station.options]) == 0
+    told = capsys.readouterr().err
+    assert [frames[:2] for frames in station.requests] == [[b"v2x.", PDUS[1]], [b"v2x.", PDUS[0]]]
+    cam, denm = (json.loads(frames[2]) for frames in station.requests)
+    del cam["label"], denm["label"]
+    assert cam == {"btp_port": 2001, "traffic_class": 1}
+    area = {"shape": "ellipse", "latitude": 48.7668616, "longitude": 11.432068, "distance_a": 500}
+    assert denm == {
+        "btp_port": 2002,
+        "traffic_class": 1,
+        "hop_limit": 4,
+        "area": area | {"distance_b": 100, "angle": 45},
+    }
+    assert "captain: 2 sent of 4 read" in told
+    assert "the station says: 2 sent" in told
+    assert "left out: 1: a frame without a message: beacons (first" in told
+    assert "left out: 1: a frame without a message: broken: " in told
+
+
+def test_the_station_takes_the_options_that_it_is_given(drive):
+    from firmware import options
+
+    with FakeStation(answer=sent_by("g5")) as station:
+        assert cli.main(["replay", drive[0], *station.options]) == 0
+    parsed = [options.parse(frames[2]) for frames in station.requests]
+    assert [one.area for one in parsed] == [None, AREA]
+
+
+def test_a_refusal_of_the_station_is_told_and_makes_it_fail(drive, capsys):
+    with FakeStation(answer=refused) as station:
+        assert cli.main(["replay", drive[0], *station.options, "--rate", "0"]) == 1
+    assert "2 refused" in capsys.readouterr().err
+
+
+def test_a_link_is_given_whole_frames_broken_ones_and_beacons_among_them(drive, capsys):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ear:
+        ear.bind(("127.0.0.1", 0))
+        ear.settimeout(5)
+        assert cli.main(["replay", drive[0], "--udp", "{}:{}".format(*ear.getsockname()), "--json"]) == 0
+        assert [ear.recv(2048) for _ in drive[1]] == drive[1]
+    told = json.loads(capsys.readouterr().out)
+    assert (told["read"], told["sent"], told["left_out"], told["unheard"]) == (4, 4, {}, 0)
+
+
+@pytest.mark.parametrize(("framing", "head"), [("pdu", b""), ("btp", bytes.fromhex("07d10000"))])
+def test_datagrams_hold_what_the_framing_says(tmp_path, framing, head):
+    path = tmp_path / "a.hex"
+    path.write_text(PDUS[1].hex())
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ear:
+        ear.bind(("127.0.0.1", 0))
+        ear.settimeout(5)
+        to = "{}:{}".format(*ear.getsockname())
+        assert cli.main(["replay", str(path), "--udp", to, "--framing", framing]) == 0
+        assert ear.recv(2048) == head + PDUS[1]
+
+
+def test_what_is_changed_is_changed_and_what_is_lost_is_told(tmp_path, capsys):
+    path = tmp_path / "a.hex"
+    path.write_text("\n".join([PDUS[1].hex()] * 40))
+    with FakeStation(answer=sent_by("g5")) as station:
+        wishes = ["--station-id", "4711", "--time", "now", "--shift", "0,100", "--loss", "0.5", "--rate", "0"]
+        assert cli.main(["replay", str(path), *station.options, *wishes, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["sent"] == len(station.requests) == 40 - told["way"]["lost"]
+    assert told["outcomes"] == {"sent": told["sent"]}
+    for frames in station.requests:
+        assert frames[1][2:6] == (4711).to_bytes(4)
+        assert frames[1] != PDUS[1]
+
+
+def test_what_cannot_be_read_is_told_and_makes_it_fail(tmp_path, capsys):
+    path = tmp_path / "a.hex"
+    path.write_text(f"{PDUS[0].hex()}\nnonsense\n")
+    with FakeStation(answer=sent_by("g5")) as station:
+        assert cli.main(["replay", str(path), *station.options, "--rate", "0"]) == 1
+    assert len(station.requests) == 1
+    told = capsys.readouterr().err
+    assert "line 2" in told
+    assert "1 could not be read" in told
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["-", "--loop"],
+        ["x.hex", "--shift", "1"],
+        ["x.hex", "--station-id", "-1"],
+        ["x.hex", "--burst", "0.1"],
+        ["x.hex", "--loss", "1.5"],
+        ["x.hex", "--udp", "nowhere"],
+        ["x.hex", "--speed", "2", "--rate", "1"],
+    ],
+)
+def test_wrong_usage_is_told_as_such(words, capsys):
+    try:
+        status = cli.main(["replay", *words])
+    except SystemExit as ended:
+        status = int(ended.code or 0)
+    assert status == 2
+    assert capsys.readouterr().err
