@@ -22,7 +22,7 @@ from firmware.meter.session import Session, TimeLine
 from firmware.meter.text import duration, tables
 from firmware.meter.watch import Watch
 from firmware.user import client
-from firmware.user.arguments import HIGHEST_RATE, integer, number, seconds, station, times
+from firmware.user.arguments import HIGHEST_RATE, integer, number, port, seconds, station, times
 from firmware.user.received import Pairing
 from firmware.user.table import Screen, lines_for
 from firmware.user.untrusted import number as number_of
@@ -75,7 +75,12 @@ exit codes:
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("what", metavar="WHAT", nargs="*", help="two recordings, or table1 or table3")
     parser.add_argument(
-        "--at", metavar="NAME=HOST[:PORT]", action="append", default=[], type=_named, help="a station, by any name"
+        "--at",
+        metavar="NAME=HOST[:PORT]",
+        action="append",
+        default=[],
+        type=_named,
+        help="a station, by any name; the port that its users publish to, or all four with commas between",
     )
     parser.add_argument("--duration", metavar="S", type=seconds, help="end after so many seconds")
     parser.add_argument(
@@ -121,8 +126,12 @@ def _named(given: str) -> At:
     name, equals, where = given.partition("=")
     if not equals:
         name, where = "", given
+    where, *others = where.split(",")
     host, first = station(where)
-    return At(name or where, client.Address(host, first, first + 1, first + 2, first + 3))
+    if len(others) not in (0, 3):
+        raise argparse.ArgumentTypeError(f"{given!r}: a station has one port and three after it, or four by name")
+    to_users, pull, report = map(port, others) if others else (first + 1, first + 2, first + 3)
+    return At(name or where, client.Address(host, first, to_users, pull, report))
 
 
 def _ends(given: str) -> Ends:

@@ -70,6 +70,10 @@ class Inside:
     def not_sent(self, station: str, interface: str, reason: str) -> None:
         self.leaving.setdefault(Port(station, interface), Leaving()).not_sent[reason] += 1
 
+    def told(self, station: str) -> int:
+        """Of how many messages it is known what a station did with them; each interface counts."""
+        return sum(one.sent + one.not_sent.total() for port, one in self.leaving.items() if port.station == station)
+
     def received(self, event: Received) -> None:
         key = Source(event.station, event.interface, event.what.type, event.what.station_id)
         hearing = self._hearing.get(key)

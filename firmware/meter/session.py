@@ -12,6 +12,7 @@ from firmware.user import client
 LOOK_S = 0.1  # how often is settled
 REDRAW_S = 1.0
 CONFIRM_S = 0.5  # until a station's word is here of what has left it
+CONFIRMS_S = 20.0  # the same of messages that one knows to be on their way, where the machine is busy
 
 
 class TimeLine:
@@ -46,6 +47,8 @@ class Session:
         """Until so many seconds are over, or all probes are sent; then until all is settled. Ctrl-C ends the first."""
         with suppress(KeyboardInterrupt):  # what was measured until now is to be told
             self._until(None if for_s is None else self.line() + for_s, idle, is_sending=True)
+            if self.prober is not None:
+                self.wait_for(self.prober.name, self.prober.count)
         self.end(idle)
 
     def end(self, idle: Callable[[], None] = lambda: None) -> None:
@@ -59,7 +62,14 @@ class Session:
 
     def serve(self, for_s: float) -> None:
         """Take what comes for so long: for those who do something else meanwhile."""
+        self.take()
         self._until(self.line() + for_s, lambda: None, is_sending=True)
+
+    def wait_for(self, station: str, count: int, within_s: float = CONFIRMS_S) -> None:
+        """Take what comes until a station has said what became of so many messages, or for so long."""
+        end_s = self.line() + within_s
+        while self.meter.inside.told(station) < count and self.line() < end_s:
+            self._until(self.line() + LOOK_S, lambda: None, is_sending=False)
 
     def _until(self, end_s: float | None, idle: Callable[[], None], is_sending: bool) -> None:
         poller = registered(self.watches)

@@ -74,7 +74,10 @@ def table_1(for_s: float | None, interval_s: float) -> Shown:
                 count.sent(seat.name, place)
             hear()
 
-        _paced(session, round(duration_s * RATE_HZ) * len(ten), RATE_HZ * len(ten), send)
+        turns = round(duration_s * RATE_HZ) * len(ten)
+        _paced(session, turns, RATE_HZ * len(ten), send)
+        for seat in seats:
+            session.wait_for(seat.name, turns)
         session.end()
         hear()
         about = measured.about("Table 1: ten messages between two stations", "captain meter table1", ())
@@ -114,7 +117,10 @@ def table_3(for_s: float | None, interval_s: float) -> Shown:
                 session.meter.spots.place(digest_of(pdu), where)
                 seat.send_pdu(pdu)
 
-        _paced(session, round(duration_s * RATE_HZ), RATE_HZ, send)
+        turns = round(duration_s * RATE_HZ)
+        _paced(session, turns, RATE_HZ, send)
+        for seat in (parked, car):
+            session.wait_for(seat.name, turns)
         session.end()
         injected = {name: radio.lost() - before[name] for name, radio in radios.items()}
         notes = (

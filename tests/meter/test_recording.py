@@ -1,0 +1,121 @@
+"""Two recordings measured afterwards: of one clock, of two that nobody knows, and plain captures."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from board.errors import StationError
+from firmware import framing
+from firmware.codec import capture
+from firmware.codec.pcapng import Direction, Pcapng
+from firmware.meter import recording
+from firmware.meter.matching import Fate, Way
+from firmware.meter.meter import Meter
+
+START_NS = 1_795_182_426_000_000_000
+GOOD: dict[str, Any] = {"state": "locked", "error_ns": 1000, "offset_ns": 0, "uncertainty_ns": 1000}
+UNKNOWN: dict[str, Any] = {"state": "unknown", "error_ns": None, "offset_ns": None, "uncertainty_ns": None}
+
+
+def frame(number: int, station: int = 1337) -> bytes:
+    return framing.of_octets(bytes([2, 2]) + station.to_bytes(4) + number.to_bytes(8))
+
+
+def recorded(
+    path: Path, boot: str, frames: Iterable[tuple[int, float, Direction]], quality: dict[str, Any], ahead_s: float = 0.0
+) -> Path:
+    """A file as `captain record` writes it: numbers of messages, when, which way."""
+    with path.open("wb") as stream:
+        writer = Pcapng(stream, "test", said={"boot": boot, "version": "9.9", "configuration": "cafe"})
+        writer.interface("g5", "its-g5 by udp")
+        for number, at_s, direction in frames:
+            said: dict[str, Any] = {"quality": quality}
+            if direction is Direction.OUT:
+                said |= {"queue_us": 100.0, "send_us": 50.0}
+            writer.add("g5", START_NS + round((at_s + ahead_s) * 1e9), frame(number), direction, said=said)
+    return path
+
+
+def measured(one: Path, other: Path) -> tuple[Meter, recording.Laid]:
+    meter = Meter()
+    laid = recording.measure(meter, recording.read(one, "A", True), recording.read(other, "B", False))
+    return meter, laid
+
+
+WAY = Way("A", "g5", "B", "g5")
+LOST = {7, 30, 31}
+OUT = [(n, n * 0.1, Direction.OUT) for n in range(50)]
+IN = [(n, n * 0.1 + 0.004, Direction.IN) for n in range(50) if n not in LOST]
+
+
+def test_of_one_clock_loss_and_delay_are_those_that_were_made(tmp_path: Path) -> None:
+    meter, laid = measured(
+        recorded(tmp_path / "a", "boot", OUT, UNKNOWN), recorded(tmp_path / "b", "boot", IN, UNKNOWN)
+    )
+    whole = meter.ways[WAY].whole
+    assert (whole.sent, whole.lost, whole.counts[Fate.ARRIVED], laid.uncovered) == (50, 3, 47, 0)
+    assert whole.one_way_us.quantiles(0.0, 1.0) == [4150.0, 4150.0]  # with what it waited and took to leave
+    assert laid.notes == []
+
+
+@pytest.mark.parametrize("ahead_s", [86_400.0, -3.7])
+def test_two_clocks_that_nobody_knows_give_loss_and_no_delay(tmp_path: Path, ahead_s: float) -> None:
+    meter, laid = measured(
+        recorded(tmp_path / "a", "one", OUT, UNKNOWN), recorded(tmp_path / "b", "other", IN, UNKNOWN, ahead_s)
+    )
+    whole = meter.ways[WAY].whole
+    assert (whole.sent, whole.lost, whole.one_way_us.count) == (50, 3, 0)
+    assert f"{ahead_s + 0.004:+.6f} s" in laid.notes[0]
+
+
+def test_two_clocks_that_are_known_give_delays(tmp_path: Path) -> None:
+    meter, _ = measured(recorded(tmp_path / "a", "one", OUT, GOOD), recorded(tmp_path / "b", "other", IN, GOOD))
+    whole = meter.ways[WAY].whole
+    assert whole.link_us.quantiles(0.5) == [4025.0]
+    assert whole.doubt_us.quantiles(0.5) == [27.0]  # half of 50 us to leave, and 1 us of each clock
+
+
+def test_what_was_sent_while_the_other_end_was_not_recorded_is_not_counted(tmp_path: Path) -> None:
+    late = [one for one in IN if one[1] > 2.0]
+    meter, laid = measured(recorded(tmp_path / "a", "boot", OUT, GOOD), recorded(tmp_path / "b", "boot", late, GOOD))
+    assert (meter.ways[WAY].whole.sent, meter.ways[WAY].whole.lost, laid.uncovered) == (30, 2, 20)
+    assert "20 messages were sent before" in laid.notes[0]
+
+
+def test_frames_that_the_recorder_did_not_have_are_no_loss(tmp_path: Path) -> None:
+    path = tmp_path / "b"
+    with path.open("wb") as stream:
+        writer = Pcapng(stream, "test", said={"boot": "boot"})
+        for n in (0, 1, 5):
+            when_ns = START_NS + round((n * 0.1 + 0.004) * 1e9)
+            writer.add("g5", when_ns, frame(n), Direction.IN, said={"quality": GOOD}, lost=2 if n == 5 else 0)
+    meter, laid = measured(recorded(tmp_path / "a", "boot", OUT[:6], GOOD), path)
+    whole = meter.ways[WAY].whole
+    # Of the three between, the last one before the end is not covered: two were missed, and one was lost.
+    assert (whole.counts[Fate.UNSEEN], whole.lost) == (2, 1)
+    assert any("its recorder did not have" in note for note in laid.notes)
+
+
+def test_plain_captures_are_taken_as_sent_and_received(tmp_path: Path) -> None:
+    for name, frames in (("a", OUT), ("b", IN)):
+        octets = b"".join(capture.record(frame(n), START_NS + round(at_s * 1e9)) for n, at_s, _ in frames)
+        (tmp_path / name).write_bytes(capture.header() + octets)
+    meter, _ = measured(tmp_path / "a", tmp_path / "b")
+    (way,) = (way for way, one in meter.ways.items() if one.whole.sent)
+    assert (meter.ways[way].whole.sent, meter.ways[way].whole.lost) == (50, 3)
+    assert recording.told_of(recording.read(tmp_path / "a", "A", True))["notes"]
+
+
+@pytest.mark.parametrize("octets", [b"", b"no capture", b"\x0a\x0d\x0d\x0a\x1c"])
+def test_what_is_no_recording_is_refused_with_its_name(tmp_path: Path, octets: bytes) -> None:
+    path = tmp_path / "x"
+    path.write_bytes(octets)
+    with pytest.raises(StationError, match=str(path)):
+        recording.read(path, "A", True)
+
+
+def test_a_file_that_is_not_there_is_told(tmp_path: Path) -> None:
+    with pytest.raises(StationError, match="No such file"):
+        recording.read(tmp_path / "nowhere", "A", True)

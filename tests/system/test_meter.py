@@ -1,0 +1,123 @@
+"""captain meter at real stations: what it says of what was sent, lost and reflected, and the page that it writes."""
+
+import json
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from firmware.lab.laboratory import Seat, bench
+from tests.system.station import PROGRAM
+
+
+def meter(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([*PROGRAM, "meter", *arguments], capture_output=True, text=True, timeout=60, check=False)
+
+
+def said(*arguments: str) -> dict[str, Any]:
+    done = meter(*arguments, "--json")
+    assert done.returncode == 0, done.stderr + done.stdout
+    found: dict[str, Any] = json.loads(done.stdout)
+    return found
+
+
+def at(seat: Seat) -> tuple[str, str]:
+    place = seat.place
+    return "--at", f"{seat.name}={place.host}:{place.from_users},{place.to_users},{place.pull},{place.report}"
+
+
+@pytest.fixture(scope="module")
+def seats() -> Iterator[tuple[Seat, Seat]]:
+    with bench("udp", 0.0, None) as made:
+        a, b = made.seats
+        yield a, b
+
+
+PROBES = ("--probe", "cam", "--rate", "50", "--count", "20", "--grace", "0.4")
+
+
+def test_probes_from_one_to_the_other_arrive_and_their_delays_are_by_one_clock(
+    seats: tuple[Seat, Seat], tmp_path: Path
+) -> None:
+    a, b = seats
+    page = tmp_path / "page.html"
+    told = said(*at(a), *at(b), *PROBES, "--report", str(page))
+    (way,) = told["ways"]
+    assert (way["way"], way["sent"], way["arrived"], way["lost"]) == ("A > B air", 20, 20, 0)
+    assert way["one_way_us"]["count"] == 20
+    assert way["link_us"]["median"] + way["doubt_us"]["most"] > 0
+    (row,) = told["rows"]
+    assert (row["type"], row["station_id"]) == ("cam", 0x50524F42)
+    trips = {(one["sender"], one["receiver"]): one["user_us"] for one in told["trips"]}
+    assert trips["A", "B"]["count"] == 20
+    assert trips["A", "B"]["least"] > way["link_us"]["least"]
+    assert {one["version"] for one in told["stations"].values()} != {""}
+    assert page.read_text().startswith("<!DOCTYPE html>")
+    assert json.loads(page.with_suffix(".json").read_text())["ways"] == told["ways"]
+    assert json.loads(page.with_suffix(".geojson").read_text())["type"] == "FeatureCollection"
+
+
+@contextmanager
+def reflecting(seat: Seat) -> Iterator[None]:
+    command = [*PROGRAM, "meter", "--reflect", *at(seat)]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stderr is not None
+            assert "are sent back" in process.stderr.readline()
+            yield
+        finally:
+            process.terminate()
+
+
+def test_reflected_probes_have_a_round_trip_that_needs_the_other_station_not_at_all(seats: tuple[Seat, Seat]) -> None:
+    a, b = seats
+    with reflecting(b):
+        told = said(*at(a), *PROBES, "--round-trip")
+    (way,) = told["ways"]
+    assert way["is_round_trip"]
+    assert (way["sent"], way["lost"], way["one_way_us"]["count"]) == (20, 0, 20)
+
+
+def test_a_station_that_is_not_there_is_told() -> None:
+    done = meter("--at", "A=127.0.0.1:1", "--duration", "1")
+    assert done.returncode == 1
+    assert "no station answers" in done.stderr
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        (),
+        ("one.pcapng",),
+        ("table1", "--at", "A=127.0.0.1"),
+        ("--at", "127.0.0.1", "--at", "127.0.0.1"),
+        ("--at", "A=127.0.0.1", "--round-trip"),
+        ("--at", "A=127.0.0.1", "--probe", "cam", "--from", "B"),
+        ("--at", "A=127.0.0.1", "--report", "page.pdf"),
+        ("--at", "A=127.0.0.1", "--between", "A:g5"),
+        ("--at", "A=127.0.0.1:1,2,3"),
+    ],
+)
+def test_what_does_not_go_together_is_wrong_usage(arguments: tuple[str, ...]) -> None:
+    assert meter(*arguments).returncode == 2
+
+
+def test_table_1_loses_nothing_and_the_meter_says_so() -> None:
+    told = said("table1", "--duration", "0.5")
+    assert [(one["way"], one["sent"], one["arrived"], one["lost"]) for one in told["ways"]] == [
+        ("A > B air", 50, 50, 0),
+        ("B > A air", 50, 50, 0),
+    ]
+
+
+def test_table_3_measures_the_loss_of_the_radios() -> None:
+    """The first second of the lap, in which the car is in sight."""
+    told = said("table3", "--duration", "1")
+    assert [(one["way"], one["sent"], one["lost"]) for one in told["ways"]] == [
+        ("A > B air", 10, 0),
+        ("B > A air", 10, 0),
+    ]
+    assert len(told["map"]) == 20
