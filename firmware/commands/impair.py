@@ -98,6 +98,8 @@ def main(arguments: argparse.Namespace) -> int:
 def _lines(ways: list[Way]) -> Iterator[str]:
     for way in ways:
         yield f"{way.source.name} to {way.to.name}: {way.heard} heard, {way.sent} sent"
+        if unheard := _unheard(way):
+            yield f"  nobody listened to {unheard} of them"
         if words := told(way.impairment.counts):
             yield f"  {words}"
         for why, count in sorted(way.left_out.items()):
@@ -113,6 +115,7 @@ def _json(ways: list[Way]) -> str:
                     "to": way.to.name,
                     "heard": way.heard,
                     "sent": way.sent,
+                    "unheard": _unheard(way),
                     "left_out": dict(way.left_out),
                     "waiting": way.impairment.waiting,
                     **asdict(way.impairment.counts),
@@ -121,6 +124,11 @@ def _json(ways: list[Way]) -> str:
             ]
         }
     )
+
+
+def _unheard(way: Way) -> int:
+    """Datagrams of which the other side said that nobody listens there."""
+    return way.to.end.unheard if isinstance(way.to.end, ends.Datagrams) else 0
 
 
 # -- sides
