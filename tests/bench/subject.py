@@ -70,7 +70,10 @@ class Subject:
     name = "floor"
 
     def __init__(self) -> None:
-        self.ports = free_ports()
+        self.ports = self.find_ports()
+
+    def find_ports(self) -> Ports:
+        return free_ports()
 
     def command(self) -> Sequence[str]:
         ports = self.ports
