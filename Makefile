@@ -3,7 +3,7 @@
 
 .DEFAULT_GOAL := help
 .PHONY: help setup run codec import-check docs test test-binary check portable fuzz truth \
-	bench bench-station bench-messages bench-v2n bench-time bench-ros2 lab chaos outages fleet swarm kernel ros2 clock days chronyd binary \
+	bench bench-station bench-messages bench-v2n bench-time bench-ros2 lab meter chaos outages fleet swarm kernel ros2 clock days chronyd binary \
 	image image-test release flash lock proof clean
 
 PYTEST := .venv/bin/python -m pytest
@@ -77,6 +77,11 @@ lab: setup-test ## ten messages at 10 Hz for 60 s between two stations: UDP, raw
 	@.venv/bin/captain lab --capture build/lab-radio.pcap --decode --radio $(ARGS)
 	@.venv/bin/captain lab --mqtt $(ARGS)
 	@.venv/bin/captain lab --capture build/lab-both.pcap --decode --radio --mqtt $(ARGS)
+
+meter: setup-test ## the link meter and the paper's tables: measured beside what was injected; pages in build/meter-*.html
+	@mkdir -p build
+	@.venv/bin/captain meter table1 --report build/meter-table1.html $(ARGS)
+	@.venv/bin/captain meter table3 --report build/meter-table3.html $(ARGS)
 
 chaos: setup-test ## everything that is simulated fails at random: MINUTES=30 of virtual time, then DURATION=600 real seconds
 	@.venv/bin/python -m tests.chaos.virtual --minutes $(or $(MINUTES),30) --seeds 1 2 3
