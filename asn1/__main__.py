@@ -65,12 +65,12 @@ def arguments() -> argparse.ArgumentParser:
     one.add_argument("--all", action="store_true", help="every message")
     one.add_argument("--form", choices=library.FORMS, default="cmake", help="default: %(default)s")
     one.add_argument("--to", type=Path, required=True, metavar="DIR", help="empty, new, or made by this program before")
-    one.add_argument("--profile", choices=library.PROFILES, default="etsi_its",
-                     help="of the form ros2: whose names the messages have; default: %(default)s")  # fmt: skip
+    one.add_argument("--profile", choices=library.PROFILES,
+                     help="of the form ros2: whose names the messages have; default: etsi_its")  # fmt: skip
     one.add_argument("--ros2", action="store_true",
                      help="of the forms with code: also to serialised ROS 2 messages and back")  # fmt: skip
-    one.add_argument("--distro", choices=library.DISTROS, default="jazzy",
-                     help="of the form ros2: which ROS the Debian packages are for; default: %(default)s")  # fmt: skip
+    one.add_argument("--distro", choices=library.DISTROS,
+                     help="of the form ros2: which ROS the Debian packages are for; default: jazzy")  # fmt: skip
 
     _with(one)
 

@@ -41,6 +41,7 @@ def generate(args: argparse.Namespace) -> int:
         raise UsageError("generate what? name messages, or give --standard or --all")
     if bool(args.messages) + args.standard + args.all > 1:
         raise UsageError("names, --standard and --all exclude each other")
+    _check_form(args)
     schema = _schema(args.with_)
     if args.all:
         messages = tuple(schema.messages)
@@ -48,16 +49,33 @@ def generate(args: argparse.Namespace) -> int:
         messages = selection.standard(schema)
     else:
         messages = selection.named(schema, args.messages)
+    before = _packages(args)
     changed = write(schema, messages, args)
     print(f"{args.to}: {_count(len(messages), 'message')} as {args.form}, {_count(changed, 'file')} changed")
+    if gone := sorted(before - _packages(args)):
+        print(f"removed, as they were not asked for again: {', '.join(gone)}")
     print(library.NEXT[args.form].format(folder=args.to))
     return 0
+
+
+def _check_form(args: argparse.Namespace) -> None:
+    """Options that the form does not have are no wishes that nobody hears."""
+    for name in ("profile", "distro"):
+        if getattr(args, name) is not None and args.form != "ros2":
+            raise UsageError(f"--{name} is of the form ros2, not of {args.form}")
+    if args.ros2 and args.form not in library.WITH_CODE:
+        raise UsageError(f"--ros2 is of the forms {', '.join(library.WITH_CODE)}, not of {args.form}")
+
+
+def _packages(args: argparse.Namespace) -> set[str]:
+    """Names of the ROS packages in the directory that is written."""
+    return {path.parent.name for path in args.to.glob("*/package.xml")} if args.form == "ros2" else set()
 
 
 def write(schema: Schema, messages: tuple[str, ...], args: argparse.Namespace) -> int:
     """One form into its directory; the count of files that have changed."""
     steps = Steps(library.steps(schema, messages, args.form))
-    ros2 = library.Ros2(args.profile, args.distro, args.ros2)
+    ros2 = library.Ros2(args.profile or "etsi_its", args.distro or "jazzy", args.ros2)
     try:
         return library.generate(schema, messages, args.form, args.to, steps, ros2)
     except RosError as error:

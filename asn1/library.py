@@ -29,6 +29,8 @@ FORMS = {
     "ros2": "ROS 2 message packages, for colcon and as Debian source packages",
 }
 
+WITH_CODE = ("cmake", "sources", "python", "wheel")
+
 NEXT = {
     "cmake": "cmake -S {folder} -B {folder}/build && cmake --build {folder}/build -j && "
     "cmake --install {folder}/build --prefix DIR",

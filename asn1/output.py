@@ -27,6 +27,7 @@ def write(folder: Path, fill: Callable[[Path], None], form: str) -> int:
         changed = sum(_replace(Path(made) / file, folder / file) for file in files)
     for stale in before - set(files):
         (folder / stale).unlink(missing_ok=True)
+        _remove_empty(folder, (folder / stale).parent)
         changed += 1
     (folder / MANIFEST).write_text("".join(f"{line}\n" for line in (FORM + form, *files)), encoding="utf-8")
     return changed
@@ -47,6 +48,13 @@ def _ours(folder: Path, form: str) -> set[Path]:
     if any(folder.iterdir()):
         raise NotOursError(f"{folder} is not empty and was not made by captain-asn1: give an empty or a new directory")
     return set()
+
+
+def _remove_empty(top: Path, folder: Path) -> None:
+    """What held nothing but a file that is gone, up to the directory itself."""
+    while folder != top and folder.is_dir() and not any(folder.iterdir()):
+        folder.rmdir()
+        folder = folder.parent
 
 
 def _replace(made: Path, target: Path) -> bool:

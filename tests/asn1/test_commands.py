@@ -78,6 +78,32 @@ def test_what_is_wrong_is_said_in_a_line_and_writes_nothing(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--form", "cmake", "--profile", "v2x_msgs"), "--profile is of the form ros2, not of cmake"),
+        (("--form", "docs", "--distro", "humble"), "--distro is of the form ros2, not of docs"),
+        (("--form", "ros2", "--ros2"), "--ros2 is of the forms cmake, sources, python, wheel, not of ros2"),
+    ],
+)
+def test_an_option_of_another_form_is_refused(words, said, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    assert run("generate", "rawtx", *words, "--to", tmp_path / "out") == 2
+    assert said in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_ros_package_that_is_not_asked_for_again_is_removed_and_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    for name in ("rawtx", "rawrx"):
+        assert run("generate", name, "--form", "ros2", "--to", tmp_path / "src") == 0
+    assert "removed, as they were not asked for again: captain_rawtx_1_msgs" in capsys.readouterr().out
+    assert sorted(path.name for path in (tmp_path / "src").iterdir() if path.is_dir()) == [
+        "captain_rawrx_1_msgs",
+        "captain_si",
+    ]
+
+
 def test_a_message_of_one_s_own_is_added_with_one_command_and_listed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):

@@ -1,6 +1,6 @@
 """Functions in SI units, as they are generated for messages of CAM and DENM."""
 
-from math import inf
+from math import inf, nan
 from types import SimpleNamespace
 
 import pytest
@@ -49,9 +49,9 @@ def test_out_of_range_is_infinite_both_ways():
     assert message.value == 4094
 
 
-@pytest.mark.parametrize("value", [1000.0, -0.1, 163.83, -inf])
-def test_a_value_beyond_the_range_is_told_with_the_range(value):
-    with pytest.raises(ValueError, match=r"speed_value: .* is not from 0\.0 to 163\.83"):
+@pytest.mark.parametrize("value", [1000.0, -0.1, 163.83, -inf, nan])
+def test_a_value_beyond_the_range_is_told_with_the_range_of_values(value):
+    with pytest.raises(ValueError, match=r"speed_value: .* is not from 0\.0 to 163\.82$"):
         SI.set_speed_value(SimpleNamespace(value=0), value)
 
 
