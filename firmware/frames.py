@@ -11,11 +11,12 @@ import time
 from collections import Counter
 from collections.abc import Callable, Container
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Protocol
 
 from board.loop import Loop
 from board.time import TimeQuality
-from drivers.message import ITS_HEADER, Confirm, Ego, Indication, MessageType, Outcome, Request
+from drivers.message import ITS_HEADER, UNKNOWN_TIME, Confirm, Ego, Indication, MessageType, Outcome, Request
 from drivers.reason import MEANING, Reason
 from firmware import framing
 from firmware.report import FRAME, digest_of, said_of
@@ -99,7 +100,8 @@ class Frames:
         self._has_frames: set[str] = set()
         self._missed: Counter[str] = Counter()
         self._just_missed = "", 0
-        self._sequence: Counter[str] = Counter()
+        self._sequence: dict[str, int] = {}
+        self._quality = UNKNOWN_TIME, json.dumps(said_of(UNKNOWN_TIME))
         self._is_scheduled = False
 
     def forget(self) -> None:
@@ -130,11 +132,14 @@ class Frames:
         """What interfaces have brought, before any stage."""
         for indication in indications:
             interface, pdu = indication.interface, indication.pdu
-            one = self._by_octets.get((interface, id(pdu)))
-            if one is None and interface not in self._has_frames:
-                one = self._note(interface, indication.received_ns, b"", pdu)
-                if one is not None:
-                    self._by_octets[interface, id(pdu)] = one
+            if interface in self._has_frames:
+                one = self._by_octets.get((interface, id(pdu)))
+            elif len(self._noted) >= MOST:  # as _note() has it; of a flood this is what most comes to
+                self._missed[interface] += 1
+                continue
+            else:
+                one = self._by_octets[interface, id(pdu)] = self._new(interface, indication.received_ns, b"", pdu)
+                self._noted.append(one)
             if one is not None:
                 one.indication = indication
                 one.quality = indication.quality
@@ -215,34 +220,40 @@ class Frames:
             self._schedule()
 
     def _tell(self, one: Noted, now_ns: int, ego: Ego) -> None:
+        """One message. Its object is put together by hand: json.dumps() of the whole takes twice the time."""
         interface, kind, confirm = one.interface, one.kind, one.confirm
-        self._sequence[interface] += 1
-        said: dict[str, object] = {
-            "sequence": self._sequence[interface],
-            "missed": one.missed,
-            "interface": interface,
-            "direction": "out" if one.is_out else "in",
-            "when_ns": one.when_ns,
-            "quality": said_of(one.quality),
-            "is_made_up": not one.frame,
-        }
+        self._sequence[interface] = sequence = self._sequence.get(interface, 0) + 1
+        said = (
+            f'{{"sequence": {sequence}, "missed": {one.missed}, "interface": {_quoted(interface)}, '
+            f'"direction": "{"out" if one.is_out else "in"}", "when_ns": {one.when_ns}, '
+            f'"quality": {self._in_words(one.quality)}, "is_made_up": {"false" if one.frame else "true"}'
+        )
         if kind is not None:
-            said["type"] = kind.name
-            said["message_id"] = one.pdu[1] if len(one.pdu) > 1 else None
-            said["station_id"] = int.from_bytes(one.pdu[2:ITS_HEADER], "big")
-            said["digest"] = digest_of(one.pdu)
+            pdu = one.pdu
+            said += (
+                f', "type": {_quoted(kind.name)}, "message_id": {pdu[1] if len(pdu) > 1 else "null"}, '
+                f'"station_id": {int.from_bytes(pdu[2:ITS_HEADER], "big")}, "digest": "{digest_of(pdu)}"'
+            )
         if one.indication is not None and one.indication.rx.rssi_dbm is not None:
-            said["rssi_dbm"] = one.indication.rx.rssi_dbm
+            said += f', "rssi_dbm": {one.indication.rx.rssi_dbm}'
         if confirm is not None:
-            said["request"] = confirm.request.number
-            said["queue_us"] = round(confirm.queue_s * 1e6, 1)
-            said["send_us"] = round(confirm.send_s * 1e6, 1)
+            said += (
+                f', "request": {confirm.request.number}, "queue_us": {confirm.queue_s * 1e6:.1f}, '
+                f'"send_us": {confirm.send_s * 1e6:.1f}'
+            )
         if one.reason is not None:
-            said["reason"] = one.reason
-            said["meaning"] = MEANING[one.reason]
-            said["detail"] = one.detail
+            said += (
+                f', "reason": "{one.reason}", "meaning": {_quoted(MEANING[one.reason])}, '
+                f'"detail": {json.dumps(one.detail)}'
+            )
         octets = one.frame or self._made_up(one, now_ns, ego)
-        self._publish(FRAME + interface.encode() + b".", json.dumps(said).encode(), octets)
+        self._publish(b"%s%s." % (FRAME, interface.encode()), f"{said}}}".encode(), octets)
+
+    def _in_words(self, quality: TimeQuality) -> str:
+        """As JSON; most frames have that of the one before."""
+        if quality is not self._quality[0]:
+            self._quality = quality, json.dumps(said_of(quality))
+        return self._quality[1]
 
     def _made_up(self, one: Noted, now_ns: int, ego: Ego) -> bytes:
         try:
@@ -253,3 +264,8 @@ class Frames:
         except struct.error:  # a number that no header has room for: the interface took it, a frame does not
             pass
         return framing.of_octets(one.pdu)
+
+
+@lru_cache(maxsize=256)
+def _quoted(text: str) -> str:
+    return json.dumps(text)
