@@ -52,10 +52,10 @@ EPILOG = """\
 examples:
   captain meter --at A=10.0.0.1 --at B=10.0.0.2
                               what the two say, until Ctrl-C
-  captain meter --at A=10.0.0.1 --at B=10.0.0.2 --duration 600 \\
-      --report drive.html     and drive.json, drive.geojson beside it
-  captain meter --at A=10.0.0.1 --at B=10.0.0.2 --probe cam --from A \\
-      --rate 10 --count 6000  with probes of stationID 1347571522
+  captain meter --at A=10.0.0.1 --at B=10.0.0.2 --report drive.html
+                              and a page, drive.json and drive.geojson beside
+  captain meter --at A=10.0.0.1 --at B=10.0.0.2 --probe cam --count 6000
+                              with probes of A, 10 a second
   captain meter --reflect     at the other end: sends probes back, ...
   captain meter --at A=10.0.0.1 --probe cam --round-trip
                               ... and here their round trip is measured
@@ -191,6 +191,7 @@ def _live(arguments: argparse.Namespace) -> dict[str, object]:
         if arguments.probe:
             session.prober = _prober(arguments, context, session.watches)
         began_s = line()
+        print(f"captain: heard: {', '.join(one.name for one in arguments.at)}", file=sys.stderr, flush=True)
         with Screen(sys.stderr if arguments.json else None) as screen:
 
             def idle() -> None:

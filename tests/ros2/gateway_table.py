@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from tests.ros2 import ros, stations
+from tests.ros2.metered import measured, metered
 from tests.ros2.rows import Row
 
 RATE_HZ = 10.0
@@ -28,7 +29,7 @@ def run(codec: Path, prefix: Path, duration_s: float, handlers: Sequence[str] = 
             )
             for station, name in ((a, "a"), (b, "b"))
         ]
-        with nodes[0], nodes[1]:
+        with nodes[0], nodes[1], metered({"A": a, "B": b}, ros.MADE / "gateway_meter.html") as told:
             before = [node.processor_s() for node in nodes]
             said = stations.inside("gateway_table.py", path, str(duration_s), str(RATE_HZ), codec=codec, prefix=prefix)
             used = [node.processor_s() - one for node, one in zip(nodes, before, strict=True)]
@@ -38,6 +39,7 @@ def run(codec: Path, prefix: Path, duration_s: float, handlers: Sequence[str] = 
     share = ", ".join(f"{100 * one / said['took_s']:.0f} %" for one in used)
     found = f"{sums['sent']} sent, {sums['received']} received, {sums['equal']} equal, {sums['lost']} lost"
     rows.append(Row(f"all in {said['took_s']:.0f} s", f"{found}; gateways used {share} of a processor", _wrong(sums)))
+    rows.append(measured(told, sums["sent"]))
     rows += [Row("station", f"dropped {found}", "nothing was to be dropped") for found in drops if found]
     _write(said["rows"], sums)
     return rows

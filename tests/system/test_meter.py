@@ -10,6 +10,9 @@ from typing import Any
 import pytest
 
 from firmware.lab.laboratory import Seat, bench
+from firmware.meter.meter import Meter
+from firmware.meter.session import Session, TimeLine
+from firmware.user import client
 from tests.system.station import PROGRAM
 
 
@@ -121,3 +124,21 @@ def test_table_3_measures_the_loss_of_the_radios() -> None:
         ("B > A air", 10, 0),
     ]
     assert len(told["map"]) == 20
+
+
+def test_by_radio_and_broker_at_once_it_is_known_which_was_first_and_what_the_air_lost() -> None:
+    with bench("radio", 0.3, None, has_broker=True) as made, client.session() as context:
+        session = Session(Meter(1.0, 0.5), TimeLine())
+        for seat in made.seats:
+            session.watch(seat.name, seat.place, context)
+        for number in range(40):
+            made.seats[0].send_pdu(bytes([2, 2]) + number.to_bytes(12))
+            session.serve(0.01)
+        session.wait_for("A", 2 * 40)
+        session.end()
+        lost = made.lost_on_air()
+    ((_, both),) = session.meter.paths.both.items()
+    ways = {way.out: one for way, one in both.ways.items()}
+    assert 0 < lost == 40 - ways["air"].arrived == ways["v2n"].alone
+    assert (both.sent, both.arrived, ways["v2n"].arrived, both.gain) == (40, 40, 40, 0.0)
+    assert sum(one.first + one.alone for one in ways.values()) == 40
