@@ -45,6 +45,7 @@ class Run(NamedTuple):
     taken: int
     drops: dict[str, int]
     published: int
+    is_slow: bool
     seen: int
     swarm: Used
     station: Used
@@ -53,7 +54,7 @@ class Run(NamedTuple):
 
     @property
     def is_lossless(self) -> bool:
-        return self.sent == self.taken == self.published == self.seen and not self.drops and not self.differing
+        return self.sent == self.taken == self.published == self.seen and not (self.drops or self.differing)
 
     @property
     def broken(self) -> str:
@@ -65,7 +66,8 @@ class Run(NamedTuple):
             told = ", ".join(f"{count} {reason}" for reason, count in self.drops.items())
             parts.append(f"the station: {self.sent - self.taken} not taken ({told or 'not counted'})")
         if self.seen < self.published:
-            parts.append(f"listen: {self.published - self.seen} that it did not see")
+            slow = "; the station says that a user reads too slowly" if self.is_slow else ""
+            parts.append(f"listen: {self.published - self.seen} that it did not see{slow}")
         return "; ".join(parts) or "nothing"
 
 
@@ -128,6 +130,7 @@ def through(stations: int, rate: float, duration: float) -> Run:
             sum(bench["received"].values()),
             {row["reason"]: row["count"] for row in status["drops"]},
             status["endpoint"]["published"],
+            status["endpoint"]["slow_since"] is not None,
             table.total,
             Used(told["cpu_s"], used["swarm"]),
             Used(station.cpu_s() - before, used["station"]),
@@ -241,7 +244,7 @@ def show(runs: list[Run], title: str) -> None:
         )
         for one in runs
     ]
-    print("\n".join(plain(Table(title, HEADS, rows), max(200, width_of(sys.stdout)))), flush=True)
+    print("\n".join(plain(Table(title, HEADS, rows), max(300, width_of(sys.stdout)))), flush=True)
 
 
 if __name__ == "__main__":
