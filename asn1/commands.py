@@ -74,7 +74,7 @@ def _packages(args: argparse.Namespace) -> set[str]:
 
 def write(schema: Schema, messages: tuple[str, ...], args: argparse.Namespace) -> int:
     """One form into its directory; the count of files that have changed."""
-    steps = Steps(library.steps(schema, messages, args.form))
+    steps = Steps(library.steps(schema, messages, args.form, args.ros2))
     ros2 = library.Ros2(args.profile or "etsi_its", args.distro or "jazzy", args.ros2)
     try:
         return library.generate(schema, messages, args.form, args.to, steps, ros2)

@@ -94,7 +94,7 @@ def _is_same(left: Path, right: Path) -> bool:
     return left.is_file() and right.is_file() and left.read_bytes() == right.read_bytes()
 
 
-def steps(schema: Schema, messages: tuple[str, ...], form: str) -> int:
+def steps(schema: Schema, messages: tuple[str, ...], form: str, with_cdr: bool = False) -> int:
     """How many steps `generate` tells of, at most."""
     match form:
         case "docs" | "ros2":
@@ -103,9 +103,15 @@ def steps(schema: Schema, messages: tuple[str, ...], form: str) -> int:
             same = len([*(RUNTIME / "src").glob("*.c"), *PYTHON.glob("*.c")])
             modules = len(lay_out(schema, [schema.messages[name] for name in messages]).nodes)
             # Generating, then each source: the same ones always, code and tables of each module, the lists of messages.
-            return 1 + same + 2 * modules + 2
+            return 1 + same + 2 * modules + 2 + (_cdr_sources(messages) if with_cdr else 0)
         case _:
             return 1
+
+
+def _cdr_sources(messages: tuple[str, ...]) -> int:
+    """How many C files there are for ROS 2, at most: those of every time, one a package, and their list."""
+    same = [*(RUNTIME.parent / "ros2" / "runtime" / "src").glob("*.c"), *(PYTHON / "ros2").glob("*.c")]
+    return len(same) + len(PROFILES) * len(messages) + 1
 
 
 def _fill(

@@ -97,6 +97,11 @@ def test_a_port_that_a_box_may_lack_is_0(name):
     assert GATEWAY[name].read(0) == 0
 
 
+def test_a_handler_is_named_once():
+    with pytest.raises(ValueError, match="'cam' is named twice"):
+        GATEWAY["handlers"].read(["cam", "denm", "cam"])
+
+
 def test_topics_of_handlers_have_to_differ():
     with pytest.raises(ValueError, match=r"has no \{type\}"):
         GATEWAY["topics.received"].read("received")

@@ -12,17 +12,11 @@ from tests.ros2 import cdr, debian, gateway, hashes, packages, recording, ros, t
 from tests.ros2.ros import RosError
 from tests.ros2.rows import Row
 
-
-def _packages(made: list[RosPackage]) -> Iterable[Row]:
-    packages.clean()
-    return packages.build(made)
-
-
 PARTS: dict[str, Callable[[list[RosPackage]], Iterable[Row]]] = {
     "hashes": hashes.compare,
     "cdr": cdr.compare,
     "wheel": wheel.install,
-    "packages": _packages,
+    "packages": packages.build,
     "typed": typed.travel,
     "debian": debian.build,
     "recording": recording.read,
@@ -41,6 +35,8 @@ def _run(arguments: argparse.Namespace) -> int:
     editions = packages.SHORT if arguments.short else tuple(arguments.message or packages.SCHEMA.messages)
     made = packages.made(editions, arguments.profile)
     rows: list[Row] = []
+    if not arguments.keep and "packages" in (arguments.only or PARTS):
+        packages.clean()
     for name in arguments.only or PARTS:
         print(f"{name}:", flush=True)
         began = time.monotonic()
@@ -68,6 +64,9 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--short", action="store_true", help=f"with {' and '.join(packages.SHORT)} alone")
     parser.add_argument(
         "--message", action="append", metavar="NAME", help="with this edition: cam-1.4.1; again for more"
+    )
+    parser.add_argument(
+        "--keep", action="store_true", help="what has been built: only what is new is compiled, and all is looked at"
     )
     return parser.parse_args()
 

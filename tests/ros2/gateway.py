@@ -10,7 +10,7 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 from asn1.ros2.model import RosPackage
@@ -124,7 +124,11 @@ def behave(folder: Path, prefix: Path) -> list[Row]:
             arguments = [json.dumps(ports), path, *([OTHER] if OTHER.exists() else [])]
             said = stations.inside("gateway.py", *arguments, codec=folder, prefix=prefix)
         broken = "Traceback" in node.said
-    rows = [_checked(folder, prefix), *(Row(f"gateway: {what}", found, trouble) for what, found, trouble in said)]
+    rows = [
+        _checked(folder, prefix),
+        *_refused(folder, prefix),
+        *(Row(f"gateway: {what}", found, trouble) for what, found, trouble in said),
+    ]
     return [*rows, Row("gateway: ends", "on SIGINT", f"with {node.said[-500:]}" if broken else "")]
 
 
@@ -134,6 +138,16 @@ def _checked(folder: Path, prefix: Path) -> Row:
     said = subprocess.run([CAPTAIN, "ros2", "--check"], env=environment, text=True, capture_output=True, check=False)
     last = (said.stdout.splitlines() or [said.stderr])[-1]
     return Row("captain ros2 --check", last, "" if said.returncode == 0 else said.stdout + said.stderr)
+
+
+def _refused(folder: Path, prefix: Path) -> Iterator[Row]:
+    """What ROS does not take ends the gateway in a line."""
+    for words in (["--params-file", "/none.yaml"], ["-p", "handlers:=[cam, 3]"], ["-p", "handlers:=[cam, cam]"]):
+        with _gateway(folder, prefix, words) as node:
+            _wait(lambda said=node: not said.is_running, f"{words} did not end it")
+        said = "".join(node.said.splitlines()[-1:])  # behind what rcl may log
+        is_told = said.startswith("captain_gateway: ") and "Traceback" not in node.said
+        yield Row(f"gateway: {' '.join(words)}", said[:120], "" if is_told else f"said {node.said[-500:]}")
 
 
 def names(folder: Path, prefix: Path) -> list[Row]:

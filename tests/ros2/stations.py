@@ -143,6 +143,10 @@ class Node:
         return self._child.pid
 
     @property
+    def is_running(self) -> bool:
+        return self._child.poll() is None
+
+    @property
     def said(self) -> str:
         return self.log.read_text(errors="replace")
 

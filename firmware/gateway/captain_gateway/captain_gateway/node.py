@@ -274,8 +274,7 @@ def _qos() -> QoSProfile:
 
 def run(arguments: list[str], library: ModuleType) -> None:
     """Until it is interrupted. Raises GatewayError."""
-    rclpy.init(args=arguments)
-    node = rclpy.create_node("captain_gateway")
+    node = _node(arguments)
     gateway = None
     try:
         gateway = Gateway(node, library)
@@ -288,3 +287,13 @@ def run(arguments: list[str], library: ModuleType) -> None:
             gateway.close()
         node.destroy_node()
         rclpy.try_shutdown()
+
+
+def _node(arguments: list[str]) -> Any:
+    """Raises GatewayError for arguments and parameter files that rclpy does not take, in its words."""
+    try:
+        rclpy.init(args=arguments)
+        return rclpy.create_node("captain_gateway")
+    except RuntimeError as error:  # RCLError and its kin, which no module of rclpy names for users
+        rclpy.try_shutdown()
+        raise GatewayError(f"arguments of ROS: {' '.join(str(error).split())}") from error

@@ -138,6 +138,9 @@ def kinds(value: object) -> tuple[str, ...]:
     unknown = [name for name in found if name not in KINDS]
     if unknown:
         raise ValueError(f"{unknown[0]!r} is no handler; there are {', '.join(KINDS)}")
+    again = [name for name in found if found.count(name) > 1]
+    if again:
+        raise ValueError(f"{again[0]!r} is named twice")
     return found
 
 
