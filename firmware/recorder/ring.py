@@ -7,6 +7,7 @@ import re
 import struct
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -21,6 +22,8 @@ from firmware.storage import VOLATILE, kind_of
 # The ring turns in so many steps: the oldest of them goes at a time.
 PARTS = 16
 LEAST_S = 1.0
+# An event is no longer, whatever triggers meanwhile: what follows is the next one.
+LONGEST_EVENT_S = 60.0
 # Left to others on the same disk, or a twentieth of it where it is small.
 LEAVE = 64 << 20
 _NAME = re.compile(r"(ring|kept)-(\d{8})-.*\.pcapng")
@@ -75,7 +78,8 @@ class Ring:
         self._number = 0
         self._begun = clock()
         self._why = ""
-        self._until = self._since = 0.0
+        self._until = self._longest = 0.0
+        self._is_room = True
         self._is_known = False
 
     def add(self, told: Told) -> None:
@@ -87,25 +91,30 @@ class Ring:
         """A few times a second."""
         now = self._clock()
         if self._why and now >= self._until:
-            self._keep()
+            self._end_of_event()
         elif now >= self._begun + max(LEAST_S, self._limits.age_s / PARTS) and self.filing.scribe.size:
             self.filing.begin()
         self.filing.idle()
 
     def trigger(self, why: str) -> None:
-        """Keep what was before, and what comes for some seconds; a trigger meanwhile makes that longer."""
+        """Keep what was before, at once, and what comes for some seconds; a trigger meanwhile makes that longer."""
         now = self._clock()
+        after_s = self._limits.after_s
         if not self._why:
-            self._why, self._since = why, now - self._limits.before_s
-            say(f"kept because of {why}: {self._limits.before_s:g} s before and {self._limits.after_s:g} s after")
-        self._until = now + self._limits.after_s
+            self._why, self._longest = why, now + max(after_s, LONGEST_EVENT_S)
+            self._is_room = True
+            with suppress(OSError):  # an operator removes what is kept, when there is enough of it
+                self._kept_size = sum(path.stat().st_size for path in self.folder.glob("kept-*"))
+            say(f"kept because of {why}: {self._limits.before_s:g} s before and {after_s:g} s after")
+            since = now - self._limits.before_s
+            for one in [one for one in self._closed if one.ended >= since]:
+                self._keep(one)
+            self.kept += 1
+        self._until = min(now + after_s, self._longest)
 
     def close(self) -> None:
         """What was to be kept is kept."""
-        if self._why:
-            self._keep(is_last=True)
-        else:
-            self.filing.end()
+        self.filing.end()
 
     def status(self) -> dict[str, object]:
         filing = self.filing
@@ -126,9 +135,13 @@ class Ring:
     def _note(self, path: Path) -> None:
         """A file that nothing more is written to; one that cannot write took what it could."""
         try:
-            self._closed.append(Closed(path, path.stat().st_size, self._clock()))
+            one = Closed(path, path.stat().st_size, self._clock())
         except OSError:
             log.debug("%s is gone", path)
+            return
+        self._closed.append(one)
+        if self._why:
+            self._keep(one)
 
     def _open(self) -> Segment:
         """The next file, with room for it. Raises OSError."""
@@ -164,8 +177,8 @@ class Ring:
         """Remove the oldest until the next one has its room. Raises OSError where there is none."""
         part = self._limits.size // PARTS
         while self._closed and self._is_too_much(part):
-            one = self._closed.pop(0)
-            one.path.unlink(missing_ok=True)
+            self._closed[0].path.unlink(missing_ok=True)
+            self._closed.pop(0)
         if (free := _room(self.folder)) <= 0:
             raise OSError(errno.ENOSPC, f"no room: {-free} octets less than are left to others", str(self.folder))
 
@@ -173,24 +186,20 @@ class Ring:
         oldest = self._closed[0].ended < self._clock() - self._limits.age_s
         return oldest or sum(one.size for one in self._closed) + part > self._limits.size or _room(self.folder) < part
 
-    def _keep(self, is_last: bool = False) -> None:
-        """Give the files of the event names by which they stay."""
-        why, self._why = self._why, ""
+    def _end_of_event(self) -> None:
         self.filing.end()
-        chosen = [one for one in self._closed if one.ended >= self._since]
-        octets = sum(one.size for one in chosen)
-        if self._kept_size + octets > self._limits.size:
-            self.not_kept += 1
-            say(f"not kept: {why}: what was kept before takes {self._kept_size} octets; remove it")
-        else:
-            for one in chosen:
-                self._rename(one, why)
-            self.kept += 1
-        if not is_last:
-            self.filing.begin()
+        self._why = ""
+        self.filing.begin()
 
-    def _rename(self, one: Closed, why: str) -> None:
-        word = re.sub(r"[^A-Za-z0-9]+", "-", why).strip("-")[:_LONGEST] or "event"
+    def _keep(self, one: Closed) -> None:
+        """Give a file the name by which it stays, where there is room for it."""
+        if self._kept_size + one.size > self._limits.size:
+            if self._is_room:
+                self._is_room = False
+                self.not_kept += 1
+                say(f"not all is kept: {self._why}: what was kept before takes {self._kept_size} octets; remove it")
+            return
+        word = re.sub(r"[^A-Za-z0-9]+", "-", self._why).strip("-")[:_LONGEST] or "event"
         name = f"kept-{one.path.stem.partition('-')[2]}-{word}.pcapng"
         try:
             one.path.rename(one.path.with_name(name))

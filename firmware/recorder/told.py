@@ -6,6 +6,8 @@ from typing import NamedTuple
 
 # Of the object these stand in the recording by themselves.
 APART = frozenset({"interface", "direction", "when_ns"})
+MOST = (1 << 63) - 1
+_FLAT = (str, int, float, bool, type(None))
 
 
 class Told(NamedTuple):
@@ -32,9 +34,21 @@ def parse(frames: list[bytes]) -> Told | None:
         return None
     try:
         said = json.loads(frames[1])
-        return Told(str(said["interface"]), said["direction"] == "out", int(said["when_ns"]), frames[2], said)
-    except (ValueError, TypeError, KeyError, RecursionError):
+    except (ValueError, RecursionError):
         return None
+    if not isinstance(said, dict) or not _is_sound(said):
+        return None
+    return Told(said["interface"], said["direction"] == "out", said["when_ns"], frames[2], said)
+
+
+def _is_sound(said: dict[str, object]) -> bool:
+    """Whether it is as a station says it: numbers that a file has room for, and nothing deep."""
+    are_counts = all(
+        type(count := said.get(key, 0)) is int and 0 <= count <= MOST for key in ("when_ns", "sequence", "missed")
+    )
+    are_flat = all(isinstance(value, _FLAT) or key == "quality" for key, value in said.items())
+    has_all = isinstance(said.get("interface"), str) and "direction" in said and "when_ns" in said
+    return are_counts and are_flat and has_all
 
 
 def kept_of(said: Mapping[str, object]) -> dict[str, object]:

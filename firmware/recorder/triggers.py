@@ -35,6 +35,7 @@ class Triggers:
         self._wanted = wanted
         self._events: dict[object, float] = {}
         self._losses: deque[tuple[float, int]] = deque()
+        self._sum = 0
         self._is_burst = False
         self._was_locked = False
 
@@ -61,7 +62,8 @@ class Triggers:
     def _bursts(self, lost: int, now: float) -> bool:
         """Whether a burst begins with it."""
         self._losses.append((now, lost))
+        self._sum += lost
         while self._losses[0][0] < now - LOSSES_S:
-            self._losses.popleft()
-        was_burst, self._is_burst = self._is_burst, sum(count for _, count in self._losses) >= LOSSES
+            self._sum -= self._losses.popleft()[1]
+        was_burst, self._is_burst = self._is_burst, self._sum >= LOSSES
         return self._is_burst and not was_burst

@@ -95,7 +95,10 @@ def test_a_folder_for_state_is_told_where_something_is_not_kept(told, line):
             {"is_running": True, "trouble": "No space left on device", "lost": 7},
             ["recorder: /x: No space left on device; 7 frames lost"],
         ),
-        ({"is_running": True, "not_kept": 2}, ["recorder: 2 events not kept: remove what was kept before from /x"]),
+        (
+            {"is_running": True, "not_kept": 2},
+            ["recorder: 2 events not kept whole: remove what was kept before from /x"],
+        ),
         ({"is_running": False, "why": "process 7 ended"}, ["recorder: it does not run: process 7 ended"]),
     ],
 )

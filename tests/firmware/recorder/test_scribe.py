@@ -120,7 +120,15 @@ def test_a_frame_is_told_in_words(more, words):
         [b"frame.air.", b"{}", b""],
         [b"frame.air.", b"[1]", b""],
         [b"frame.air.", b"\xff", b""],
-        [b"frame.air.", message()[1].replace(b"1795182426461613000", b'"x"'), b""],
+        *[
+            [b"frame.air.", message()[1].replace(b"1795182426461613000", when), b""]
+            for when in (b'"x"', b"-1", b"1.5", b"true", b"Infinity", b"1" + bytes(b"0" * 30))
+        ],
+        [b"frame.air.", message(-1)[1], b""],
+        [b"frame.air.", message(missed=-3)[1], b""],
+        [b"frame.air.", message(missed=10**30)[1], b""],
+        [b"frame.air.", message(station_id=[1])[1], b""],
+        [b"frame.air.", message(type={})[1], b""],
     ],
 )
 def test_what_is_no_frame_is_passed_over(frames):
