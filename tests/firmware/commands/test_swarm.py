@@ -2,6 +2,9 @@
 
 import json
 import socket
+import subprocess
+import sys
+from pathlib import Path
 
 from drivers.wire import frame
 from firmware import cli
@@ -34,3 +37,32 @@ def test_nobody_there_is_told(capsys):
         to = "{}:{}".format(*holder.getsockname())
     assert cli.main(["swarm", "2", "--rate", "10", "--duration", "0.3", "--udp", to]) == 1
     assert "nobody listened to" in capsys.readouterr().out
+
+
+def test_frames_leave_by_a_network_device():
+    script = 'ip link add a0 type veth peer name a1 && ip link set a0 up && ip link set a1 up && exec "$@"'
+    swarm = [sys.executable, "-m", "firmware", "swarm", "3", "--rate", "10", "--duration", "0.3", "--denm", "20"]
+    count = "grep a1: /proc/net/dev"
+    done = subprocess.run(
+        [
+            "unshare",
+            "--map-root-user",
+            "--net",
+            "sh",
+            "-c",
+            script,
+            "sh",
+            "sh",
+            "-c",
+            f"{' '.join(swarm)} --ethernet a0 --json && {count}",
+        ],
+        capture_output=True,
+        cwd=Path(__file__).parents[3],
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr.decode()
+    told, counters = done.stdout.splitlines()
+    sent = json.loads(told)
+    assert sent["types"]["cam"] == 9
+    assert sent["types"]["denm"] > 0
+    assert int(counters.split()[2]) >= sent["sent"]  # packets received
