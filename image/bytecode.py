@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 FOLDERS = ("board", "drivers", "firmware", "pps")
 # What our modules read beside themselves.
-DATA = ("board/boards/*.toml", "drivers/profiles/*.toml", "firmware/*.json")
+DATA = ("board/boards/*.toml", "drivers/profiles/*.toml", "firmware/*.json", "firmware/meter/assets/*")
 # Packages for where ROS is, which are installed there; nothing of captain imports them.
 GATEWAY = "firmware/gateway"
 SCRIPT = "firmware/__main__.py"

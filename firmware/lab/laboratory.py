@@ -234,7 +234,7 @@ def _wait_for_neighbour(control: Path) -> None:
 def _wait_for(control: Path, is_so: Callable[[str, Mapping[str, object]], bool], failure: str) -> None:
     """Until it is so for each interface of a station."""
     deadline = time.monotonic() + UP_S
-    while lacking := [one for one in named(client.station_status(control), "interfaces") if not is_so(*one)]:
+    while lacking := [one for one in named(client.station_status(control, UP_S), "interfaces") if not is_so(*one)]:
         if time.monotonic() > deadline:
             name, one = lacking[0]
             raise StationError(f"{failure}: {name}: {text(one, 'why')}")

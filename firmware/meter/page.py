@@ -6,13 +6,14 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
+import firmware
 from board.errors import StationError
 from firmware.meter import drawing, text
 from firmware.meter.plot import Plot, plots
 from firmware.user.table import Table, clean
 
 Object = Mapping[str, Any]
-ASSETS = Path(__file__).parent / "assets"
+ASSETS = Path(firmware.__file__).parent / "meter" / "assets"
 # uPlot 1.6.32, MIT: the two files of the package as they are; tests/meter/test_page.py has their hashes.
 SCRIPTS = ("uPlot.iife.min.js", "page.js")
 STYLES = ("uPlot.min.css", "page.css")
