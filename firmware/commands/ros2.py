@@ -44,7 +44,7 @@ PROBE = """
 import json, importlib, pkgutil, re, sys
 found = {"python": sys.version.split()[0], "executable": sys.executable}
 names = ("rclpy", "zmq", "captain_messages", "captain_gateway", "captain_gateway_msgs")
-for name in names + ("diagnostic_msgs", "geometry_msgs", "sensor_msgs"):
+for name in names + ("diagnostic_msgs", "geometry_msgs", "sensor_msgs", "tf2_msgs"):
     try:
         module = importlib.import_module(name if name in names else name + ".msg")
         found[name] = getattr(module, "__file__", None) or "yes"
@@ -52,11 +52,14 @@ for name in names + ("diagnostic_msgs", "geometry_msgs", "sensor_msgs"):
             found[name] = "without ROS"
     except Exception as error:
         found["no " + name] = f"{type(error).__name__}: {error}"
-packages = sorted(one.name for one in pkgutil.iter_modules() if re.fullmatch("etsi_its_.*_msgs|v2x_msgs", one.name))
+ours = re.compile("etsi_its_.*_msgs|v2x_msgs|captain_(?!gateway_).*_msgs")
+packages = sorted(one.name for one in pkgutil.iter_modules() if ours.fullmatch(one.name))
 found["messages" if packages else "no messages"] = ", ".join(packages) or "no package of messages is installed"
 print(json.dumps(found))
 """
-WHEEL = "captain-asn1 generate --all --form wheel --ros2 --to DIR, then python3 -m pip install DIR/*.whl"
+# What Debian 12 and Ubuntu 24.04, of which Jazzy is, have pip say (PEP 668), and what does no harm there.
+PIP = "python3 -m pip install (where that is refused as externally managed: with --user --break-system-packages)"
+WHEEL = f"captain-asn1 generate --all --form wheel --ros2 --to DIR, then {PIP} DIR/*.whl"
 COMMON = (
     "apt-get install ros-<distribution>-common-interfaces, or beside the wheel of rclpy python3 -m pip install "
     "ros-jazzy-common-interfaces"
@@ -65,7 +68,7 @@ REMEDIES = {
     "rclpy": "source a ROS 2: . /opt/ros/jazzy/setup.bash; where there is none: https://docs.ros.org, or to try "
     "things out python3 -m pip install 'ros-jazzy-rclpy[fastrtps]' ros-jazzy-common-interfaces (x86-64, Python 3.11 "
     "and 3.12)",
-    "zmq": "apt-get install python3-zmq, or python3 -m pip install pyzmq",
+    "zmq": f"apt-get install python3-zmq, or {PIP} pyzmq",
     "captain_messages": WHEEL,
     "captain_gateway": "copy firmware/gateway of captain's sources into the src of a colcon workspace, colcon build, "
     "and source its install/setup.bash",
@@ -74,6 +77,11 @@ REMEDIES = {
     "sensor_msgs": COMMON,
     "messages": "captain-asn1 generate cam-1.4.1 denm-1.3.1 --form ros2 --to DIR, build them by colcon, and source "
     "their setup file",
+}
+# What it runs without, and what it does not do then.
+OPTIONAL = {
+    "captain_gateway_msgs": "no metadata, no requests, no services; colcon builds it",
+    "tf2_msgs": "own pose is not on /tf; apt-get install ros-<distribution>-tf2-msgs",
 }
 OLDEST = (3, 10)
 
@@ -165,15 +173,13 @@ def missing(found: Mapping[str, str]) -> list[Lack]:
 def told(found: Mapping[str, str], lacking: list[Lack]) -> list[str]:
     """Lines of --check."""
     lines = [f"{'python3':22}{found['executable']}, {found['python']}"]
-    for name in (*REMEDIES, "captain_gateway_msgs"):
+    for name in (*REMEDIES, *OPTIONAL):
         lines.append(f"{name:22}{found.get(name, 'no: ' + found.get(f'no {name}', ''))}")
-    if "captain_gateway_msgs" not in found:
-        lines.append("without captain_gateway_msgs (colcon builds it): no metadata, no requests, no services")
-    return (
-        lines + [f"missing: {lack.what}; {lack.remedy}" for lack in lacking]
-        if lacking
-        else [*lines, "nothing is missing"]
-    )
+    without = [name for name in OPTIONAL if name not in found]
+    lines += [f"without {name}: {OPTIONAL[name]}" for name in without]
+    if lacking:
+        return lines + [f"missing: {lack.what}; {lack.remedy}" for lack in lacking]
+    return [*lines, f"nothing is missing{' that it cannot do without' if without else ''}"]
 
 
 def _station(place: tuple[str, int] | None) -> list[str]:

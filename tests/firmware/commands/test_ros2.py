@@ -15,7 +15,7 @@ WHOLE = {
     "python": "3.12.3", "executable": "/usr/bin/python3", "rclpy": "/opt/ros/rclpy", "zmq": "/usr/zmq",
     "captain_messages": "/site/captain_messages.abi3.so", "captain_gateway": "/ws/captain_gateway",
     "captain_gateway_msgs": "/ws/captain_gateway_msgs", "messages": "etsi_its_cam_msgs, etsi_its_denm_msgs",
-    "diagnostic_msgs": "/opt/ros/d", "geometry_msgs": "/opt/ros/g", "sensor_msgs": "/opt/ros/s",
+    "diagnostic_msgs": "/opt/ros/d", "geometry_msgs": "/opt/ros/g", "sensor_msgs": "/opt/ros/s", "tf2_msgs": "/opt/ros/t",
 }  # fmt: skip
 
 
@@ -68,13 +68,16 @@ def test_what_is_missing_is_named_with_how_to_get_it(name, words):
 
 
 def test_what_the_other_python_has_is_found_by_asking_it(tmp_path, monkeypatch):
-    for name in ("etsi_its_cam_msgs", "v2x_msgs", "etsi_its_conversion", "std_msgs", "diagnostic_msgs"):
+    for name in (
+        "etsi_its_cam_msgs", "v2x_msgs", "captain_srem_2_1_1_msgs", "captain_v2x_cam_2_3_1_msgs", "captain_gateway_msgs",
+        "etsi_its_conversion", "std_msgs", "diagnostic_msgs",
+    ):  # fmt: skip
         (tmp_path / name).mkdir()
         (tmp_path / name / "__init__.py").touch()
     (tmp_path / "diagnostic_msgs" / "msg.py").touch()
     (tmp_path / "python3").symlink_to(sys.executable)
     found = ros2.probe({"PATH": str(tmp_path), "PYTHONPATH": str(tmp_path)})
-    assert found["messages"] == "etsi_its_cam_msgs, v2x_msgs"
+    assert found["messages"] == "captain_srem_2_1_1_msgs, captain_v2x_cam_2_3_1_msgs, etsi_its_cam_msgs, v2x_msgs"
     assert found["diagnostic_msgs"] == str(tmp_path / "diagnostic_msgs" / "msg.py")
     assert "no sensor_msgs" in found
 
@@ -89,10 +92,14 @@ def test_an_old_python_is_told_before_what_it_lacks():
     assert "3.10 or later" in lack.remedy
 
 
-def test_without_the_packages_of_messages_of_its_own_it_runs_and_says_what_it_cannot():
-    found = without("captain_gateway_msgs")
+@pytest.mark.parametrize(("name", "words"), [("captain_gateway_msgs", "no services"), ("tf2_msgs", "not on /tf")])
+def test_without_what_is_optional_it_runs_and_says_what_it_cannot(name, words):
+    found = without(name)
     assert ros2.missing(found) == []
-    assert any("no services" in line for line in ros2.told(found, []))
+    *_, said, last = ros2.told(found, [])
+    assert said.startswith(f"without {name}: ")
+    assert words in said
+    assert last == "nothing is missing that it cannot do without"
 
 
 def test_the_sources_beside_this_program_come_behind_what_is_installed():

@@ -17,7 +17,8 @@ MOST_TRIED = 64
 
 INSTALL = (
     "install its wheel: captain-asn1 generate --all --form wheel --ros2 --to DIR, then "
-    "python3 -m pip install DIR/*.whl in the environment of ROS"
+    "python3 -m pip install DIR/*.whl in the environment of ROS; where that is refused as externally managed, with "
+    "--user --break-system-packages"
 )
 
 
