@@ -3,7 +3,7 @@
 
 .DEFAULT_GOAL := help
 .PHONY: help setup run codec import-check docs test test-binary check portable fuzz truth \
-	bench bench-station bench-messages bench-v2n bench-time bench-ros2 lab meter chaos outages fleet swarm kernel ros2 clock days chronyd binary \
+	bench bench-station bench-messages bench-v2n bench-time bench-record bench-ros2 lab meter chaos outages fleet swarm kernel ros2 clock days chronyd binary \
 	image image-test release flash lock proof clean
 
 PYTEST := .venv/bin/python -m pytest
@@ -47,7 +47,7 @@ docs: setup ## a page per message, in build/docs/messages
 fuzz: setup-fuzz ## random octets, led by coverage, for every message in C and in Python; ARGS='--runs 10000000'
 	@.venv/bin/python -m tests.fuzz $(ARGS)
 
-bench: bench-station bench-messages bench-v2n bench-time bench-ros2 ## all of the following
+bench: bench-station bench-messages bench-v2n bench-time bench-record bench-ros2 ## all of the following
 
 bench-station: setup-test binary ## latency, loss-free rate, processor and memory beside a C forwarder in the same run
 	@.venv/bin/python -m tests.bench $(ARGS)
@@ -61,6 +61,9 @@ bench-v2n: setup-test ## what a broker in trouble costs the other interfaces, an
 
 bench-time: setup-test ## what pulses and the time made of them cost a station, and its messages; TIME='--pairs 2'
 	@.venv/bin/python -m tests.bench.time_path $(TIME)
+
+bench-record: setup-test ## what the recorder costs, the meter beside it, and a disk that is full or gone; RECORD='--pairs 2'
+	@.venv/bin/python -m tests.bench.record $(RECORD)
 
 bench-ros2: setup-ros2 ## UPER to ROS 2's CDR and back beside typed messages and asn1tools with rosbags; the gateway; ARGS='cam-1.4.1'
 	@.ci/ros2
