@@ -14,6 +14,7 @@ from drivers.wire.impairment import Impairment
 from firmware.codec.reading import Pdu
 from firmware.replay.ears import Ear
 from firmware.replay.ends import End
+from firmware.replay.reasons import count
 
 LONGEST_WAIT_S = 0.2  # so soon a signal is obeyed
 
@@ -61,7 +62,7 @@ class Way:
                 self.sent += 1
 
     def _leave_out(self, error: RequestError, one: Pdu) -> None:
-        self.left_out[error.message.removeprefix(f"{one.origin}: ")] += 1
+        count(self.left_out, error.message.removeprefix(f"{one.origin}: "))
 
 
 class Bridge:

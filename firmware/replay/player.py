@@ -9,6 +9,7 @@ from board.errors import RequestError
 from drivers.wire.impairment import Impairment
 from firmware.codec.reading import Pdu
 from firmware.replay.ends import End
+from firmware.replay.reasons import count
 from firmware.replay.rewriting import Rewriting
 from firmware.replay.timing import Schedule, Timing
 
@@ -123,6 +124,5 @@ class Player:
             self.played.sent += 1
 
     def _note(self, tally: Counter[str], error: RequestError, one: Pdu) -> None:
-        why = error.message.removeprefix(f"{one.origin}: ")
-        tally[why] += 1
+        why = count(tally, error.message.removeprefix(f"{one.origin}: "))
         self.played.examples.setdefault(why, one.origin)

@@ -12,6 +12,7 @@ from firmware.codec.encoding import encode
 from firmware.codec.library import load
 from firmware.codec.pcapng import Direction
 from firmware.codec.reading import Item, Object, Pdu, Reader, pdu_of, port_of, when_ns
+from firmware.replay.reasons import count
 
 _SINGLE_HOP = (HeaderType.SHB, HeaderType.BEACON)
 
@@ -58,11 +59,11 @@ class Source(Reader):
 
     def frame(self, frame: capture.Frame, origin: str) -> Iterator[Item]:
         if refusal := self._choice.refusal(frame):
-            self.skipped[f"frames {refusal}"] += 1
+            count(self.skipped, f"frames {refusal}")
             return
         packet = layers.packet_of(frame.link, frame.octets)
         if isinstance(packet, layers.NoMessage):
-            self.skipped[f"frames {packet.what}"] += 1
+            count(self.skipped, f"frames {packet.what}")
             return
         when = frame.when_ns or None  # 1970 is what is written where no time is known
         yield _opened(packet, origin, when)._replace(frame=_framed(frame, packet))

@@ -88,6 +88,14 @@ def replace_origin(one: Pdu, origin: str) -> Pdu:
     return one._replace(origin=origin)
 
 
+def test_a_thousand_reasons_take_no_more_room_than_fifty():
+    many = [pdu(f"frame {at}", 10)._replace(octets=b"", carried=f"broken: {at}") for at in range(1000)]
+    _, told, _, _ = played(many)
+    assert len(told.left_out) == 51
+    assert told.left_out.total() == 1000
+    assert told.left_out["other reasons"] == 950
+
+
 def test_what_cannot_be_sent_makes_it_bad():
     sent, told, _, _ = played([*THREE, pdu("refused", 13)])
     assert len(sent) == 3
