@@ -1,0 +1,191 @@
+"""What a meter takes for lost, and what it knows that it has not heard: of a station that is silent, slow, started anew."""
+
+import json
+from collections import deque
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+import zmq
+
+from board.errors import StationError
+from drivers.message import NO_RX_INFO
+from drivers.wire import raw
+from firmware.meter.matching import Fate, Way
+from firmware.meter.meter import Meter
+from firmware.meter.watch import SILENT_S, Watch
+from firmware.user import client
+from tests.meter.test_told import CONFIRM, INDICATION
+
+STATUS: dict[str, Any] = {
+    "station": "captain", "version": "9.9", "pid": 7, "boot": "boot", "configuration": "cafe",
+    "interfaces": {"g5": {"technology": "its-g5"}}, "report": {"confirms": 0, "indications": 0},
+    "clock": {"state": "locked", "offset_ns": 0, "uncertainty_ns": 1000},
+    "position": {"latitude": 48.0, "longitude": 11.0, "source": "configured"},
+}  # fmt: skip
+WAY = Way("A", "g5", "B", "g5")
+
+
+class FakeSocket:
+    """A SUB socket with what has come."""
+
+    def __init__(self) -> None:
+        self.waiting: deque[list[bytes]] = deque()
+
+    def say(self, topic: str, said: dict[str, Any]) -> None:
+        self.waiting.append([topic.encode(), json.dumps(said).encode()])
+
+    def recv_multipart(self, flags: int = 0) -> list[bytes]:
+        if not self.waiting:
+            raise zmq.Again
+        return self.waiting.popleft()
+
+    def poll(self, timeout: float) -> int:
+        return len(self.waiting)
+
+
+class Bench:
+    """Stations A and B, a meter, and a time line that is moved by hand."""
+
+    def __init__(self) -> None:
+        self.now_s = 100.0
+        self.meter = Meter(grace_s=1.0)
+        self.delivered: list[tuple[str, str]] = []
+        self.watches: dict[str, Watch] = {}
+        self.numbers = {"confirm": 0, "indication": 0}
+        for name in "AB":
+            watch = Watch(name, client.Address(), None, self.meter, lambda: self.now_s, self._delivered)  # type: ignore[arg-type]
+            self.reports(name).say("status.", STATUS)
+            watch.users.waiting.append([b"hb.counter", b"{}"])  # type: ignore[attr-defined]
+            watch.join()
+            self.watches[name] = watch
+            watch.take()
+
+    def _delivered(self, station: str, digest: str, now_ns: int) -> None:
+        self.delivered.append((station, digest))
+
+    def reports(self, name: str) -> FakeSocket:
+        return SOCKETS[name, "reports"]
+
+    def sent(self, digest: str, number: int | None = None) -> None:
+        self._told("A", "confirm", CONFIRM | {"digest": digest}, number)
+
+    def received(self, digest: str, number: int | None = None) -> None:
+        self._told("B", "indication", INDICATION | {"digest": digest}, number)
+
+    def _told(self, name: str, kind: str, said: dict[str, Any], number: int | None) -> None:
+        self.numbers[kind] = self.numbers[kind] + 1 if number is None else number
+        self.reports(name).say(f"{kind}.cam.", said | {"sequence": self.numbers[kind]})
+        self.watches[name].take()
+
+    def status(self, name: str, **changes: Any) -> None:
+        self.reports(name).say("status.", STATUS | changes)
+        self.watches[name].take()
+
+    def figures(self) -> dict[Fate, int]:
+        for watch in self.watches.values():
+            watch.look(self.now_s)
+        self.meter.finish()
+        return dict(self.meter.ways[WAY].whole.counts)
+
+
+SOCKETS: dict[tuple[str, str], FakeSocket] = {}
+
+
+@pytest.fixture
+def bench(monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
+    made: list[FakeSocket] = []
+
+    def subscribe(*_: object) -> FakeSocket:
+        made.append(FakeSocket())
+        order = [("A", "reports"), ("A", "users"), ("B", "reports"), ("B", "users")]
+        SOCKETS[order[len(made) - 1]] = made[-1]
+        return made[-1]
+
+    monkeypatch.setattr(client, "subscribe", subscribe)
+    yield Bench()
+    SOCKETS.clear()
+
+
+def test_what_both_say_is_counted(bench: Bench) -> None:
+    bench.sent("a")
+    bench.received("a")
+    bench.sent("b")
+    assert bench.figures() == {Fate.ARRIVED: 1, Fate.LOST: 1}
+
+
+def test_indications_that_were_not_heard_may_have_been_it(bench: Bench) -> None:
+    for digest in "abc":
+        bench.sent(digest)
+    bench.received("a", number=1)
+    bench.received("c", number=3)
+    assert bench.figures() == {Fate.ARRIVED: 2, Fate.UNSEEN: 1}
+    assert bench.watches["B"].told()["missed_indications"] == 1
+
+
+def test_a_status_tells_of_the_last_ones_that_were_not_heard(bench: Bench) -> None:
+    bench.sent("a")
+    bench.status("B", report={"confirms": 0, "indications": 1})
+    assert bench.figures() == {Fate.UNSEEN: 1}
+
+
+def test_of_a_station_that_is_silent_nobody_knows_what_it_received(bench: Bench) -> None:
+    bench.sent("a")
+    bench.now_s += SILENT_S + 1
+    assert bench.figures() == {Fate.UNSEEN: 1}
+
+
+def test_nothing_is_judged_while_a_status_is_late(bench: Bench) -> None:
+    watch = bench.watches["B"]
+    heard_s = bench.now_s
+    assert watch.judged_until(heard_s + 1.0) == heard_s + 1.0
+    assert watch.judged_until(heard_s + 2.0) == heard_s
+    assert watch.judged_until(heard_s + SILENT_S + 1) == heard_s + SILENT_S + 1
+
+
+def test_a_station_that_was_started_anew_counts_from_the_beginning(bench: Bench) -> None:
+    bench.received("a", number=40)
+    bench.status("B", pid=8, report={"confirms": 0, "indications": 0})
+    bench.received("b", number=1)
+    told = bench.watches["B"].told()
+    assert told["missed_indications"] == 39  # before it
+    assert any("started anew once" in str(note) for note in told["notes"])  # type: ignore[attr-defined]
+
+
+def test_what_was_refused_or_dropped_is_told_with_its_reason(bench: Bench) -> None:
+    bench._told("A", "confirm", CONFIRM | {"outcome": "dropped", "reason": "expired"}, None)
+    ((port, leaving),) = bench.meter.inside.leaving.items()
+    assert (tuple(port), dict(leaving.not_sent)) == (("A", "g5"), {"expired": 1})
+    assert bench.meter.inside.told("A") == 1
+
+
+def test_what_leaves_after_the_end_is_not_measured(bench: Bench) -> None:
+    bench.watches["A"].end()
+    bench.sent("a")
+    assert bench.figures() == {}
+
+
+def test_what_users_get_is_counted_by_type(bench: Bench) -> None:
+    pdu = bytes([2, 2]) + bytes(40)
+    users = SOCKETS["B", "users"]
+    users.waiting.append([b"raw.", raw.build(pdu, 1_795_182_426_461_613_000, NO_RX_INFO)])
+    users.waiting.append([b"v2x.cam.", pdu])
+    bench.watches["B"].take()
+    assert dict(bench.meter.inside.delivered["B"].types) == {"cam": 1}
+    assert [station for station, _ in bench.delivered] == ["B"]
+
+
+@pytest.mark.parametrize(
+    "frames", [[b"status."], [b"status.", b"{"], [b"", b"[]"], [b"indication.", b"{}"], [b"confirm.", b"{}"]]
+)
+def test_rubbish_harms_nobody(bench: Bench, frames: list[bytes]) -> None:
+    bench.reports("A").waiting.append(frames)
+    bench.watches["A"].take()
+    assert bench.figures() == {}
+
+
+def test_an_older_station_is_refused_with_a_remedy(bench: Bench) -> None:
+    watch = bench.watches["A"]
+    bench.reports("A").say("status.", {key: value for key, value in STATUS.items() if key != "boot"})
+    with pytest.raises(StationError, match=r"9\.9"):
+        watch.join()
