@@ -41,6 +41,7 @@ WHICH = (
     Option("some, by name", ()),
 )
 PROFILE = tuple(Option(text, ("--profile", profile)) for profile, text in library.PROFILES.items())
+DISTRO = tuple(Option(name, ("--distro", name)) for name in library.DISTROS)
 FORM = tuple(Option(text, ("--form", form)) for form, text in library.FORMS.items())
 
 
@@ -116,9 +117,15 @@ def _generate(words: list[str]) -> list[str]:
         print(textwrap.fill("  ".join(text.load_schema().messages), WIDTH))
         which = shlex.split(ask("names, with blanks between (cam, denm-1.3.1, 'cpm-*')"))
     form = choose("In which form?", FORM)
-    profile = choose("With whose names?", PROFILE) if form[1] == "ros2" else ()
-    folder = ask("into which directory", default=f"build/{form[1]}")
-    return [*words, *which, *form, *profile, "--to", folder]
+    folder, more = f"build/{form[1]}", []
+    if form[1] == "ros2":
+        more += [*choose("With whose names?", PROFILE), *choose("For which ROS?", DISTRO)]
+        folder = "build/ros2-packages"  # build/ros2 holds the ROS of the tests
+    elif form[1] in library.WITH_CODE and ask_yes(
+        "to serialised ROS 2 messages and back as well, as its gateway needs"
+    ):
+        more.append("--ros2")
+    return [*words, *which, *form, *more, "--to", ask("into which directory", default=folder)]
 
 
 def _add(words: list[str]) -> list[str]:

@@ -9,6 +9,9 @@ from asn1 import __main__ as program
 from asn1 import add, library, menu, text
 
 
+CAM = ["generate", "cam", "--form"]
+
+
 class Answers:
     """A user who types these lines, and then ends the input."""
 
@@ -40,7 +43,7 @@ def test_the_first_choice_lists(monkeypatch: pytest.MonkeyPatch):
 
 
 def test_the_standard_set_goes_into_a_directory_of_choice(monkeypatch: pytest.MonkeyPatch):
-    started, _ = run(monkeypatch, "2", "1", "1", "/tmp/here")
+    started, _ = run(monkeypatch, "2", "1", "1", "n", "/tmp/here")
     assert started == [["generate", "--standard", "--form", "cmake", "--to", "/tmp/here"]]
 
 
@@ -52,15 +55,28 @@ def test_an_empty_answer_takes_the_default(monkeypatch: pytest.MonkeyPatch):
 def test_messages_can_be_named_and_their_names_are_shown(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
-    started, _ = run(monkeypatch, "2", "3", "cam 'cpm-*'", "2", "out")
+    started, _ = run(monkeypatch, "2", "3", "cam 'cpm-*'", "2", "", "out")
     assert "cam-1.4.1" in capsys.readouterr().out
     assert started == [["generate", "cam", "cpm-*", "--form", "sources", "--to", "out"]]
 
 
 def test_ros_2_packages_have_the_names_of_somebody(monkeypatch: pytest.MonkeyPatch):
     form = str(list(library.FORMS).index("ros2") + 1)
-    started, _ = run(monkeypatch, "2", "3", "cam", form, "2", "out")
-    assert started == [["generate", "cam", "--form", "ros2", "--profile", "v2x_msgs", "--to", "out"]]
+    started, _ = run(monkeypatch, "2", "3", "cam", form, "2", "3", "out")
+    asked = [*CAM, "ros2", "--profile", "v2x_msgs", "--distro", "kilted", "--to", "out"]
+    assert started == [asked]
+
+
+def test_ros_2_packages_do_not_go_where_the_ros_of_the_tests_is(monkeypatch: pytest.MonkeyPatch):
+    form = str(list(library.FORMS).index("ros2") + 1)
+    [line], _ = run(monkeypatch, "2", "3", "cam", form, "1", "1", "")
+    assert line[-2:] == ["--to", "build/ros2-packages"]
+
+
+def test_a_wheel_for_the_gateway_is_asked_for(monkeypatch: pytest.MonkeyPatch):
+    form = str(list(library.FORMS).index("wheel") + 1)
+    started, _ = run(monkeypatch, "2", "3", "cam", form, "y", "out")
+    assert started == [[*CAM, "wheel", "--ros2", "--to", "out"]]
 
 
 @pytest.fixture
@@ -132,7 +148,7 @@ def test_a_number_that_is_none_is_asked_for_again(monkeypatch: pytest.MonkeyPatc
 def test_the_command_line_is_shown_so_that_it_can_be_repeated(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
-    run(monkeypatch, "2", "3", "'cpm-*'", "2", "my dir")
+    run(monkeypatch, "2", "3", "'cpm-*'", "2", "", "my dir")
     assert "$ captain-asn1 generate 'cpm-*' --form sources --to 'my dir'" in capsys.readouterr().out
 
 
@@ -148,6 +164,6 @@ def test_the_status_of_the_last_command_is_the_menu_s(monkeypatch: pytest.Monkey
 def test_a_wrong_answer_is_explained_and_the_menu_goes_on(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ):
-    started, _ = run(monkeypatch, "2", "3", "--no-such-flag", "2", "out", "1")
+    started, _ = run(monkeypatch, "2", "3", "--no-such-flag", "2", "", "out", "1")
     assert started == [["list"]]
     assert "unrecognized arguments: --no-such-flag" in capsys.readouterr().err

@@ -148,6 +148,11 @@ def one(name: str) -> SimpleNamespace:
     return SimpleNamespace(name=name, edition=edition(name))
 
 
+def test_an_edition_of_another_type_is_refused():
+    with pytest.raises(GatewayError, match=r"cam\.edition: denm-1\.3\.1 is no edition of cam"):
+        Edition(Library(), "denm-1.3.1", "etsi_its", KINDS["cam"])
+
+
 def test_a_message_is_for_the_handler_of_its_number():
     routing = Routing([one("cam-1.4.1"), one("denm-1.3.1")])
     assert routing.find(CAM).name == "cam-1.4.1"

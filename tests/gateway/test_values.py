@@ -1,6 +1,7 @@
 """Values of parameters: what is taken, and in what words the rest is refused."""
 
 import json
+import re
 
 import pytest
 import zmq
@@ -95,6 +96,21 @@ def test_ports_that_every_box_has_are_not_0(name):
 @pytest.mark.parametrize("name", ["station.pull", "station.report"])
 def test_a_port_that_a_box_may_lack_is_0(name):
     assert GATEWAY[name].read(0) == 0
+
+
+@pytest.mark.parametrize(
+    ("area", "said"),
+    [
+        ("circle 48 11 -100", "distance_a: -100 is no number of 1 ... 65535"),
+        ("circle 48 11 0.4", "distance_a: 0.4 is no number of 1 ... 65535"),
+        ("ellipse 48 11 300 70000 45", "distance_b: 70000 is no number of 1 ... 65535"),
+        ("rectangle 48 11 300 100 361", "angle: 361 is no number of 0 ... 360"),
+        ("circle 91 11 100", "91, 11 is no latitude"),
+    ],
+)
+def test_an_area_that_nobody_can_be_in_is_refused_in_words(area, said):
+    with pytest.raises(ValueError, match=re.escape(said)):
+        values.area(area)
 
 
 def test_a_handler_is_named_once():

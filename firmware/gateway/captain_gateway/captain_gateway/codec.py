@@ -45,7 +45,7 @@ class Edition:
     """One edition of a message in one profile.
 
     kind     whose paths are read, as far as this edition has them.
-    Raises GatewayError for a name that the library does not have, or that the profile cannot say.
+    Raises GatewayError for a name that the library does not have, of another type, or that the profile cannot say.
     """
 
     def __init__(self, library: ModuleType, name: str, profile: str, kind: Kind) -> None:
@@ -55,6 +55,8 @@ class Edition:
         except LookupError as error:
             raise GatewayError(f"{kind.name}.edition: {error.args[0] if error.args else error}") from error
         self.name: str = self.message.name
+        if kind.editions and _type(self.name) not in map(_type, kind.editions):
+            raise GatewayError(f"{kind.name}.edition: {self.name} is no edition of {_type(kind.editions[0])}")
         self.profile = profile
         self.position = self._reader(next((pair for pair in kind.position if self._has(*pair)), ()))
         self.generated = self._reader(next(((path,) for path in kind.generated if self._has(path)), ()))
@@ -171,3 +173,7 @@ def _is_broken(error: BaseException) -> bool:
     """Whether octets are no message of the type at all, in contrast to one with a value that is not allowed."""
     reason = str(getattr(error, "reason", ""))
     return not getattr(error, "path", "") or reason.startswith(("truncated", "octets behind"))
+
+
+def _type(edition: str) -> str:
+    return edition.partition("-")[0]

@@ -9,9 +9,9 @@ from .errors import GatewayError, RefusedError
 from .routing import Routing
 from .services import Services
 from .told import number
+from .values import MOST_ANGLE, MOST_DISTANCE
 
 SHAPES = ("", "circle", "rectangle", "ellipse")  # as Area.msg numbers them
-MOST_DISTANCE, MOST_ANGLE = 65535, 360
 MOST_TIME = 2.0**31 - 1  # builtin_interfaces/Time
 LONGEST_LABEL = 256  # characters: a station reads no more than 4096 octets of options
 

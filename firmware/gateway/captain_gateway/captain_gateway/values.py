@@ -11,6 +11,7 @@ from .handlers import KINDS
 
 NAME = re.compile(r"[0-9A-Za-z]([0-9A-Za-z._-]{0,251}[0-9A-Za-z])?")  # RFC 1123; an underscore as ZeroMQ takes it
 SHAPES = {"circle": 3, "rectangle": 4, "ellipse": 4}  # numbers that it needs; one more is the angle
+MOST_DISTANCE, MOST_ANGLE = 65535, 360  # EN 302 636-4-1: 16 bits each; in m, in degrees from north
 
 Read = Callable[[Any], Any]
 """A value as ROS has it to what is kept. Raises ValueError, which says what it may be."""
@@ -116,10 +117,13 @@ def area(value: object) -> dict[str, object] | None:
         )
     latitude, longitude, *sizes = _numbers([float(one) for one in rest])
     _check_place(latitude, longitude)
-    names = ("distance_a", "distance_b", "angle")
-    return {"shape": shape, "latitude": latitude, "longitude": longitude} | {
-        name: round(size) for name, size in zip(names, sizes, strict=False)
-    }
+    area: dict[str, object] = {"shape": shape, "latitude": latitude, "longitude": longitude}
+    limits = {"distance_a": (1, MOST_DISTANCE), "distance_b": (1, MOST_DISTANCE), "angle": (0, MOST_ANGLE)}
+    for (name, (low, high)), size in zip(limits.items(), sizes, strict=False):
+        area[name] = number = round(size)
+        if not low <= number <= high:
+            raise ValueError(f"{name}: {size:g} is no number of {low} ... {high}")
+    return area
 
 
 def place(value: object) -> tuple[float, float, float] | None:
