@@ -13,16 +13,23 @@ from board.errors import ConfigurationError
 ZONES = Path("/usr/share/zoneinfo")
 # RFC 1123, clause 2.1; one label, for mDNS adds .local.
 NAME = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9-]{0,61}[A-Za-z0-9])?")
+# What inet_aton(3) takes for an address.
+NUMBER = re.compile(r"[0-9]+|0[xX][0-9A-Fa-f]*")
 # ISO 3166-1, as the kernel's database of regulatory domains has them.
 REGION = re.compile(r"[A-Z]{2}")
 MOST_SSID = 32  # octets: IEEE 802.11, clause 9.4.2.2
 PHRASE = range(8, 64)  # characters: IEEE 802.11, clause J.4.1
 PSK = re.compile(r"[0-9A-Fa-f]{64}")
+BROADCAST = ipaddress.IPv4Address("255.255.255.255")
+Address = ipaddress.IPv4Address | ipaddress.IPv6Address
 TABLE = Path("/usr/share/zoneinfo/iso3166.tab")
 
 
 def check_host_name(text: str) -> None:
     """Raises ConfigurationError, as the others here do."""
+    if text.lower() == "localhost" or NUMBER.fullmatch(text):
+        what = f'"{text}" means an address, and is no host name'
+        raise ConfigurationError(what, "write for example captain-7")
     if not NAME.fullmatch(text):
         near = re.sub(r"[^A-Za-z0-9]+", "-", text.removesuffix(".local")).strip("-")[:63]
         hint = f"write {near}" if near else "write for example captain-7"
@@ -40,7 +47,7 @@ def check_country(text: str) -> None:
 
 
 def check_time_zone(text: str) -> None:
-    if re.fullmatch(r"[A-Za-z0-9_+-]+(?:/[A-Za-z0-9_+-]+)*", text) and ((ZONES / text).is_file() or not ZONES.is_dir()):
+    if re.fullmatch(r"[A-Za-z0-9_+-]+(?:/[A-Za-z0-9_+-]+)*", text) and (not ZONES.is_dir() or _is_zone(ZONES / text)):
         return
     raise ConfigurationError(f'"{text}" is no time zone', 'write for example "Europe/Berlin", or leave it out for UTC')
 
@@ -76,15 +83,29 @@ def check_interface_address(text: str) -> None:
         raise ConfigurationError(f'"{text}" is no address', 'write for example "192.168.1.20/24"') from error
     if "/" not in text:
         raise ConfigurationError(f'"{text}" has no length of its network', f'write for example "{found.ip}/24"')
+    _check_host(found.ip, text)
+    if found.network.prefixlen == 0:
+        raise ConfigurationError(f'"{text}" has the whole world as its network', f'write for example "{found.ip}/24"')
     if found.network.num_addresses > 2 and found.ip in (found.network.network_address, found.network.broadcast_address):
         raise ConfigurationError(f'"{text}" is the address of a whole network', "give one of it to the box")
 
 
 def check_plain_address(text: str) -> None:
     try:
-        ipaddress.ip_address(text)
+        found = ipaddress.ip_address(text)
     except ValueError as error:
         raise ConfigurationError(f'"{text}" is no address', 'write for example "192.168.1.1"') from error
+    _check_host(found, text)
+
+
+def _check_host(found: Address, text: str) -> None:
+    """A zone, which may hold any letter, would get into files of other programs."""
+    if getattr(found, "scope_id", None) is not None:
+        raise ConfigurationError(
+            f'"{text}" names a zone', f'leave out what begins with "%": "{text.partition("%")[0]}"'
+        )
+    if found.is_multicast or found.is_unspecified or found.is_loopback or found == BROADCAST:
+        raise ConfigurationError(f'"{text}" is no address that another host can have', "correct it")
 
 
 def check_server(text: str) -> None:
@@ -143,6 +164,9 @@ class Ethernet:
         network, gateway = ipaddress.ip_interface(self.address).network, ipaddress.ip_address(self.gateway)
         if gateway not in network:
             raise ConfigurationError(f'gateway: "{gateway}" is not in the network {network} of the box', "correct one")
+        ends = (network.network_address, network.broadcast_address) if network.num_addresses > 2 else ()
+        if gateway == ipaddress.ip_interface(self.address).ip or gateway in ends:
+            raise ConfigurationError(f'gateway: "{gateway}" is no other host of the network {network}', "correct it")
 
 
 @dataclass(frozen=True)
@@ -158,6 +182,11 @@ class BoxOptions:
     console: ConsoleOptions = ConsoleOptions()
     eth0: Ethernet | None = None
     time_servers: Annotated[tuple[str, ...], Check(_each(check_server))] = ()
+
+
+def _is_zone(path: Path) -> bool:
+    """By the beginning of its content; beside zones there are tables of them. Source: tzfile(5)."""
+    return path.is_file() and path.read_bytes()[:4] == b"TZif"
 
 
 def _countries() -> frozenset[str]:
