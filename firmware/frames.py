@@ -29,6 +29,7 @@ MOST = 200
 SLICE = 16  # told in one turn: a message that comes meanwhile waits for 0.2 ms
 MADE = 4096  # requests whose frames wait for their confirm: as many as the queues of some interfaces hold
 
+_NOTHING = "", 0
 USERS = "users"  # stands for the interface of what got to none
 ETHERTYPE = b"\x89\x47"
 
@@ -99,7 +100,7 @@ class Frames:
         self._made: dict[tuple[str, int], bytes] = {}  # by interface and number of the request
         self._has_frames: set[str] = set()
         self._missed: Counter[str] = Counter()
-        self._just_missed = "", 0
+        self._just_missed = _NOTHING  # a drop of this very moment, whose confirm comes next
         self._sequence: dict[str, int] = {}
         self._quality = UNKNOWN_TIME, json.dumps(said_of(UNKNOWN_TIME))
         self._is_scheduled = False
@@ -165,7 +166,9 @@ class Frames:
             one = self._new(where, self._clock_ns(), self._whole(where, sample), sample)
             one.reason, one.detail = reason, detail
             self._dropped[where, id(sample)] = one
-        elif where not in self._has_frames or not sample:  # else its frame was missed already
+        elif not sample:
+            self._missed[where] += count
+        elif where not in self._has_frames:  # else its frame was missed already
             self._missed[where] += count
             self._just_missed = where, id(sample)
 
@@ -176,6 +179,7 @@ class Frames:
             self._missed[where] += one.missed
         elif key == self._just_missed:
             self._missed[where] -= 1
+        self._just_missed = _NOTHING  # what comes later may have its place in memory
 
     def _whole(self, where: str, sample: bytes) -> bytes:
         """What was dropped, where it is a frame: an interface that has them looks at the EtherType first."""
@@ -204,6 +208,7 @@ class Frames:
         self._noted = []
         self._by_octets.clear()
         self._dropped.clear()
+        self._just_missed = _NOTHING
         self._go_on()
 
     def _go_on(self) -> None:

@@ -4,7 +4,7 @@ import argparse
 import subprocess
 import sys
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from pathlib import Path
 from typing import BinaryIO
 
@@ -78,7 +78,7 @@ LONGEST_S = 30 * 86400.0
 def arguments(parser: argparse.ArgumentParser) -> None:
     what = parser.add_mutually_exclusive_group(required=True)
     what.add_argument("--pcapng", metavar="FILE", help="frames, into a file that must not exist; `-`: standard output")
-    what.add_argument("--mcap", metavar="FILE", type=Path, help="messages for ROS 2, into a file that must not exist")
+    what.add_argument("--mcap", metavar="FILE", type=Path, help="messages for ROS 2, likewise")
     what.add_argument("--live", action="store_true", help="frames, into a Wireshark that is started")
     what.add_argument("--ring", metavar="FOLDER", type=Path, help="frames, into a ring of files in a folder")
     what.add_argument("--trigger", metavar="TEXT", help="tell a station of this machine to keep what was, and why")
@@ -149,24 +149,48 @@ def _mcap(arguments: argparse.Namespace) -> int:
         client.session() as context, _created(arguments.mcap) as stream, suppress(SystemExit), Ending() as ending,
     ):  # fmt: skip
         recording = Recording(stream, library)
-
-        def idle() -> None:
-            ending.check()
-            recording.idle()
-
         try:
             listening = Listening(client.subscribe(context, place, place.to_users, ""), place, wish_of(arguments))
             listening.on_heard = lambda: say(f"a station is heard at {place.host}:{place.to_users}")
+            silence = Silence(listening)
+
+            def idle() -> None:
+                ending.check()
+                silence.tell()
+                recording.idle()
+
             for message in listening.messages(idle):
                 recording.add(message)
                 ending.check()
+        except StationError:
+            arguments.mcap.unlink(missing_ok=True)  # it is of no station
+            raise
         finally:
             recording.close()
             print(f"captain: {arguments.mcap}: {recording.summary()}", file=sys.stderr)
     return 0
 
 
-def _created(path: Path) -> BinaryIO:
+class Silence:
+    """Says when a station falls silent, and when it is heard again."""
+
+    def __init__(self, listening: Listening) -> None:
+        self._listening = listening
+        self._silent_s = 0.0
+
+    def tell(self) -> None:
+        before, self._silent_s = self._silent_s, self._listening.silent_s
+        if self._silent_s and not before:
+            say("the station is silent: nothing is recorded until it is heard again")
+        elif before and not self._silent_s:
+            say(f"the station is heard again, after {before:.0f} s")
+
+
+def _created(path: Path) -> AbstractContextManager[BinaryIO]:
+    if str(path) == "-":
+        if sys.stdout.isatty():
+            raise UsageError("a terminal cannot show a recording", "name a file, or send it through a pipe")
+        return nullcontext(sys.stdout.buffer)
     try:
         return path.open("xb")
     except FileExistsError:

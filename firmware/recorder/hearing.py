@@ -35,7 +35,7 @@ class Hearing:
         self.is_known = False  # who the station is, or that it does not say
         self._early: list[Told] = []  # before its status
         self._asked = self._heard = time.monotonic()
-        self.is_heard = False
+        self.is_heard = self._is_silent = False
 
     def frames(self, idle: Callable[[], bool]) -> Iterator[Told]:
         """As they come. idle is called between them and while there are none, a few times a second: False ends it.
@@ -77,8 +77,9 @@ class Hearing:
         if not self.is_heard:
             say(f"a station is heard at {self.place.host}:{self.place.report}")
             self.is_heard = True
-        elif now > self._heard + client.ANSWER_S:
+        elif self._is_silent:
             say(f"the station is heard again, after {now - self._heard:.1f} s")
+            self._is_silent = False
         self._heard = now
 
     def _look(self) -> None:
@@ -95,6 +96,11 @@ class Hearing:
             self._subscriber.setsockopt(zmq.SUBSCRIBE if is_wanted else zmq.UNSUBSCRIBE, b"status.")
 
     def _check(self) -> None:
+        if self.is_heard and not self._is_silent and time.monotonic() > self._heard + client.ANSWER_S:
+            say(
+                f"the station is silent: nothing is recorded until {self.place.host}:{self.place.report} is heard again"
+            )
+            self._is_silent = True
         if self.is_known or time.monotonic() < self._asked + client.ANSWER_S:
             return
         if self.is_heard:

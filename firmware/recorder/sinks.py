@@ -4,6 +4,7 @@ import select
 import sys
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import IO, Protocol
 
@@ -56,7 +57,11 @@ class File:
         self._filing.idle()
 
     def close(self) -> None:
+        """Where no station was there no file is left."""
         self._filing.end()
+        with suppress(OSError):
+            if not self._path.stat().st_size:
+                self._path.unlink()
 
 
 class Pipe:

@@ -316,6 +316,19 @@ def test_of_a_flood_of_refusals_each_is_counted_once(bench: Bench) -> None:
     assert [said["missed"] for said in bench.later()] == [30]
 
 
+def test_drops_that_no_confirm_follows_are_missed_for_good(bench: Bench) -> None:
+    for number in range(MOST + 1):
+        bench.indicate(pdu_of(2, number), "wire")
+    lost = pdu_of(2, 7000)
+    bench.drops.count("wire", Reason.BTP_PORT, lost)
+    bench.drops.count("wire", Reason.KERNEL_QUEUE, count=5)
+    bench.later()
+    empty = request_of(pdu=b"")
+    bench.frames.confirm(Confirm(empty, Outcome.DROPPED, "wire", Reason.EXPIRED), ())
+    bench.frames.confirm(Confirm(request_of(pdu=lost), Outcome.SENT, "wire"), ())
+    assert [said["missed"] for said in bench.later()] == [7, 0]
+
+
 def test_a_listener_who_left_leaves_nothing_behind(bench: Bench) -> None:
     bench.indicate(CAM_PDU)
     bench.frames.forget()

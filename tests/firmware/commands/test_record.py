@@ -165,3 +165,34 @@ def test_what_is_known_of_a_reception_stands_where_the_definition_says():
 def test_what_is_not_known_of_a_place_is_no_number():
     cdr = reception.cdr(Message("cam", CAM, None), NS, 1, "cam-1.4.1")[4:]
     assert all(math.isnan(one) for one in struct.unpack_from("<dddd", cdr, 48))
+
+
+def test_without_a_station_no_file_is_left(tmp_path, capsys):
+    assert cli.main(["record", "--mcap", str(tmp_path / "a"), "--station", "127.0.0.1:9"]) == 1
+    assert not (tmp_path / "a").exists()
+    with FakeStation() as station:
+        station.is_silent = True
+        assert cli.main(["record", "--mcap", str(tmp_path / "a"), *station.options]) == 1
+    assert "sends no heartbeat" in capsys.readouterr().err
+    assert not (tmp_path / "a").exists()
+
+
+def test_a_hyphen_is_standard_output(tmp_path, capsysbinary, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with FakeStation(on_air("cam", CAM)) as station:
+        assert cli.main(["record", "--mcap", "-", *station.options, "--count", "1"]) == 0
+    assert len(read(capsysbinary.readouterr().out).messages) == 2
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_station_that_falls_silent_is_told_and_that_it_is_back(capsys):
+    class Heard:
+        silent_s = 0.0
+
+    silence = record.Silence(Heard())
+    for Heard.silent_s in (0.0, 3.5, 4.0, 0.0, 0.0):
+        silence.tell()
+    assert capsys.readouterr().err.splitlines() == [
+        "captain: the station is silent: nothing is recorded until it is heard again",
+        "captain: the station is heard again, after 4 s",
+    ]
