@@ -100,10 +100,8 @@ def check_plain_address(text: str) -> None:
 
 def _check_host(found: Address, text: str) -> None:
     """A zone, which may hold any letter, would get into files of other programs."""
-    if getattr(found, "scope_id", None) is not None:
-        raise ConfigurationError(
-            f'"{text}" names a zone', f'leave out what begins with "%": "{text.partition("%")[0]}"'
-        )
+    if "%" in text:
+        raise ConfigurationError(f'"{text}" names a zone', 'leave out what begins with "%"')
     if found.is_multicast or found.is_unspecified or found.is_loopback or found == BROADCAST:
         raise ConfigurationError(f'"{text}" is no address that another host can have', "correct it")
 
