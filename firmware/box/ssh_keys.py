@@ -15,6 +15,25 @@ OLD = "ssh-dss"
 LEAST_RSA_BITS = 1024  # RequiredRSASize of sshd_config(5)
 # A word of options: letters, and values in quotes, in which blanks are not its end.
 OPTIONS = re.compile(r'(?:[^\s"]|"(?:[^"\\]|\\.)*")+')
+# Those of sshd(8), in any case of their letters: with a value in quotes, and without one.
+OPTION = re.compile(
+    r"(?:cert-authority|restrict|no-touch-required|verify-required"
+    r"|(?:no-)?(?:agent-forwarding|port-forwarding|pty|user-rc|x11-forwarding)"
+    r"|(?:command|environment|expiry-time|from|permitlisten|permitopen|principals|tunnel)"
+    r'="(?:[^"\\]|\\.)*")',
+    re.IGNORECASE,
+)
+# Octets of each field behind the kind; None: any number. Sources: RFC 4253, clause 6.6; RFC 5656, clause 3.1; RFC 8709,
+# clause 4; OpenSSH's PROTOCOL.u2f.
+SIZES: dict[str, tuple[int | None, ...]] = {
+    "ssh-ed25519": (32,),
+    "ssh-rsa": (None, None),
+    "ecdsa-sha2-nistp256": (8, 65),
+    "ecdsa-sha2-nistp384": (8, 97),
+    "ecdsa-sha2-nistp521": (8, 133),
+    "sk-ssh-ed25519@openssh.com": (32, None),
+    "sk-ecdsa-sha2-nistp256@openssh.com": (8, 65, None),
+}
 SHOWN = 24
 MAKE = "a line of authorized_keys is what `ssh-keygen -t ed25519` writes into id_ed25519.pub"
 
@@ -46,6 +65,8 @@ def _trouble(line: str) -> tuple[str, str] | None:
     kind, _, rest = line.partition(" ")
     if kind not in (*KINDS, OLD) and (options := OPTIONS.match(line)):
         kind, _, rest = line[options.end() :].strip().partition(" ")
+        if kind in KINDS and (unknown := _unknown(options[0])) is not None:
+            return f'"{unknown[:SHOWN]}" is no option of a key', "sshd(8) lists them, under AUTHORIZED_KEYS FILE FORMAT"
     if kind == OLD:
         return "ssh-dss is no longer taken by sshd", "make another key: ssh-keygen -t ed25519"
     if kind not in KINDS:
@@ -56,11 +77,32 @@ def _trouble(line: str) -> tuple[str, str] | None:
     except (binascii.Error, ValueError):
         return f"the key {_short(written)} is not base64", "copy the whole line once more, without breaks"
     fields = _fields(octets)
-    if not fields or fields[0] != kind.encode() or len(fields) < 2:
+    if not _is_whole(kind, fields):
         return f"the key {_short(written)} is cut off or damaged", "copy the whole line once more, without breaks"
-    if kind == "ssh-rsa" and len(fields) > 2 and (bits := int.from_bytes(fields[2]).bit_length()) < LEAST_RSA_BITS:
+    if kind == "ssh-rsa" and (bits := int.from_bytes(fields[2]).bit_length()) < LEAST_RSA_BITS:
         return f"an RSA key of {bits} bits is refused by sshd", "make another key: ssh-keygen -t ed25519"
     return None
+
+
+def _unknown(options: str) -> str | None:
+    """The first of them that sshd does not know, and then passes the whole line over."""
+    rest = options
+    while found := OPTION.match(rest):
+        rest = rest[found.end() :]
+        if not rest:
+            return None
+        if not rest.startswith(","):
+            break
+        rest = rest[1:]
+    return rest
+
+
+def _is_whole(kind: str, fields: list[bytes]) -> bool:
+    if not fields or fields[0] != kind.encode() or len(fields) - 1 != len(SIZES[kind]):
+        return False
+    if "ecdsa" in kind and fields[1] != re.findall("nistp[0-9]+", kind)[0].encode():
+        return False
+    return all(size in (None, len(field)) for field, size in zip(fields[1:], SIZES[kind], strict=True))
 
 
 def _fields(octets: bytes) -> list[bytes]:

@@ -58,6 +58,39 @@ def test_what_is_no_key_is_named(text: str, said: str):
     assert said in told[0]
 
 
+def key(kind: str, *fields: bytes) -> str:
+    octets = b"".join(len(each).to_bytes(4) + each for each in (kind.encode(), *fields))
+    return f"{kind} {base64.b64encode(octets).decode()}"
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        f"foobar {KEY}",
+        f"restrict,foobar {KEY}",
+        f"from=10.0.0.1 {KEY}",
+        f"restrict, {KEY}",
+        f'pty="x" {KEY}',
+        key("ssh-ed25519", bytes(10)),
+        key("ssh-ed25519", bytes(32), b"more"),
+        key("ssh-rsa", b"\1\0\1"),
+        key("ecdsa-sha2-nistp256", b"nistp384", b"\4" + bytes(96)),
+        key("ecdsa-sha2-nistp256", b"nistp256", b"\4" + bytes(63)),
+        " ".join([*KEY.split()[:1], KEY.split()[1] * 2]),
+    ],
+)
+def test_what_sshd_would_pass_over_is_named(line: str):
+    keys, told = looked(line)
+    assert keys == []
+    assert len(told) == 1
+
+
+@pytest.mark.parametrize("kind", ["sk-ssh-ed25519@openssh.com", "sk-ecdsa-sha2-nistp256@openssh.com"])
+def test_keys_of_a_token_are_taken(kind: str):
+    fields = (bytes(32),) if "ed25519" in kind else (b"nistp256", b"\4" + bytes(64))
+    assert looked(key(kind, *fields, b"ssh:")) == ([key(kind, *fields, b"ssh:")], [])
+
+
 def test_a_line_that_was_broken_in_two_spoils_no_other_line():
     keys, told = looked(f"{KEY}\n{KEY[:30]}\n{KEY[30:]}\n{KEY}")
     assert keys == [KEY, KEY]
