@@ -88,8 +88,10 @@ def main(arguments: argparse.Namespace) -> int:
         for number in (signal.SIGINT, signal.SIGTERM):
             ending.callback(signal.signal, number, signal.signal(number, stop))
         print(f"captain: between {a.name} and {b.name}", file=sys.stderr, flush=True)
-        bridge.run(arguments.duration)
-        print(_json(ways) if arguments.json else "\n".join(_lines(ways)), flush=True)
+        try:
+            bridge.run(arguments.duration)
+        finally:
+            print(_json(ways) if arguments.json else "\n".join(_lines(ways)), flush=True)
     if signal.SIGINT in came:
         raise KeyboardInterrupt
     return 0
@@ -98,6 +100,8 @@ def main(arguments: argparse.Namespace) -> int:
 def _lines(ways: list[Way]) -> Iterator[str]:
     for way in ways:
         yield f"{way.source.name} to {way.to.name}: {way.heard} heard, {way.sent} sent"
+        if way.source.ear.missed:
+            yield f"  {way.source.ear.missed} not heard: this machine is too slow"
         if unheard := _unheard(way):
             yield f"  nobody listened to {unheard} of them"
         if words := told(way.impairment.counts):
@@ -114,6 +118,7 @@ def _json(ways: list[Way]) -> str:
                     "from": way.source.name,
                     "to": way.to.name,
                     "heard": way.heard,
+                    "missed": way.source.ear.missed,
                     "sent": way.sent,
                     "unheard": _unheard(way),
                     "left_out": dict(way.left_out),

@@ -88,6 +88,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     pace.add_argument(
         "--loop", metavar="N", nargs="?", type=times, const=0, default=1, help="N rounds; without N, until Ctrl-C"
     )
+    pace.add_argument(
+        "--longest-gap", metavar="S", type=seconds, default=60.0, help="longer silence is cut to it (default 60)"
+    )
     changed = parser.add_argument_group("what becomes another (what is signed or does not decode is left out then)")
     changed.add_argument(
         "--station-id", metavar="[+]N", type=_station_id, default=(None, False), help="of all messages; +N adds to each"
@@ -120,7 +123,7 @@ def main(arguments: argparse.Namespace) -> int:
     is_link = arguments.udp is not None or arguments.ethernet is not None
     choice = Choice(arguments.direction, frozenset(arguments.interface), has_dropped=is_link)
     source = Source(arguments.form, choice, io.BytesIO() if sys.stdin is None else sys.stdin.buffer)
-    timing = Timing(arguments.speed, arguments.rate, arguments.from_s, arguments.to_s)
+    timing = Timing(arguments.speed, arguments.rate, arguments.from_s, arguments.to_s, arguments.longest_gap)
     station_id, is_added = arguments.station_id
     rewriting = Rewriting(Changes(station_id, is_added, arguments.time == "now", *arguments.shift))
     way = Impairment[Pdu](impairments(arguments))
@@ -130,8 +133,11 @@ def main(arguments: argparse.Namespace) -> int:
         began = time.monotonic()
         try:
             for _ in _rounds(arguments.loop):
+                before = way.counts.taken
                 for _ in player.play(source.items(what)):
                     pass
+                if way.counts.taken == before:
+                    break  # nothing of it goes: without an end this would go on in silence
             player.finish()
             if outgoing is not None:
                 outgoing.wait(client.ANSWER_S)
@@ -215,6 +221,8 @@ class Summary:
             yield f"captain: nobody listened to {self._unheard} of them"
         if way := told(self._way.counts):
             yield f"captain: the way, {way}"
+        if played.gaps_cut:
+            yield f"captain: {played.gaps_cut} gaps were cut: longer than --longest-gap, or its clock was set"
         if played.unreadable:
             yield f"captain: {played.unreadable} could not be read"
         for title, tally in (("left out", played.left_out), ("not sent", played.unsent)):
@@ -232,6 +240,7 @@ class Summary:
                 "sent": played.sent,
                 "seconds": self._seconds,
                 "late_s": played.late_s,
+                "gaps_cut": played.gaps_cut,
                 "unreadable": played.unreadable,
                 "left_out": dict(played.left_out),
                 "skipped": dict(self._skipped),

@@ -4,6 +4,7 @@ import argparse
 import json
 import resource
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -13,11 +14,12 @@ import zmq
 
 from board.address import Address
 from board.address import address as udp_address
-from board.errors import ConfigurationError
+from board.errors import ConfigurationError, RequestError
 from drivers.message import Area, MessageType
 from drivers.sim.track import Point
 from firmware.codec.reading import Pdu
 from firmware.replay.ends import Datagrams, Device, End
+from firmware.replay.reasons import count
 from firmware.swarm import tracks
 from firmware.swarm.messages import Writer
 from firmware.swarm.swarm import LATE_S, Out, Plan, Sent, Swarm
@@ -53,8 +55,9 @@ examples:
                                             LATITUDE,LONGITUDE
 
 exit codes:
-  0    the duration is reached; nobody refused anything
-  1    somebody did, no station answers, or there is no message library
+  0    the duration is reached, and everything was taken: by the kernel, or by
+       the station's PULL; what a station did with it, `captain status` tells
+  1    something was not, no station answers, or there is no message library
   2    wrong usage
   130  Ctrl-C
 """
@@ -112,17 +115,18 @@ def main(arguments: argparse.Namespace) -> int:
 
 
 def _vehicles(arguments: argparse.Namespace, writer: Writer) -> Iterator[Vehicle]:
-    count, chance = arguments.count, Random(f"{arguments.seed} styles")
-    ways = [tracks.read(arguments.track)] * count if arguments.track else tracks.town(arguments.centre, count)
+    stations, chance = arguments.count, Random(f"{arguments.seed} styles")
+    ways = [tracks.read(arguments.track)] * stations if arguments.track else tracks.town(arguments.centre, stations)
     for at, way in enumerate(ways):
         yield Vehicle(at, arguments.first_id + at, way, style(chance, arguments.speed, way.length_m), writer)
 
 
 class Air:
-    """Where messages go. refused: those that nothing took."""
+    """Where messages go. refused: those that nothing took; why: for which reasons."""
 
     def __init__(self, arguments: argparse.Namespace, ending: ExitStack) -> None:
         self.refused = 0
+        self.why: Counter[str] = Counter()
         self._end: End | None = None
         if arguments.endpoint:
             context = ending.enter_context(client.session())
@@ -149,7 +153,11 @@ class Air:
         self, vehicle: Vehicle, kind: MessageType, pdu: bytes, now: float, its_ms: int, area: Area | None
     ) -> None:
         assert self._end is not None
-        self._end.send(vehicle.frame(kind, pdu, now, its_ms, area), ANY)
+        try:
+            self._end.send(vehicle.frame(kind, pdu, now, its_ms, area), ANY)
+        except RequestError as error:
+            self.refused += 1
+            count(self.why, error.message.removeprefix(f"{ANY.origin}: "))
 
     def _to_endpoint(
         self, vehicle: Vehicle, kind: MessageType, pdu: bytes, now: float, its_ms: int, area: Area | None
@@ -164,12 +172,13 @@ class Air:
         except zmq.Again:
             if not self._pusher.poll(WAIT_MS, zmq.POLLOUT):
                 self.refused += 1
+                count(self.why, "the station takes no more")
                 return
             self._pusher.send_multipart(frames, zmq.DONTWAIT)
 
 
 def _told(sent: Sent) -> str:
-    return ", ".join(f"{count} {kind.upper()}" for kind, count in sorted(sent.types.items())) or "nothing yet"
+    return ", ".join(f"{times} {kind.upper()}" for kind, times in sorted(sent.types.items())) or "nothing yet"
 
 
 def _lines(sent: Sent, out: Air) -> Iterator[str]:
@@ -181,14 +190,14 @@ def _lines(sent: Sent, out: Air) -> Iterator[str]:
         yield f"{sent.late} were more than {LATE_S:g} s late, up to {sent.latest_s:.2f} s: this machine is too slow"
     if out.unheard:
         yield f"nobody listened to {out.unheard} of them"
-    if out.refused:
-        yield f"the station did not take {out.refused} of them"
+    for why, times in sorted(out.why.items()):
+        yield f"not taken: {times}: {why}"
 
 
 def _json(sent: Sent, out: Air) -> str:
     stations: dict[str, dict[int, int]] = {}
-    for (kind, station), count in sorted(sent.stations.items()):
-        stations.setdefault(kind, {})[station] = count
+    for (kind, station), times in sorted(sent.stations.items()):
+        stations.setdefault(kind, {})[station] = times
     return json.dumps(
         {
             "sent": sent.total,
@@ -199,6 +208,7 @@ def _json(sent: Sent, out: Air) -> str:
             "latest_s": sent.latest_s,
             "unheard": out.unheard,
             "refused": out.refused,
+            "why": dict(out.why),
             "cpu_s": _cpu_s(),
         }
     )

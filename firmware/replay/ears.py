@@ -1,5 +1,6 @@
 """Where frames and messages come from while they come: UDP datagrams, a network device, a station's users' port."""
 
+import errno
 import socket
 import struct
 from collections.abc import Iterator
@@ -7,6 +8,7 @@ from typing import Protocol
 
 from board.address import Address
 from board.errors import ProtocolError, StationError
+from drivers.intake import KernelDrops, enlarge
 from drivers.wire import btp
 from firmware.codec import capture, layers
 from firmware.codec.reading import Pdu
@@ -18,11 +20,19 @@ BATCH = 64  # taken in one turn
 LONGEST = 65536
 RECEIVE_BUFFER = 4 << 20  # octets
 GEONETWORKING = 0x8947
-SOL_PACKET, ADD_MEMBERSHIP, PROMISCUOUS = 263, 1, 1  # linux/socket.h, linux/if_packet.h
+# linux/socket.h, linux/if_packet.h
+SOL_PACKET, ADD_MEMBERSHIP, STATISTICS, PROMISCUOUS = 263, 1, 6, 1
+# What a socket tells of its other end or of its device, once each: it works again when that does.
+PASSING = frozenset({errno.ECONNREFUSED, errno.ENETDOWN, errno.ENETUNREACH, errno.EHOSTUNREACH})
 
 
 class Ear(Protocol):
-    """One way in; poll it as zmq does: by its descriptor, or as the socket that it is."""
+    """One way in; poll it as zmq does: by its descriptor, or as the socket that it is.
+
+    missed  what came and was not heard, because this program was too slow: the kernel's count.
+    """
+
+    missed: int
 
     @property
     def polled(self) -> object: ...
@@ -34,9 +44,11 @@ class Datagrams:
     """UDP at an address. Raises StationError where it is taken, or not ours."""
 
     def __init__(self, at: Address, framing: str) -> None:
+        self.missed = 0
         self._framing = framing
         self.polled = socket.socket(socket.AF_INET, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
-        self.polled.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+        self._drops = KernelDrops(self.polled)
+        enlarge(self.polled, RECEIVE_BUFFER)
         try:
             self.polled.bind(at)
         except OSError as error:
@@ -45,13 +57,16 @@ class Datagrams:
             ) from error
 
     def hear(self) -> Iterator[Pdu]:
+        self.missed += self._drops.take()
         for octets in _waiting(self.polled):
             if self._framing == "ethernet":
                 yield framed(octets)
             elif self._framing == "pdu":
-                yield Pdu(octets, "a datagram")
-            elif len(octets) >= btp.SIZE:
-                yield Pdu(octets[btp.SIZE :], "a datagram", int.from_bytes(octets[:2]))
+                yield Pdu(octets, "a datagram", carried="an empty datagram")
+            elif len(octets) < btp.SIZE:
+                yield Pdu(b"", "a datagram", carried="shorter than a BTP header")
+            else:
+                yield Pdu(octets[btp.SIZE :], "a datagram", int.from_bytes(octets[:2]), carried="nothing behind BTP")
 
     def close(self) -> None:
         self.polled.close()
@@ -61,13 +76,16 @@ class Device:
     """Frames of GeoNetworking that come in by a network device, to whomever. Raises StationError."""
 
     def __init__(self, name: str) -> None:
+        self.missed = 0
         self.polled = raw_socket(name, GEONETWORKING)
         self.polled.setblocking(False)
-        self.polled.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+        enlarge(self.polled, RECEIVE_BUFFER)
         membership = struct.pack("=iHH8s", socket.if_nametoindex(name), PROMISCUOUS, 0, b"")
         self.polled.setsockopt(SOL_PACKET, ADD_MEMBERSHIP, membership)
 
     def hear(self) -> Iterator[Pdu]:
+        # struct tpacket_stats: packets, drops. Reading sets both to 0.
+        self.missed += struct.unpack("=II", self.polled.getsockopt(SOL_PACKET, STATISTICS, 8))[1]
         for octets in _waiting(self.polled):
             yield framed(octets)
 
@@ -76,7 +94,12 @@ class Device:
 
 
 class Station:
-    """What a station's users receive. Raises StationError where none is."""
+    """What a station's users receive. Raises StationError where none is.
+
+    What it would publish faster than this program reads, nobody counts here: the station says that a user is slow.
+    """
+
+    missed = 0
 
     def __init__(self, context: client.Context, place: client.Address) -> None:
         self.polled = client.subscribe(context, place, place.to_users, "raw.", "v2x.")
@@ -106,6 +129,11 @@ def framed(octets: bytes) -> Pdu:
 def _waiting(descriptor: socket.socket) -> Iterator[bytes]:
     for _ in range(BATCH):
         try:
-            yield descriptor.recv(LONGEST)
-        except (BlockingIOError, ConnectionRefusedError):
+            octets = descriptor.recv(LONGEST)
+        except BlockingIOError:
             return
+        except OSError as error:
+            if error.errno not in PASSING:
+                raise StationError(f"receiving: {error.strerror}") from error
+            return
+        yield octets

@@ -124,7 +124,8 @@ class Datagrams:
     def octets(self, one: Pdu) -> bytes:
         if self._framing == "ethernet":
             return _frame(one)
-        return _pdu(one) if self._framing == "pdu" else btp.encode(btp.BtpB(_port(one)), _pdu(one))
+        pdu = _pdu(one)
+        return pdu if self._framing == "pdu" else btp.encode(btp.BtpB(_port(one)), pdu)
 
     def send(self, octets: bytes, one: Pdu) -> None:
         # What an earlier datagram met is told now: this one has not left yet.
@@ -215,7 +216,9 @@ def _pdu(one: Pdu) -> bytes:
 
 
 def _frame(one: Pdu) -> bytes:
-    return one.frame or framed(one)
+    if one.frame:
+        return one.frame
+    return framed(one._replace(octets=_pdu(one)))
 
 
 def _port(one: Pdu) -> int:

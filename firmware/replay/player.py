@@ -22,6 +22,7 @@ class Played:
     left_out    of those read, by why.
     sent        copies that the way made among them. unsent: what could not be sent, by why.
     late_s      the longest that one was sent after it was due.
+    gaps_cut    where the recording was longer silent than is replayed, or its clock was set.
     examples    of each reason, where the first stands.
     """
 
@@ -31,6 +32,7 @@ class Played:
     sent: int = 0
     unsent: Counter[str] = field(default_factory=Counter)
     late_s: float = 0.0
+    gaps_cut: int = 0
     examples: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -84,6 +86,7 @@ class Player:
             self._serve(self._begin + due)
             self._take(one, self._begin + due)
             yield self.played.read
+        self.played.gaps_cut += schedule.steps
         if self._begin is not None:
             self._begin += schedule.end
 

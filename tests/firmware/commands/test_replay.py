@@ -131,3 +131,11 @@ def test_wrong_usage_is_told_as_such(words, capsys):
         status = int(ended.code or 0)
     assert status == 2
     assert capsys.readouterr().err
+
+
+def test_a_loop_of_nothing_ends(tmp_path, capsys):
+    path = tmp_path / "beacons.pcap"
+    path.write_bytes(capture.header() + capture.record(BEACON, 10**18))
+    with FakeStation(answer=sent_by("g5")) as station:
+        cli.main(["replay", str(path), *station.options, "--loop"])
+    assert "0 sent of 1 read" in capsys.readouterr().err

@@ -66,3 +66,18 @@ def test_frames_leave_by_a_network_device():
     assert sent["types"]["cam"] == 9
     assert sent["types"]["denm"] > 0
     assert int(counters.split()[2]) >= sent["sent"]  # packets received
+
+
+def test_a_device_that_goes_down_costs_the_frames_of_that_time_and_says_so():
+    script = 'ip link add a0 type veth peer name a1 && ip link set a1 up && exec "$@"'
+    swarm = [sys.executable, "-m", "firmware", "swarm", "2", "--rate", "10", "--duration", "0.3", "--ethernet", "a0"]
+    done = subprocess.run(
+        ["unshare", "--map-root-user", "--net", "sh", "-c", script, "sh", *swarm, "--json"],
+        capture_output=True,
+        cwd=Path(__file__).parents[3],
+        check=False,
+    )
+    assert done.returncode == 1, done.stderr.decode()
+    told = json.loads(done.stdout)
+    assert told["why"] == {"Network is down": told["refused"]}
+    assert told["refused"] == 6

@@ -94,6 +94,26 @@ def test_what_is_lost_is_counted_to_the_packet(peers, framing):
     assert counts.burst_lost > 5
 
 
+def test_what_the_kernel_could_not_keep_is_counted(peers):
+    a, b = udp_side("a", peers[0]), udp_side("b", peers[1])
+    assert isinstance(a.ear, ears.Datagrams)
+    a.ear.polled.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
+    for number in range(200):
+        peers[0].sendto(frame_of(PDUS[0][:6] + number.to_bytes(2)), listens(a))
+    way = Way(a, b, Impairment[Pdu](Impairments()))
+    Bridge([way]).run(0.1)
+    assert a.ear.missed > 100
+    assert way.heard + a.ear.missed == 200
+    for one in (a.ear, a.end, b.ear, b.end):
+        one.close()  # type: ignore[attr-defined]
+
+
+def test_a_datagram_without_a_whole_btp_header_is_left_out_and_told(peers):
+    way, got = carried(peers, [b"\x07\xd1\0", b"\x07\xd1\0\0" + PDUS[1]], Impairments(), "btp")
+    assert got == [b"\x07\xd1\0\0" + PDUS[1]]
+    assert way.left_out == {"a frame without a message: shorter than a BTP header": 1}
+
+
 def test_both_ways_are_served_each_with_chances_of_its_own(peers):
     a, b = udp_side("a", peers[0]), udp_side("b", peers[1])
     ways = [

@@ -1,6 +1,8 @@
 """When each recorded message is due."""
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from board.errors import UsageError
 from firmware.replay.timing import Schedule, Timing
@@ -43,3 +45,22 @@ def test_another_round_begins_as_long_after_the_last_as_they_were_apart():
     for when in (0, SECOND, 4 * SECOND):
         one.due(when)
     assert one.end == pytest.approx(6)
+
+
+def test_a_clock_that_was_set_is_not_waited_for():
+    day = 86_400 * SECOND
+    one = Schedule(Timing())
+    recorded = [SECOND, 2 * SECOND, 20_000 * day, 20_000 * day + SECOND, 19_000 * day, 19_000 * day + SECOND]
+    assert [one.due(when) for when in recorded] == pytest.approx([0, 1, 61, 62, 62, 63])
+    assert one.steps == 2
+
+
+@given(times=st.lists(st.integers(-(10**19), 10**19), max_size=50), longest=st.floats(0.0, 100.0))
+def test_whatever_the_times_each_is_due_no_later_than_the_longest_gap_after_the_last(times, longest):
+    one = Schedule(Timing(longest_gap_s=longest))
+    last = 0.0
+    for when in times:
+        due = one.due(when)
+        assert due is not None
+        assert last <= due <= last + longest + 1.0 + abs(when) * 1e-15
+        last = due
