@@ -26,6 +26,7 @@ GRANTED = {
     "dhcp6",
 }
 COMMANDS = {"runcmd", "bootcmd", "write_files", "packages", "apt", "snap", "rpi"}
+JOINED = ("none", "psk", "psk-sha256", "sae")  # netplan's words
 PASSWORDS = {"passwd", "plain_text_passwd", "hashed_passwd", "password", "chpasswd", "ssh_pwauth"}
 
 Table = dict[str, Any]
@@ -129,8 +130,8 @@ class Imager:
 
     def _take_network(self, file: YamlFile, entry: Entry, notes: list[Note]) -> None:
         auth: dict[str, Callable[[Entry], None]] = {
-            "password": lambda each: self._take_password(file, each),
-            "key-management": lambda each: None,
+            "password": lambda each: self._take_password(file, each, notes),
+            "key-management": lambda each: _look_at_kind(file, each, notes),
         }
         acts: dict[str, Callable[[Entry], None]] = {
             "password": auth["password"],
@@ -145,9 +146,12 @@ class Imager:
             self._put("wifi.ssid", network.key, at(file.name, network.line))
             _each(file, file.entries(network), acts, notes)
 
-    def _take_password(self, file: YamlFile, entry: Entry) -> None:
-        if entry.text:  # of an open network Imager writes an empty one
-            self._put("wifi.password", entry.text, at(file.name, entry.line))
+    def _take_password(self, file: YamlFile, entry: Entry, notes: list[Note]) -> None:
+        """Only an empty one, as Imager writes it, means an open network."""
+        if text := file.text(entry):
+            self._put("wifi.password", text, at(file.name, entry.line))
+        elif entry.is_nothing:
+            notes.append(mistake(at(file.name, entry.line), "password: is missing", 'an open network has password: ""'))
 
     def _take_ethernets(self, file: YamlFile, entry: Entry, notes: list[Note]) -> None:
         for device in file.entries(entry):
@@ -185,6 +189,13 @@ class Imager:
                 self._put("eth0.dns", names, at(file.name, each.line))
             else:
                 file.leave(each)
+
+
+def _look_at_kind(file: YamlFile, entry: Entry, notes: list[Note]) -> None:
+    """What follows from it follows from the password."""
+    if (text := file.text(entry)) is not None and text not in JOINED:
+        what = f'key-management: "{text}" is not what this box can join with'
+        notes.append(mistake(at(file.name, entry.line), what, f"one of {', '.join(JOINED)}"))
 
 
 def _each(file: YamlFile, entries: list[Entry], acts: dict[str, Callable[[Entry], None]], notes: list[Note]) -> None:

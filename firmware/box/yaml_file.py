@@ -22,7 +22,12 @@ class Entry(NamedTuple):
     @property
     def text(self) -> str:
         """Of a scalar, as it is written; empty for the rest and for nothing."""
-        return str(self.node.value) if self.is_text and not self.node.tag.endswith(":null") else ""
+        return str(self.node.value) if self.is_text and not self.is_nothing else ""
+
+    @property
+    def is_nothing(self) -> bool:
+        """A key without a value; "" is one."""
+        return bool(self.node.tag.endswith(":null"))
 
     @property
     def is_true(self) -> bool:

@@ -157,6 +157,9 @@ def test_what_two_files_say_alike_is_said_once(look: Look):
         ("network-config", "version: 1\nconfig: []\n", "network-config:1: version 1 is not read; write it as netplan has it: version: 2"),
         ("network-config", NETWORK.replace('"DE"', '"Germany"'), 'network-config:6: wifi.country: "Germany" is no country'),
         ("network-config", NETWORK.replace(PSK, "short"), "network-config:10: wifi.password: has 5 characters"),
+        ("network-config", NETWORK.replace(f'"{PSK}"', "[x]"), "network-config:10: password is not text"),
+        ("network-config", NETWORK.replace(f'"{PSK}"', ""), "network-config:10: password: is missing"),
+        ("network-config", NETWORK.replace(f'password: "{PSK}"', "auth: {key-management: eap}"), "network-config:10: key-management: \"eap\" is not what this box can join with"),
     ],
 )  # fmt: skip
 def test_a_mistake_in_it_is_named(look: Look, name: str, text: str, said: str):
