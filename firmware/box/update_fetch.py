@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
-from urllib.parse import SplitResult, urljoin, urlsplit
+from urllib.parse import SplitResult, quote, urljoin, urlsplit
 
 from board.errors import StationError
 from firmware.box import update_trouble
@@ -24,6 +24,8 @@ NOBODY = "correct the address, or is the server gone, or the network?"
 AGAIN = "captain update with the same address goes on where it was broken off"
 
 Seen = Callable[[int, int], None]  # octets that are there; how many it will be, or 0
+SAFE = "/?%:@!$&'()*+,;=~"  # what an address has as it is; RFC 3986, clause 2
+_LENGTH = re.compile(r"\d{1,18}")
 _RANGE = re.compile(r"bytes (\d{1,18})-\d{1,18}/(?:(\d{1,18})|\*)$")  # RFC 9110, clause 14.4
 _STATUS = {
     401: "wants a name and a password, which this program does not send",
@@ -126,7 +128,7 @@ def _asked(url: str, have: int, tag: str) -> _Answer:
     for _ in range(MOST_REDIRECTS):
         response = _request(where, have, tag)
         if response.status in (301, 302, 303, 307, 308):
-            target = urljoin(where, response.getheader("Location") or "")
+            target = _led(where, response.getheader("Location") or "")
             if where.startswith("https://") and not target.startswith("https://"):
                 raise StationError(f"{where}: leads to {target}, which is not secure", "ask for that one by its name")
             where = target
@@ -142,7 +144,7 @@ def _asked(url: str, have: int, tag: str) -> _Answer:
 def _answer(url: str, response: http.client.HTTPResponse, have: int) -> _Answer:
     tag = response.getheader("ETag") or response.getheader("Last-Modified") or ""
     length = response.getheader("Content-Length") or ""
-    size = int(length) if length.isdecimal() else 0
+    size = int(length) if _LENGTH.fullmatch(length) else 0
     if response.status == 200:
         return _Answer(response, 0, size, tag)
     found = _RANGE.match(response.getheader("Content-Range") or "")
@@ -156,14 +158,12 @@ def _answer(url: str, response: http.client.HTTPResponse, have: int) -> _Answer:
 
 
 def _request(url: str, have: int, tag: str) -> http.client.HTTPResponse:
-    parts = urlsplit(url)
-    if parts.scheme not in ("http", "https") or not parts.hostname:
-        raise StationError(f"{url}: is no address of a file", "https://HOST/PATH is one")
+    parts = _parts(url)
     headers = {"User-Agent": "captain", "Accept-Encoding": "identity", "Connection": "close"}
     if have and tag and not tag.startswith("W/"):
         headers |= {"Range": f"bytes={have}-", "If-Range": tag}
     connection = _connection(parts)
-    path = f"{parts.path or '/'}{'?' + parts.query if parts.query else ''}"
+    path = quote(f"{parts.path or '/'}{'?' + parts.query if parts.query else ''}", SAFE)
     try:
         connection.request("GET", path, headers=headers)
         return connection.getresponse()
@@ -175,6 +175,26 @@ def _request(url: str, have: int, tag: str) -> http.client.HTTPResponse:
     except (OSError, ValueError) as error:
         connection.close()
         raise StationError(f"{url}: {_why(error)}", "is the network there? captain doctor") from error
+
+
+def _parts(url: str) -> SplitResult:
+    """Raises StationError."""
+    try:
+        parts = urlsplit(url)
+        is_one = parts.scheme in ("http", "https") and bool(parts.hostname)
+    except ValueError:
+        is_one = False
+    if not is_one:
+        raise StationError(f"{url}: is no address of a file", "https://HOST/PATH is one")
+    return parts
+
+
+def _led(where: str, to: str) -> str:
+    """Where a server sends on to. Raises StationError."""
+    try:
+        return urljoin(where, to)
+    except ValueError as error:
+        raise StationError(f"{where}: leads to {to!r}, which is no address", "ask whoever runs the server") from error
 
 
 def _connection(parts: SplitResult) -> http.client.HTTPConnection:

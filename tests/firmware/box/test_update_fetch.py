@@ -13,6 +13,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from urllib.parse import unquote
 
 import pytest
 
@@ -37,13 +38,14 @@ class Server(http.server.BaseHTTPRequestHandler):
     is_chunked: bool
     asked: list[tuple[str, str | None]]
     status: int
+    length = ""  # what it says in place of the length
 
     def do_GET(self) -> None:
         wanted = self.headers.get("Range")
         self.asked.append((self.path, wanted))
         if self.path.startswith("/to/"):
             self.send_response(302)
-            self.send_header("Location", self.path.removeprefix("/to/"))
+            self.send_header("Location", unquote(self.path).removeprefix("/to/"))
             self.end_headers()
             return
         if self.status != 200:
@@ -62,7 +64,7 @@ class Server(http.server.BaseHTTPRequestHandler):
         if self.is_chunked:
             self.send_header("Transfer-Encoding", "chunked")
         elif self.has_length:
-            self.send_header("Content-Length", str(len(FILE) - begin))
+            self.send_header("Content-Length", self.length or str(len(FILE) - begin))
         self.send_header("ETag", self.tag)
         self.send_header("Connection", "close")
         self.end_headers()
@@ -271,6 +273,27 @@ def test_a_stream_without_an_end_stops_where_the_room_does(tmp_path: Path, monke
     monkeypatch.setattr(folder, "room", lambda: next(left))
     with pytest.raises(StationError, match="has room for 0 MB"):
         update_fetch.from_stream(io.BytesIO(bytes(10_000_000)), folder, lambda have, size: None)
+
+
+@pytest.mark.parametrize("url", ["http://[::1", "http://[::1/x", "http://", "http://a:b/x"])
+def test_what_is_no_address_is_told(folder: Folder, url: str):
+    with pytest.raises(StationError, match=r"is no address|port"):
+        fetch(url, folder)
+
+
+def test_a_server_that_leads_to_no_address_is_told(site: Site, folder: Folder):
+    with pytest.raises(StationError, match=r"leads to 'http://\[::1/x', which is no address"):
+        fetch(f"{site.base}/to/http://[::1/x", folder)
+
+
+def test_a_length_that_no_file_has_is_none(site: Site, folder: Folder, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(site.does, "length", "9" * 5000)
+    assert fetch(site.url, folder) == FILE
+
+
+def test_an_address_may_have_blanks_and_any_letters(site: Site, folder: Folder):
+    assert fetch(f"{site.base}/new release/für alle?a=b c%20d", folder) == FILE
+    assert site.does.asked[-1][0] == "/new%20release/f%C3%BCr%20alle?a=b%20c%20d"
 
 
 def test_what_comes_by_a_pipe_is_taken_to_its_end(folder: Folder):
