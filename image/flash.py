@@ -113,10 +113,18 @@ def write(image: Path, device: Device, users: Users, ask: Callable[[str], str]) 
     size = image.stat().st_size
     device.refuse(size, users)
     print(f"All that is on {device.path} ({device.model or 'a card'}, {device.octets / 1e9:.1f} GB) will be lost.")
-    if ask(f"Type {device.path.name} to go on: ").strip() != device.path.name:
+    try:
+        answer = ask(f"Type {device.path.name} to go on: ").strip()
+    except EOFError:
+        answer = ""
+    if answer != device.path.name:
         raise ImageError("nothing was written")
-    _copied(image, device, size)
-    _compared(image, device)
+    try:
+        _copied(image, device, size)
+        _compared(image, device)
+    except OSError as error:
+        hint = "what is on it now is no box: write it once more, or take another card"
+        raise ImageError(f"{device.path}: {error.strerror}", hint) from error
     print(f"\r{device.path}: written, and read back. Take it out, put it into the box, and connect its power.")
 
 

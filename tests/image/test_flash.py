@@ -1,6 +1,8 @@
 """A card is written to what is one, after a question, and read back; a file stands for it."""
 
+import errno
 import hashlib
+import io
 import os
 from pathlib import Path
 from typing import BinaryIO
@@ -133,6 +135,29 @@ def test_a_card_that_holds_less_than_it_says_is_told(tmp_path: Path, image: Path
 def test_a_device_that_cannot_be_opened_is_told(tmp_path: Path, image: Path):
     with pytest.raises(ImageError, match="sdx: cannot be opened: No such file or directory"):
         written(image, device(tmp_path), "sdx")
+
+
+def test_a_card_that_is_pulled_out_is_told(tmp_path: Path, image: Path):
+    class Pulled(Device):
+        def opened(self, flags: int) -> BinaryIO:
+            class File(io.FileIO):
+                def write(self, octets: object) -> int:
+                    raise OSError(errno.EIO, "Input/output error")
+
+            return File(self.path, "r+")  # type: ignore[return-value]
+
+    card = Pulled(device(tmp_path).path, tmp_path / "sys")
+    card.path.write_bytes(b"")
+    with pytest.raises(ImageError, match=r"sdx: Input/output error"):
+        written(image, card, "sdx")
+
+
+def test_no_answer_writes_nothing(tmp_path: Path, image: Path):
+    def ask(question: str) -> str:
+        raise EOFError
+
+    with pytest.raises(ImageError, match="nothing was written"):
+        flash.write(image, device(tmp_path), NOBODY, ask)
 
 
 def test_an_image_is_one_that_was_built_to_its_end(tmp_path: Path, image: Path):
