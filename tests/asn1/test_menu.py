@@ -8,7 +8,6 @@ import pytest
 from asn1 import __main__ as program
 from asn1 import add, library, menu, text
 
-
 CAM = ["generate", "cam", "--form"]
 
 

@@ -113,6 +113,12 @@ def test_an_area_that_nobody_can_be_in_is_refused_in_words(area, said):
         values.area(area)
 
 
+@pytest.mark.parametrize("none", [[], [""]])
+def test_a_gateway_has_a_handler(none):
+    with pytest.raises(ValueError, match="no handler is named; there are cam, "):
+        GATEWAY["handlers"].read(none)
+
+
 def test_a_handler_is_named_once():
     with pytest.raises(ValueError, match="'cam' is named twice"):
         GATEWAY["handlers"].read(["cam", "denm", "cam"])

@@ -22,11 +22,18 @@ SOURCE = ros.ROOT / "firmware" / "gateway"
 FOLDERS = ros.INSIDE / "folders.cmake"
 CAPTAIN = ros.ROOT / ".venv" / "bin" / "captain"
 OTHER = ros.MADE / "other"  # where another definition of CAM is installed
-WITH_ROS = ("node", "parameters", "own_topics", "diagnostics", "endpoint")  # the last has zmq
+WITH_ROS = ("node", "parameters", "own_topics", "diagnostics", "refusals", "endpoint")  # the last has zmq
 MESSAGES = ("cam", "spatem", "mapem")  # of those that the library has; and a DENM of which something is left out
 HEARD_S = 60.0
 NO_PROGRAM = 127  # of a shell: what is called python3.10 is a script that has none
 WHOLE_S, SHORT_S = 60.0, 5.0  # of the lab test: with all of its types, and with some
+SLIP = "cam.recieve.max_age_s"  # a parameter that there is not
+REFUSED = (
+    ["--params-file", "/none.yaml"], ["-p", "handlers:=[cam, 3]"], ["-p", "handlers:=[cam, cam]"],
+    ["-p", "topics.transmitted:='{type}/received'"], ["-r", "cam/transmitted:=cam/received"], ["-p", "cam.topic:=denm"],
+    ["-p", "cam.topic:=1bad"], ["-p", "qos_overrides./cam/received.publisher.reliability:=nonsense"],
+    ["-p", "qos_overrides./cam/received.publisher.depth:=-3"], ["-p", "qos_overrides./cam/received.publisher.depth:=x"],
+)  # fmt: skip
 NAMES = {
     "etsi_its_conversion": (
         ["-r", "__node:=etsi_its_conversion"],
@@ -119,16 +126,18 @@ def behave(folder: Path, prefix: Path) -> list[Row]:
     path.write_text(json.dumps(pdus | {"denm": stations.real.DENM.hex()}))
     with stations.played() as ports:
         words = [*stations.endpoint(ports), "-p", "qos_overrides./denm/received.publisher.reliability:=best_effort"]
+        words += ["-p", f"{SLIP}:=1.0"]
         command = [CAPTAIN, "ros2", "--ros-args", *words]
         with stations.Node(command, stations.environment(folder, prefix), ros.MADE / "gateway.log") as node:
             arguments = [json.dumps(ports), path, *([OTHER] if OTHER.exists() else [])]
             said = stations.inside("gateway.py", *arguments, codec=folder, prefix=prefix)
-        broken = "Traceback" in node.said
+        broken, is_named = "Traceback" in node.said, f"parameter {SLIP}: there is none" in node.said
     rows = [
         _checked(folder, prefix),
         *_refused(folder, prefix),
         *(Row(f"gateway: {what}", found, trouble) for what, found, trouble in said),
     ]
+    rows.append(Row("gateway: a slip of the pen", SLIP, "" if is_named else "nobody was told"))
     return [*rows, Row("gateway: ends", "on SIGINT", f"with {node.said[-500:]}" if broken else "")]
 
 
@@ -142,7 +151,7 @@ def _checked(folder: Path, prefix: Path) -> Row:
 
 def _refused(folder: Path, prefix: Path) -> Iterator[Row]:
     """What ROS does not take ends the gateway in a line."""
-    for words in (["--params-file", "/none.yaml"], ["-p", "handlers:=[cam, 3]"], ["-p", "handlers:=[cam, cam]"]):
+    for words in REFUSED:
         with _gateway(folder, prefix, words) as node:
             _wait(lambda said=node: not said.is_running, f"{words} did not end it")
         said = "".join(node.said.splitlines()[-1:])  # behind what rcl may log

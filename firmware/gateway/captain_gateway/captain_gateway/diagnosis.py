@@ -24,12 +24,12 @@ def of_station(
     values = {"address": where, "rubbish": str(rubbish)} | dict(more)
     if rubbish:
         values["last rubbish"] = sample.hex()
-    for name in ("station", "version", "uptime_s"):
-        if name in told:
-            values[name] = str(told[name])
     if not is_there:
         words = "no station is heard" if is_there is None else "the station is silent: no heartbeat for 3 s"
         return Status(ERROR, "station", f"{words} at {where}", values)
+    for name in ("station", "version", "uptime_s"):
+        if name in told:
+            values[name] = str(told[name])
     complaints = [
         f"{name} is {interface.get('state')}: {interface.get('why')}"
         for name, interface in _table(told.get("interfaces")).items()

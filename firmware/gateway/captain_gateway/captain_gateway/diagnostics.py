@@ -50,9 +50,9 @@ class Diagnostics:
     def _status(self, one: Status) -> DiagnosticStatus:
         return DiagnosticStatus(
             level=bytes([one.level]),
-            name=f"{self._node.get_name()}: {one.name}",
+            name=f"{self._node.get_fully_qualified_name().lstrip('/')}: {one.name}",
             message=one.message,
-            hardware_id=self._node.get_name(),
+            hardware_id=self._node.get_fully_qualified_name().lstrip("/"),
             values=[KeyValue(key=key, value=value) for key, value in one.values.items()],
         )
 

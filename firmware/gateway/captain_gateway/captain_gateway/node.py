@@ -23,6 +23,7 @@ from .errors import GatewayError
 from .own_topics import OwnTopics
 from .pairing import Arrival, How, Joining, Key, RawReader, Waiting, key
 from .parameters import Parameters
+from .refusals import in_words
 from .requests import Requests
 from .routing import Routing
 from .services import Services
@@ -48,6 +49,7 @@ class Gateway:
         self._frame = frames[1].encode("ascii", "replace")
         self.own = OwnTopics(node, frames, chosen["own.origin"], chosen["own.transform"], self.publisher)
         self._messages = installed.interfaces()
+        self._topics: dict[str, str] = {}
         self.channels = self._make_channels(library)
         self._routing = Routing(self.channels.values())
         self._without = Tally(MOST_TYPES)
@@ -80,6 +82,8 @@ class Gateway:
                 "captain_gateway_msgs is not installed: no metadata, no requests with options, no services; build it "
                 "by colcon, as captain_gateway"
             )
+        for name in self._parameters.unknown():
+            self._log.warning(f"parameter {name}: there is none of this name; it is ignored")
         names = ", ".join(f"{channel.kind.name} ({channel.edition.name})" for channel in self.channels.values())
         self._log.info(f"gateway to {self.address.url(self.address.to_users)}: {names}")
 
@@ -128,25 +132,38 @@ class Gateway:
         channel.send = self.send
         channel.values = values
         word = values["topic"] or name
-        channel.publisher = self.publisher(type_, self._topic("received", word))
+        channel.publisher = self.publisher(type_, self._topic("received", name, word))
         if self._messages is not None:
-            channel.metadata = self.publisher(self._messages.msg.Metadata, self._topic("metadata", word))
-        channel.subscription = self.subscription(type_, self._topic("transmitted", word), channel.transmit, is_raw=True)
+            channel.metadata = self.publisher(self._messages.msg.Metadata, self._topic("metadata", name, word))
+        channel.subscription = self.subscription(
+            type_, self._topic("transmitted", name, word), channel.transmit, is_raw=True
+        )
         self._set_timer(channel)
         return channel
 
-    def _topic(self, way: str, word: str) -> str:
-        return str(self._chosen[f"topics.{way}"]).replace("{type}", word)
+    def _topic(self, way: str, name: str, word: str) -> str:
+        """Raises GatewayError where two have one name: what is received would be sent again."""
+        topic = str(self._chosen[f"topics.{way}"]).replace("{type}", word)
+        what = f"{name}: topics.{way}"
+        with in_words(what):
+            full_name = self._node.resolve_topic_name(topic)
+        other = self._topics.setdefault(full_name, what)
+        if other != what:
+            raise GatewayError(f"{other} and {what} are one topic, {full_name}: nobody could tell one from the other")
+        return topic
 
     def publisher(self, type_: Any, topic: str) -> Any:
-        return self._node.create_publisher(
-            type_, topic, _qos(), qos_overriding_options=QoSOverridingOptions.with_default_policies()
-        )
+        with in_words(topic):
+            return self._node.create_publisher(
+                type_, topic, _qos(), qos_overriding_options=QoSOverridingOptions.with_default_policies()
+            )
 
     def subscription(self, type_: Any, topic: str, call: Callable[[Any], None], is_raw: bool = False) -> Any:
-        return self._node.create_subscription(
-            type_, topic, call, _qos(), raw=is_raw, qos_overriding_options=QoSOverridingOptions.with_default_policies()
-        )
+        overrides = QoSOverridingOptions.with_default_policies()
+        with in_words(topic):
+            return self._node.create_subscription(
+                type_, topic, call, _qos(), raw=is_raw, qos_overriding_options=overrides
+            )
 
     def _set_timer(self, channel: Channel) -> None:
         if channel.timer is not None:
@@ -290,10 +307,7 @@ def run(arguments: list[str], library: ModuleType) -> None:
 
 
 def _node(arguments: list[str]) -> Any:
-    """Raises GatewayError for arguments and parameter files that rclpy does not take, in its words."""
-    try:
+    """Raises GatewayError for arguments and parameter files that rclpy does not take."""
+    with in_words("arguments of ROS"):
         rclpy.init(args=arguments)
         return rclpy.create_node("captain_gateway")
-    except RuntimeError as error:  # RCLError and its kin, which no module of rclpy names for users
-        rclpy.try_shutdown()
-        raise GatewayError(f"arguments of ROS: {' '.join(str(error).split())}") from error

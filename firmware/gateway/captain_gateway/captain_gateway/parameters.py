@@ -6,6 +6,7 @@ from typing import Any
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 
 from .errors import GatewayError
+from .handlers import KINDS
 from .settings import GATEWAY, HANDLER, Option
 
 Values = Mapping[str, Any]
@@ -25,6 +26,15 @@ class Parameters:
     def handler(self, name: str) -> dict[str, Any]:
         """Declares those of a handler. Returns their values as ROS has them. Raises GatewayError."""
         return {key: self._declare(f"{name}.{key}", option) for key, option in HANDLER.items()}
+
+    def unknown(self) -> list[str]:
+        """Names that were given at the start, and are those of nothing: of a slip of the pen nobody else tells."""
+        given = getattr(self._node, "_parameter_overrides", {})  # rclpy has no other way to ask
+        of_handlers = {f"{kind}.{rest}" for kind in KINDS for rest in HANDLER}
+        return sorted(
+            name for name in given
+            if not (self._node.has_parameter(name) or name in of_handlers or name.startswith("qos_overrides."))
+        )  # fmt: skip
 
     def on_change(self, changed: Callable[[str, Any], None]) -> None:
         """Whom to tell of each that is set from now on: its full name and its value as ROS has it."""

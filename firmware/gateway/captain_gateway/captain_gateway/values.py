@@ -139,6 +139,8 @@ def place(value: object) -> tuple[float, float, float] | None:
 
 def kinds(value: object) -> tuple[str, ...]:
     found = texts(value)
+    if not found:
+        raise ValueError(f"no handler is named; there are {', '.join(KINDS)}")
     unknown = [name for name in found if name not in KINDS]
     if unknown:
         raise ValueError(f"{unknown[0]!r} is no handler; there are {', '.join(KINDS)}")
