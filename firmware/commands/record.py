@@ -120,7 +120,7 @@ def _keeper(arguments: argparse.Namespace, limits: Limits) -> Keeper:
 
 def _trigger(arguments: argparse.Namespace) -> int:
     answer = client.ask_local(address(arguments), arguments.control, "record", text=arguments.trigger)
-    print(f"captain: kept: {answer.get('folder', '')}")
+    print(f"captain: the recorder is told; what it keeps: {answer.get('folder', '')}/kept-*")
     return 0
 
 

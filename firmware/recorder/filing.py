@@ -13,7 +13,7 @@ from firmware.recorder.told import Told
 
 LARGE = 1 << 16  # octets that are written at once, whatever the time
 STORE_S = 0.2  # whoever reads along sees them
-SYNC_S = 1.0  # what a cut of power costs
+SYNC_S = 0.5  # a cut of power costs this, what waits for STORE_S, and what is on its way here: a second
 AGAIN_S = 1.0  # after it could not be written
 
 
@@ -71,7 +71,7 @@ class Filing:
     """Writes frames into segments.
 
     open_    gives the next one; raises OSError.
-    closed   is told of each that nothing more is written to.
+    closed   is told of each that nothing more is written to, and how many frames it has.
     trouble  why nothing is written now; empty when it is.
     """
 
@@ -79,7 +79,7 @@ class Filing:
         self,
         scribe: Scribe,
         open_: Callable[[], Segment],
-        closed: Callable[[Path], None] = lambda path: None,
+        closed: Callable[[Path, int], None] = lambda path, frames: None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.scribe = scribe
@@ -150,7 +150,7 @@ class Filing:
         segment, self._segment = self._segment, None
         if segment is not None:
             segment.close()
-            self._closed(segment.path)
+            self._closed(segment.path, self._stored.total())
 
     def _do(self, what: Callable[[Segment], None]) -> bool:
         if self._segment is None:

@@ -1,6 +1,7 @@
 """A ring of files: so many octets and seconds of all that was heard, and what was kept of it for a reason."""
 
 import errno
+import fcntl
 import logging
 import os
 import re
@@ -79,8 +80,9 @@ class Ring:
         self._begun = clock()
         self._why = ""
         self._until = self._longest = 0.0
-        self._is_room = True
-        self._is_known = False
+        self._is_whole, self._names = True, 0  # of the event: whether all, how many files are kept
+        self._lock: int | None = None
+        self._place = 0, 0
 
     def add(self, told: Told) -> None:
         self.filing.add(told)
@@ -102,19 +104,24 @@ class Ring:
         after_s = self._limits.after_s
         if not self._why:
             self._why, self._longest = why, now + max(after_s, LONGEST_EVENT_S)
-            self._is_room = True
+            self._is_whole, self._names = True, 0
             with suppress(OSError):  # an operator removes what is kept, when there is enough of it
                 self._kept_size = sum(path.stat().st_size for path in self.folder.glob("kept-*"))
             say(f"kept because of {why}: {self._limits.before_s:g} s before and {after_s:g} s after")
             since = now - self._limits.before_s
             for one in [one for one in self._closed if one.ended >= since]:
                 self._keep(one)
-            self.kept += 1
+            self.filing.begin()  # what was being written is closed, and has its name, should this be the end
+        elif why not in self._why:
+            self._why += f" {why}"
         self._until = min(now + after_s, self._longest)
 
     def close(self) -> None:
         """What was to be kept is kept."""
+        if self._why:
+            self._end_of_event()
         self.filing.end()
+        self._let_go()
 
     def status(self) -> dict[str, object]:
         filing = self.filing
@@ -132,9 +139,12 @@ class Ring:
             "troubles": filing.troubles,
         }
 
-    def _note(self, path: Path) -> None:
-        """A file that nothing more is written to; one that cannot write took what it could."""
+    def _note(self, path: Path, frames: int) -> None:
+        """A file that nothing more is written to; one that cannot write took what it could, one without frames goes."""
         try:
+            if not frames:
+                path.unlink(missing_ok=True)
+                return
             one = Closed(path, path.stat().st_size, self._clock())
         except OSError:
             log.debug("%s is gone", path)
@@ -147,31 +157,54 @@ class Ring:
         """The next file, with room for it. Raises OSError."""
         if not self._limits.is_memory_fine and kind_of(MOUNTS, self.folder) in VOLATILE:
             raise OSError(errno.ENODEV, "it is in memory: its card is not mounted", str(self.folder))
-        if not self._is_known:
-            self._look()
+        self._claim()
         self._prune()
         self._begun = self._clock()
         self._number += 1
         when = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
         return Segment(self.folder / f"ring-{self._number:08d}-{when}.pcapng")
 
+    def _claim(self) -> None:
+        """Make the folder this recorder's, and know what is in it: another card is another folder."""
+        found = os.stat(self.folder)
+        if self._lock is not None and (found.st_dev, found.st_ino) == self._place:
+            return
+        self._let_go()
+        lock = os.open(self.folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            self._look()
+        except BlockingIOError:
+            os.close(lock)
+            raise OSError(errno.EBUSY, "another recorder writes into this folder", str(self.folder)) from None
+        except OSError:
+            os.close(lock)
+            raise
+        self._lock, self._place = lock, (found.st_dev, found.st_ino)
+
+    def _let_go(self) -> None:
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
+
     def _look(self) -> None:
         """What earlier runs have left: the last may end in the middle of a block."""
         now = self._clock()
+        closed, kept_size = [], 0
         found_names = ((path, _NAME.fullmatch(path.name)) for path in self.folder.iterdir())
         names = sorted(((int(match[2]), path, match[1]) for path, match in found_names if match))
         if names:
-            self._number = names[-1][0]
             mend(names[-1][1])
         for _, path, kind in names:
             if not path.exists():
                 continue
             found = path.stat()
             if kind == "kept":
-                self._kept_size += found.st_size
+                kept_size += found.st_size
             else:
-                self._closed.append(Closed(path, found.st_size, now - max(0.0, time.time() - found.st_mtime)))
-        self._is_known = True
+                closed.append(Closed(path, found.st_size, now - max(0.0, time.time() - found.st_mtime)))
+        self._closed, self._kept_size = closed, kept_size
+        self._number = max(self._number, names[-1][0] if names else 0)
 
     def _prune(self) -> None:
         """Remove the oldest until the next one has its room. Raises OSError where there is none."""
@@ -189,15 +222,18 @@ class Ring:
     def _end_of_event(self) -> None:
         self.filing.end()
         self._why = ""
+        if self._is_whole and self._names:
+            self.kept += 1
+        else:
+            self.not_kept += 1
         self.filing.begin()
 
     def _keep(self, one: Closed) -> None:
         """Give a file the name by which it stays, where there is room for it."""
         if self._kept_size + one.size > self._limits.size:
-            if self._is_room:
-                self._is_room = False
-                self.not_kept += 1
+            if self._is_whole:
                 say(f"not all is kept: {self._why}: what was kept before takes {self._kept_size} octets; remove it")
+            self._is_whole = False
             return
         word = re.sub(r"[^A-Za-z0-9]+", "-", self._why).strip("-")[:_LONGEST] or "event"
         name = f"kept-{one.path.stem.partition('-')[2]}-{word}.pcapng"
@@ -205,7 +241,9 @@ class Ring:
             one.path.rename(one.path.with_name(name))
         except OSError as error:
             say(f"{one.path}: not kept: {error.strerror}")
+            self._is_whole = False
             return
+        self._names += 1
         self._closed.remove(one)
         self._kept_size += one.size
 

@@ -59,7 +59,7 @@ class Scribe:
     def end(self) -> None:
         """Write down how many frames the section has of each interface, and how many it has not."""
         if self._pcapng is not None:
-            for interface in self._written:
+            for interface in self._written | self._lost:
                 lost = self._gone[interface] + self._lost[interface]
                 self._pcapng.statistics(interface, self._when_ns, self._written[interface], lost)
         self.abandon()

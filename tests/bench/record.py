@@ -18,7 +18,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -70,11 +70,13 @@ class Recorded(Station):
 
     def until(self, holds: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
         end = time.monotonic() + READY_S
-        while not holds(status := self.status()):
+        while True:
+            with suppress(FileNotFoundError, ConnectionError):  # its ports listen a moment before its control socket
+                if holds(status := self.status()):
+                    return status
             if time.monotonic() > end:
-                raise RuntimeError(f"it never came to hold: {json.dumps(status.get('recorder'), indent=1)}")
+                raise RuntimeError("it never came to hold: captain status tells more of the recorder")
             time.sleep(LOOK_S)
-        return status
 
     def recorder(self) -> dict[str, Any]:
         told: dict[str, Any] = self.status()["recorder"]
@@ -188,27 +190,33 @@ def _in_trouble() -> int:
         disk = Path(place) / "disk"
         disk.mkdir()
         _mount(disk)
-        folder = disk / "ring"
-        folder.mkdir()
-        with Recorded(os.environ[INSIDE], folder, size_mb=1) as station:
-            station.until(lambda status: bool(status["recorder"].get("file")))
-            steps = [_step(station, "all is well")]
-            (disk / "others").write_bytes(bytes(_free(disk)))
-            steps.append(_step(station, "the disk is full"))
-            (disk / "others").unlink()
-            _recovers(station)
-            steps.append(_step(station, "there is room again"))
+        try:
+            steps = list(_steps(disk))
+        finally:
             subprocess.run(["umount", "--lazy", str(disk)], check=True)
-            steps.append(_step(station, "the card is taken out"))
-            _mount(disk)
-            folder.mkdir()
-            _recovers(station)
-            steps.append(_step(station, "another card is put in"))
-        subprocess.run(["umount", "--lazy", str(disk)], check=True)
     print(_told(steps))
     is_well = all(one.arrived == one.sent and one.recorded + one.lost == one.sent for one in steps)
     lost = [one.lost for one in steps]
     return 0 if is_well and lost[1] and lost[3] and not (lost[0] or lost[2] or lost[4]) else 1
+
+
+def _steps(disk: Path) -> Iterator[Step]:
+    folder = disk / "ring"
+    folder.mkdir()
+    with Recorded(os.environ[INSIDE], folder, size_mb=1) as station:
+        station.until(lambda status: bool(status["recorder"].get("file")))
+        yield _step(station, "all is well")
+        (disk / "others").write_bytes(bytes(_free(disk)))
+        yield _step(station, "the disk is full")
+        (disk / "others").unlink()
+        _recovers(station)
+        yield _step(station, "there is room again")
+        subprocess.run(["umount", "--lazy", str(disk)], check=True)
+        yield _step(station, "the card is taken out")
+        _mount(disk)
+        folder.mkdir()
+        _recovers(station)
+        yield _step(station, "another card is put in")
 
 
 def _step(station: Recorded, what: str) -> Step:

@@ -124,7 +124,7 @@ def test_a_station_is_told_to_keep_what_was(tmp_path, capsys):
         assert cli.main(["record", "--trigger", "near miss", "--control", str(control.path)]) == 0
     asked = json.loads(control.lines[0])
     assert (asked["do"], asked["text"]) == ("record", "near miss")
-    assert capsys.readouterr().out == "captain: kept: /data/ring\n"
+    assert capsys.readouterr().out == "captain: the recorder is told; what it keeps: /data/ring/kept-*\n"
 
 
 def test_something_has_to_be_recorded(capsys):

@@ -114,7 +114,8 @@ def test_an_event_ends_though_triggers_never_do(bench):
     for _ in range(300):
         bench.ring.trigger("denm")
         bench.record(1, 1.0)
-    assert 4 <= bench.ring.status()["kept"] <= 6
+    status = bench.ring.status()
+    assert 4 <= status["kept"] + status["not_kept"] <= 6
     kept = bench.sequences("kept-")
     assert kept == list(range(kept[0], kept[0] + len(kept)))
 
@@ -184,6 +185,7 @@ def test_a_recording_that_the_power_cut_off_is_mended_by_the_next_run(tmp_path):
     first = Bench(tmp_path)
     first.record(5, 0.01)
     first.wait(1.0)
+    first.ring._let_go()
     (path,) = tmp_path.iterdir()
     with path.open("ab") as file:
         file.write(b"\6\0\0\0\x40\0\0\0half a block")

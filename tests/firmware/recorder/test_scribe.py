@@ -1,6 +1,7 @@
 """Frames into pcapng: whose they are, what is missing, and the words about them."""
 
 import io
+import subprocess
 
 import pytest
 
@@ -71,6 +72,17 @@ def test_what_did_not_get_into_the_file_is_lost_after_all():
     scribe.unwrite({"air": 2})
     assert (scribe.frames, scribe.lost) == (0, 2)
     assert written(scribe, told(3))[0].lost == 2
+
+
+def test_an_interface_of_which_all_is_lost_is_told_at_the_end(tmp_path):
+    scribe = Scribe()
+    scribe.add(told(1, "wire"))
+    stream = io.BytesIO()
+    scribe.begin(stream)
+    scribe.end()
+    (tmp_path / "a").write_bytes(stream.getvalue())
+    shown = subprocess.run(["capinfos", str(tmp_path / "a")], capture_output=True, text=True, check=True, timeout=60)
+    assert "Name = wire" in shown.stdout
 
 
 def test_another_start_of_the_station_begins_a_section_and_counts_anew():
