@@ -16,6 +16,7 @@ from firmware.box.toml_lines import line_of, syntax_hint
 
 OPEN_PORTS = range(5555, 5559)  # of the box's nftables.conf
 PORTS = ("from_users", "to_users", "pull", "report")
+IMAGES = "/etc/ssl/certs/"  # authorities of the image, which may be named as they are
 OWN, BOARD = "captain.toml", "board.toml"
 
 
@@ -117,7 +118,9 @@ Trouble = tuple[str, str, str]  # option, what is wrong with it, remedy
 
 def _missing(options: MqttOptions, there: list[str]) -> Iterator[Trouble]:
     for option, path, _ in options.files():
-        if not os.path.exists(path):
+        if os.path.normpath(path).startswith(("/", "..")) and not path.startswith(IMAGES):
+            yield option, f"{option}: {path} is not on the card", f"put it into {FOLDER}/, beside {OWN}"
+        elif not os.path.exists(path):
             near = next((name for name in there if name.lower() == path.lower()), "")
             remedy = f"on the card it is written {near}" if near else f"put it into {FOLDER}/, beside {OWN}"
             yield option, f"{option}: there is no {path}", remedy

@@ -56,6 +56,16 @@ def test_a_key_of_another_certificate_is_named(look: Look, files: Files):
     )
 
 
+def test_a_file_of_the_computer_that_checks_is_not_on_the_card(look: Look, files: Files, tmp_path: Path):
+    ca = tmp_path / "ca.pem"
+    ca.write_bytes(bytes(files["mqtt/ca.pem"]))  # type: ignore[arg-type]
+    for path in (str(ca), f"../{ca.name}"):
+        config = CONFIG.replace("mqtt/ca.pem", path)
+        assert only(look(own(files) | {"captain.toml": config})) == (
+            f"captain.toml:4: interfaces.cloud.ca: {path} is not on the card; put it into mqtt/, beside captain.toml"
+        )
+
+
 def test_what_is_no_certificate_is_named(look: Look, files: Files):
     said = only(look(own(files) | {"mqtt/ca.pem": "hello\n"}))
     assert said.startswith(
