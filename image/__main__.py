@@ -90,7 +90,7 @@ def _tell(folder: Path, described: description.Description, card: build.Card, to
 
 def _verified(made: build.Build, card: build.Card) -> int:
     tools, secret = made.steps.folder / "tools", keys.secret(made.keys)
-    rows = list(verify.Card(made.description, card.image, tools, secret, card.bundle).rows())
+    rows = list(verify.Card(made.description, card.image, tools, secret, card.bundle, card.checksums).rows())
     failed = [row for row in rows if row.trouble]
     for row in failed:
         print(row, file=sys.stderr)

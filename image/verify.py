@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from image import disk, slot_names, state, verify_bundle, verify_slot, verify_tree
+from image import disk, flash, slot_names, state, verify_bundle, verify_slot, verify_tree
 from image.description import Description, Partition
 from image.errors import ImageError
 from image.ext4 import FileSystem
@@ -40,19 +40,27 @@ class Row(NamedTuple):
 class Card:
     """An image file.
 
-    tools   folder of an unpacked e2fsprogs, as the build leaves it.
-    secret  octets of the key that updates are signed with; none where it is in hardware.
-    update  the bundle that was made with it.
+    tools      folder of an unpacked e2fsprogs, as the build leaves it.
+    secret     octets of the key that updates are signed with; none where it is in hardware.
+    update     the bundle that was made with it.
+    checksums  of what was built, in a file beside it.
     """
 
     def __init__(
-        self, description: Description, image: Path, tools: Path, secret: bytes = b"", update: Path | None = None
+        self,
+        description: Description,
+        image: Path,
+        tools: Path,
+        secret: bytes = b"",
+        update: Path | None = None,
+        checksums: Path | None = None,
     ) -> None:
         self._description = description
         self._image = image
         self._tools = tools
         self._secret = secret
         self._update = update
+        self._checksums = checksums
         self._places = {place.partition.name: place for place in disk.places(description.disk)}
 
     def rows(self) -> Iterator[Row]:
@@ -60,6 +68,8 @@ class Card:
         for path in (self._image, self._tools):
             if not path.exists():
                 raise ImageError(f"{path}: is not there", "make image builds it")
+        if self._checksums is not None:
+            yield self._as_built(self._checksums)
         yield self._table()
         if self._image.stat().st_size < self._description.disk.size_mib * MIB:
             return
@@ -73,6 +83,14 @@ class Card:
         with FileSystem(self._image, self._places["root-a"].offset, self._tools) as slot:
             yield from self._slot(slot)
         yield from self._unwanted_words()
+
+    def _as_built(self, checksums: Path) -> Row:
+        """Whatever was changed since: the other checks look at what they know."""
+        try:
+            flash.compare(self._image, checksums)
+        except ImageError as error:
+            return Row("the checksum beside it", str(error).splitlines()[0])
+        return Row("the checksum beside it")
 
     def _table(self) -> Row:
         plan = self._description.disk

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from image import disk, state
+from image import checksum, disk, state
 from image.description import read
 from image.errors import ImageError
 from image.verify import Card, inside
@@ -88,6 +88,17 @@ def test_a_card_that_was_never_built_is_told_with_what_builds_it(tmp_path: Path)
     for path in (tmp_path / "card", card(tmp_path / "one")):  # without its tools a card cannot be looked at either
         with pytest.raises(ImageError, match=r"(?s)is not there.*make image builds it"):
             list(Card(OWN, path, tmp_path / "tools").rows())
+
+
+def test_a_card_that_was_changed_since_it_was_built_is_told(tmp_path: Path):
+    path, sums = card(tmp_path / "card"), tmp_path / "card.sha256"
+    sums.write_text(checksum.sums([path]))
+    with path.open("r+b") as file:
+        file.truncate(MIB)
+    looked = Card(OWN, path, tmp_path, checksums=sums)
+    assert next(looked.rows()).trouble == f"{path}: is another one than was built"
+    sums.write_text(checksum.sums([path]))
+    assert next(looked.rows()).trouble == ""
 
 
 def test_counters_of_a_card_that_was_used_are_told(tmp_path: Path):
