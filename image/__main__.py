@@ -90,7 +90,12 @@ def _tell(folder: Path, described: description.Description, card: build.Card, to
 
 def _verified(made: build.Build, card: build.Card) -> int:
     tools, secret = made.steps.folder / "tools", keys.secret(made.keys)
-    rows = list(verify.Card(made.description, card.image, tools, secret, card.bundle, card.checksums).rows())
+    looked = verify.Card(made.description, card.image, tools, secret, card.bundle, card.checksums)
+    rows: list[verify.Row] = []
+    try:
+        rows.extend(looked.rows())
+    except ImageError as error:  # what was found before is told all the same
+        rows.append(verify.Row("the rest of it", str(error)))
     failed = [row for row in rows if row.trouble]
     for row in failed:
         print(row, file=sys.stderr)

@@ -100,7 +100,7 @@ def flash(image: Path, checksums: Path, path: Path) -> None:
 
 def compare(image: Path, checksums: Path) -> None:
     """Raises ImageError for an image of which the build did not come to its end, or that is another one since."""
-    lines = checksums.read_text().splitlines() if checksums.exists() else []
+    lines = checksums.read_text(errors="replace").splitlines() if checksums.exists() else []
     built = [line.split()[0] for line in lines if line.endswith(f"  {image.name}")]
     if not built:
         raise ImageError(f"{image}: was not built to its end", "make image builds it")

@@ -93,6 +93,9 @@ def _look_at_endpoint(found: config.Config, given: StationFiles, notes: list[Not
     if "address" in said and (endpoint.address.startswith("127.") or endpoint.address == "::1"):
         what = f'endpoint.address: "{endpoint.address}" is reached from this box only'
         notes.append(remark(given.at(OWN, "endpoint.address"), what, "leave it out for all addresses"))
+    elif "address" in said and endpoint.address not in ("0.0.0.0", "::", "*"):
+        what = f'endpoint.address: no station starts while the box does not have "{endpoint.address}"'
+        notes.append(remark(given.at(OWN, "endpoint.address"), what, "leave it out for all addresses"))
 
 
 def _look_at_brokers(found: config.Config, given: StationFiles, notes: list[Note]) -> None:

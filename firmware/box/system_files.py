@@ -63,7 +63,8 @@ def _wifi(wifi: Wifi) -> str:
 
 def _ethernet(wanted: Ethernet) -> str:
     """Source: systemd.network(5). Over 20-eth0.network."""
-    lines = ["[Network]", "DHCP=no", f"Address={ipaddress.ip_interface(wanted.address)}"]
+    # A second address of IPv4 would be told by mDNS, too; IPv6 needs its own.
+    lines = ["[Network]", "DHCP=no", "LinkLocalAddressing=ipv6", f"Address={ipaddress.ip_interface(wanted.address)}"]
     lines += [f"Gateway={wanted.gateway}"] if wanted.gateway else []
     lines += [f"DNS={address}" for address in wanted.dns]
     return "".join(f"{line}\n" for line in lines)

@@ -164,6 +164,9 @@ def test_an_image_is_one_that_was_built_to_its_end(tmp_path: Path, image: Path):
     sums = tmp_path / "image.sha256"
     with pytest.raises(ImageError, match="was not built to its end"):
         flash.compare(image, sums)
+    sums.write_bytes(b"\xff\xfe rubbish\n")
+    with pytest.raises(ImageError, match="was not built to its end"):
+        flash.compare(image, sums)
     sums.write_text(f"{'0' * 64}  image.raucb\n{hashlib.sha256(image.read_bytes()).hexdigest()}  image\n")
     flash.compare(image, sums)
     with image.open("r+b") as file:

@@ -169,3 +169,9 @@ def test_an_endpoint_that_nobody_can_reach_is_told_though_it_is_no_mistake(look:
         "captain.toml:3: endpoint.from_users: the box lets nobody in at port 6000; 5555 to 5558 are open",
         'captain.toml:2: endpoint.address: "127.0.0.1" is reached from this box only; leave it out for all addresses',
     ]
+    found = look({"captain.toml": '[endpoint]\naddress = "192.168.77.7"\n', "authorized_keys": KEY})
+    assert found.is_accepted
+    assert remarks(found) == [
+        'captain.toml:2: endpoint.address: no station starts while the box does not have "192.168.77.7"; '
+        "leave it out for all addresses"
+    ]

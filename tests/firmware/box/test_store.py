@@ -149,7 +149,7 @@ def test_names_addresses_and_the_closed_shell_are_where_the_box_looks():
     assert found["etc/hostname"].text == "captain-7\n"
     assert found["etc/localtime"].target == "/usr/share/zoneinfo/Europe/Berlin"
     assert found["run/systemd/network/20-eth0.network.d/owner.conf"].text == (
-        "[Network]\nDHCP=no\nAddress=10.0.0.2/24\nGateway=10.0.0.1\nDNS=9.9.9.9\n"
+        "[Network]\nDHCP=no\nLinkLocalAddressing=ipv6\nAddress=10.0.0.2/24\nGateway=10.0.0.1\nDNS=9.9.9.9\n"
     )
     assert found["run/captain-image/environment"].text == (
         "CAPTAIN_CONFIG=/data/owner/current/captain.toml\nCAPTAIN_BOARD=/data/owner/current/board.toml\nCAPTAIN_SHELL=\n"
