@@ -65,10 +65,10 @@ bench-time: setup-test ## what pulses and the time made of them cost a station, 
 bench-record: setup-test ## what the recorder costs, the meter beside it, and a disk that is full or gone; RECORD='--pairs 2'
 	@.venv/bin/python -m tests.bench.record $(RECORD)
 
-bench-ros2: setup-ros2 ## UPER to ROS 2's CDR and back beside typed messages and asn1tools with rosbags; the gateway; ARGS='cam-1.4.1'
+bench-ros2: setup-ros2 ## UPER to ROS 2's CDR and back beside typed messages and asn1tools with rosbags; the gateway; ROS2='cam-1.4.1' GATEWAY='--duration 2'
 	@.ci/ros2
-	@.venv/bin/python -m tests.bench.ros2 $(ARGS)
-	@.venv/bin/python -m tests.bench.gateway
+	@.venv/bin/python -m tests.bench.ros2 $(ROS2)
+	@.venv/bin/python -m tests.bench.gateway $(GATEWAY)
 
 truth: setup-test ## made values of every message, ours against every other codec; ARGS='--count 1000000'
 	@.venv/bin/python -m tests.asn1.truth $(ARGS)
