@@ -92,7 +92,8 @@ class Proxy:
     def go_dark(self) -> None:
         """Half open: what either side sends, its good bye as well, is swallowed, and new connections meet silence.
 
-        What was swallowed is gone: end it with cut() and light().
+        What was swallowed is gone: end it with light(), then cut(). The other way round a line that comes between the two
+        stays silent.
         """
         self._is_dark = True
 

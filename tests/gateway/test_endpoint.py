@@ -149,8 +149,8 @@ def test_a_station_that_falls_silent_is_told_once_and_so_is_its_return(context, 
 @pytest.fixture
 def lines(station, monkeypatch) -> Iterator[dict[str, Proxy]]:
     """To each port of the station; their ends look after each other often."""
-    monkeypatch.setattr(endpoint, "HEARTBEAT_MS", 30)
-    monkeypatch.setattr(endpoint, "HEARTBEAT_TIMEOUT_MS", 150)
+    monkeypatch.setattr(endpoint, "HEARTBEAT_MS", 100)
+    monkeypatch.setattr(endpoint, "HEARTBEAT_TIMEOUT_MS", 500)
     with (
         Proxy(station.address.to_users) as users,
         Proxy(station.address.report) as report,
@@ -171,8 +171,8 @@ def test_lines_that_swallow_everything_are_noticed_and_replaced(context, station
         line.go_dark()  # as when the other machine loses its power: no end of the connection is told
     for line in lines.values():
         until(lambda line=line: line.accepted > 1)
-        line.cut()
         line.light()
+        line.cut()
 
     def arrives() -> bool:
         station.users.send_multipart([b"v2x.cam.", CAM])

@@ -12,8 +12,8 @@ HOST = "127.0.0.1"
 
 
 def test_a_line_that_swallows_everything_is_noticed_and_replaced(monkeypatch):
-    monkeypatch.setattr(client, "HEARTBEAT_MS", 30)
-    monkeypatch.setattr(client, "HEARTBEAT_TIMEOUT_MS", 150)
+    monkeypatch.setattr(client, "HEARTBEAT_MS", 100)
+    monkeypatch.setattr(client, "HEARTBEAT_TIMEOUT_MS", 500)
     with client.session() as context, context.socket(zmq.PUB) as station:
         port = station.bind_to_random_port(f"tcp://{HOST}")
         with Proxy(port) as line:
@@ -28,8 +28,8 @@ def test_a_line_that_swallows_everything_is_noticed_and_replaced(monkeypatch):
             before = line.accepted
             line.go_dark()  # as when the other machine loses its power: no end of the connection is told
             until(lambda: line.accepted > before)
-            line.cut()
             line.light()
+            line.cut()
             list(client.waiting(subscriber))
             until(arrives)
 
