@@ -27,7 +27,7 @@ PARTS = {
     "chart": "what a start is made of, and what captain adds to it (a bench)",
     "flash": "make flash, at a loop device",
     "owner": "the owner's files: the README's page, mistakes, Raspberry Pi Imager",
-    "cuts": "power cuts, on a drive that loses, reorders or tears what was not flushed (40 minutes)",
+    "cuts": "power cuts, on a drive that loses, reorders or tears what was not flushed (most of an hour)",
     "storage": "data in trouble: what the early boot repairs, what the station says, what is written at rest",
     "update": "updates: from a server, in 1970, refused ones, one that fails and is left, and back",
     "update_cuts": "power cuts in the middle of an update, on a drive that loses what was not flushed",
