@@ -3,6 +3,7 @@
 They may be renewed while the station runs.
 """
 
+import codecs
 import os
 import ssl
 
@@ -32,14 +33,17 @@ def context(settings: MqttOptions) -> ssl.SSLContext:
 
 
 def password(settings: MqttOptions) -> bytes:
-    """The first line of the file. Raises InterfaceError."""
+    """The first line of the file, without the mark that editors put before it. Raises InterfaceError."""
     path = settings.password_file
     check_file("password_file", path, is_secret=True)
     try:
         with open(path, "rb") as file:
-            found = file.read(MAX_PASSWORD + 2).partition(b"\n")[0].removesuffix(b"\r")
+            octets = file.read(MAX_PASSWORD + len(codecs.BOM_UTF8) + 2)
     except OSError as error:
         raise _unreadable("password_file", path, error) from error
+    if octets.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        raise InterfaceError(f"password_file {path}: is UTF-16", "save it as UTF-8")
+    found = octets.removeprefix(codecs.BOM_UTF8).partition(b"\n")[0].removesuffix(b"\r")
     if not 0 < len(found) <= MAX_PASSWORD:
         raise InterfaceError(f"password_file {path}: its first line is no password", "write the password into it")
     return found

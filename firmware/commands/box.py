@@ -32,11 +32,17 @@ BOARD = "quad"  # of the image
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("do", choices=("check", "apply"), metavar="check", help="what to do")
-    parser.add_argument("folder", type=Path, metavar="DIR", help="the card's first partition, or a folder like it")
+    parser.add_argument("folder", type=_folder, metavar="DIR", help="the card's first partition, or a folder like it")
     parser.add_argument("--board", default=BOARD, help=f"that the box has, without a board.toml (default {BOARD})")
     # `apply` is for the box itself: captain-owner.service.
     for option in ("--key", "--owner", "--defaults"):
         parser.add_argument(option, help=argparse.SUPPRESS)
+
+
+def _folder(text: str) -> Path:
+    if not text:
+        raise argparse.ArgumentTypeError('"" is no name of a folder')
+    return Path(text)
 
 
 def main(arguments: argparse.Namespace) -> int:

@@ -42,6 +42,12 @@ def test_a_folder_that_is_not_there_is_told(tmp_path: Path, capsys: Said):
     assert "none: No such file or directory\n  (name the folder" in capsys.readouterr().err
 
 
+def test_an_empty_name_is_no_folder(capsys: Said):
+    with pytest.raises(SystemExit, match="2"):
+        cli.main(["box", "check", ""])
+    assert "is no name of a folder" in capsys.readouterr().err
+
+
 def test_apply_is_for_the_box_itself(tmp_path: Path, capsys: Said):
     assert cli.main(["box", "apply", str(tmp_path)]) == 2
     assert "`captain box check DIR`" in capsys.readouterr().err
