@@ -31,7 +31,8 @@ def rows(card: Path, folder: Path, key: Key) -> Iterator[Row]:
         path.mkdir(parents=True)
     for name in ("id_ed25519", "id_ed25519.pub"):
         shutil.copy(folder / name, home / ".ssh" / name)  # with its mode: ssh takes no key that others may read
-    (desk / "box.toml").write_text(BLOCKS["toml"][0])
+    # With all of it, that is left out too.
+    (desk / "box.toml").write_text(re.sub(r"(?m)^# (?=\w+ = |\[)", "", BLOCKS["toml"][0]))
     (desk / "captain.toml").write_text('[station]\nname = "captain-7"\n')
     prepare, connect = BLOCKS["sh"]
     done = _run(prepare.replace(MOUNTED, str(mounted)), desk, home)
