@@ -67,6 +67,10 @@ class Drops:
         drop = self._drops.get((where, reason))
         return drop.count if drop else 0
 
+    def sum(self, where: str, without: Reason) -> int:
+        """All that was dropped at a place, but for one reason."""
+        return sum(drop.count for (place, reason), drop in self._drops.items() if place == where and reason != without)
+
     def status(self) -> Iterator[dict[str, object]]:
         """One JSON object for each place and reason, as in the status message."""
         for (where, reason), drop in self._drops.items():

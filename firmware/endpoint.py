@@ -62,6 +62,7 @@ class Endpoint:
         self._witness = witness
         self._wanted: set[bytes] = set()  # topics of the report port
         self._frames: Frames | None = None
+        self._are_frames_shown = False
         host = f"[{options.address}]" if ":" in options.address else options.address
 
         def at(port: int) -> str:
@@ -129,32 +130,40 @@ class Endpoint:
 
     def _interest(self, topic: bytes, is_wanted: bool) -> None:
         """Somebody subscribed to a topic of the report port, or the last one left."""
+        was_wanted = topic in self._wanted
         (self._wanted.add if is_wanted else self._wanted.discard)(topic)
         if topic == STATUS:
             self.report.status_interest(is_wanted)
         elif topic == TIME:
             self.report.time_interest(is_wanted)
-        else:
-            if topic == FRAME:
+        elif topic == FRAME:
+            if is_wanted is not was_wanted:
                 self._look_at_frames(is_wanted)
+        else:
             self._look_at_messages()
 
     def _look_at_frames(self, is_wanted: bool) -> None:
         if self._frames is None:
             from firmware.frames import Frames  # few stations have somebody who wants them
 
-            self._frames = Frames(self._loop, self._reports.publish_both, self._router, self._mac)
+            publish = self._reports.publish_both
+            self._frames = Frames(self._loop, publish, self._router, self._mac, self._drops, self._show_frames)
         if not is_wanted:
             self._frames.forget()
-        self._witness.watch = self._frames if is_wanted else None
         self._drops.watch = self._frames.drop if is_wanted else None
+        self._show_frames(is_wanted)
+
+    def _show_frames(self, is_wanted: bool) -> None:
+        self._are_frames_shown = is_wanted
+        self._witness.watch = self._frames if is_wanted else None
+        self._look_at_messages()
 
     def _look_at_messages(self) -> None:
         """What is known of messages goes to those who have asked, and costs nothing where nobody has."""
         router, report, wanted = self._router, self.report, self._wanted
         confirms = [report.confirm] if CONFIRM in wanted else []
         indications = [report.observe] if INDICATION in wanted else []
-        if self._frames is not None and FRAME in wanted:
+        if self._frames is not None and self._are_frames_shown:
             confirms.append(self._frames.confirm)
             indications.append(self._frames.observe)
         router.is_confirm_wanted = bool(confirms)

@@ -9,7 +9,7 @@ import json
 import struct
 import time
 from collections import Counter
-from collections.abc import Callable, Container
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Protocol
@@ -19,12 +19,13 @@ from board.time import TimeQuality
 from drivers.message import ITS_HEADER, UNKNOWN_TIME, Confirm, Ego, Indication, MessageType, Outcome, Request
 from drivers.reason import MEANING, Reason
 from firmware import framing
+from firmware.drops import Drops
 from firmware.report import FRAME, digest_of, said_of
 
 # They are told so much later: a drop that belongs to a frame follows it in the same turn of the loop.
 LATER_S = 0.02
 # What is noted until it is told: 10,000 frames a second, five times the ceiling of a channel. Of a flood the rest is
-# counted: routing goes first.
+# counted, and not even looked at: routing goes first.
 MOST = 200
 SLICE = 16  # told in one turn: a message that comes meanwhile waits for 0.2 ms
 MADE = 4096  # requests whose frames wait for their confirm: as many as the queues of some interfaces hold
@@ -64,19 +65,33 @@ class Noted:
         return None if self.confirm is None else self.confirm.request.kind
 
 
+class Counted(Protocol):
+    """Of an interface: what it has received and sent, by type."""
+
+    received: list[int]
+    sent_count: list[int]
+
+
 class Surroundings(Protocol):
     """What frames ask of the station: firmware.router.Router."""
 
+    requests: int
+    accepted: int
+
     @property
-    def interfaces(self) -> Container[str]: ...
+    def interfaces(self) -> Mapping[str, Counted]: ...
     def ego(self) -> Ego: ...
     def quality_now(self) -> TimeQuality: ...
+    def flush(self) -> None: ...
 
 
 class Frames:
     """Notes and tells them. Only while somebody listens is anything here called.
 
     mac       the station's own, of what is made up to go out.
+    drops     what was dropped so far.
+    attend    is told whether messages and whole frames are to be shown: in a flood for a part of the time, and what
+              comes in the rest is known from the station's counters. Drops are always shown.
     clock_ns  Unix time.
     """
 
@@ -86,12 +101,16 @@ class Frames:
         publish: Publish,
         station: Surroundings,
         mac: bytes,
+        drops: Drops,
+        attend: Callable[[bool], None] = lambda is_wanted: None,
         clock_ns: Callable[[], int] = time.time_ns,
     ) -> None:
         self._loop = loop
         self._publish = publish
         self._station = station
         self._mac = mac
+        self._drops = drops
+        self._attend = attend
         self._clock_ns = clock_ns
         self._noted: list[Noted] = []
         self._telling: list[Noted] = []
@@ -101,6 +120,7 @@ class Frames:
         self._has_frames: set[str] = set()
         self._missed: Counter[str] = Counter()
         self._just_missed = _NOTHING  # a drop of this very moment, whose confirm comes next
+        self._counted: dict[str, int] | None = None  # by interface, when enough had come
         self._sequence: dict[str, int] = {}
         self._quality = UNKNOWN_TIME, json.dumps(said_of(UNKNOWN_TIME))
         self._is_scheduled = False
@@ -109,6 +129,7 @@ class Frames:
         """Nobody listens any more."""
         for kept in (self._noted, self._telling, self._by_octets, self._dropped, self._made, self._missed):
             kept.clear()
+        self._counted = None
 
     # Of an interface that has frames: drivers.contract.FrameWatch.
 
@@ -144,6 +165,8 @@ class Frames:
             if one is not None:
                 one.indication = indication
                 one.quality = indication.quality
+        if len(self._noted) >= MOST:
+            self._look_away()
 
     def confirm(self, confirm: Confirm, targets: object = ()) -> None:
         """What became of a request at one interface, or that it got to none."""
@@ -155,6 +178,8 @@ class Frames:
         if (one := self._note(interface, self._clock_ns(), frame, request.pdu)) is not None:
             one.is_out = True
             one.confirm, one.reason, one.detail = confirm, confirm.reason, confirm.detail
+        if len(self._noted) >= MOST:
+            self._look_away()
 
     def drop(self, where: str, reason: Reason, sample: bytes, count: int, detail: str) -> None:
         """A discard, as it is counted. Of users' own there is a confirm; what nobody has seen is missed."""
@@ -162,6 +187,8 @@ class Frames:
             return
         if (one := self._by_octets.get((where, id(sample)))) is not None:
             one.reason, one.detail = reason, detail
+        elif self._counted is not None:
+            return  # it is in the counters
         elif sample and len(self._noted) + len(self._dropped) < MOST:
             one = self._new(where, self._clock_ns(), self._whole(where, sample), sample)
             one.reason, one.detail = reason, detail
@@ -202,14 +229,45 @@ class Frames:
             self._is_scheduled = True
             self._loop.after(LATER_S, self._begin)
 
+    def _look_away(self) -> None:
+        """Enough for now; the station's counters say how much else comes."""
+        if self._counted is None:
+            self._counted = self._counts()
+            self._attend(False)
+
+    def _look_again(self) -> None:
+        before, self._counted = self._counted, None
+        if before is not None:
+            self._station.flush()  # what is counted already is not to be noted as well
+            self._made.clear()  # their confirms may have come meanwhile
+            for name, count in self._counts().items():
+                self._missed[name] += count - before.get(name, 0)
+            self._attend(True)
+
+    def _counts(self) -> dict[str, int]:
+        """Messages by interface: a duplicate was received as well, whatever else was dropped was not."""
+        station = self._station
+        counts = {
+            name: sum(one.received) + sum(one.sent_count) + self._drops.sum(name, without=Reason.DUPLICATE)
+            for name, one in station.interfaces.items()
+        }
+        return {**counts, USERS: station.requests - station.accepted}
+
     def _begin(self) -> None:
+        self._is_scheduled = False
+        is_telling = bool(self._telling)
         self._telling += self._noted
         self._telling += self._dropped.values()
         self._noted = []
         self._by_octets.clear()
         self._dropped.clear()
         self._just_missed = _NOTHING
-        self._go_on()
+        if not is_telling:
+            self._go_on()
+        if len(self._telling) < MOST:
+            self._look_again()
+        else:
+            self._schedule()
 
     def _go_on(self) -> None:
         part, self._telling = self._telling[:SLICE], self._telling[SLICE:]
@@ -219,10 +277,6 @@ class Frames:
                 self._tell(one, now_ns, ego)
         if self._telling:
             self._loop.soon(self._go_on)
-            return
-        self._is_scheduled = False
-        if self._noted or self._dropped:
-            self._schedule()
 
     def _tell(self, one: Noted, now_ns: int, ego: Ego) -> None:
         """One message. Its object is put together by hand: json.dumps() of the whole takes twice the time."""

@@ -7,6 +7,8 @@ from contextlib import closing
 from typing import Any
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from board.time import Lock, TimeQuality
 from drivers.contract import NOW, Witness
@@ -44,16 +46,41 @@ BEACON = bytes.fromhex(
 )
 
 
+class Counts:
+    """Of an interface."""
+
+    def __init__(self) -> None:
+        self.received = [0]
+        self.sent_count = [0]
+
+
 class Bench:
-    """A station that shows all it has to the frames."""
+    """A station that shows all it has to the frames, for as long as they attend."""
 
     def __init__(self, loop: VirtualLoop) -> None:
         self.loop = loop
-        self.interfaces = {"air": 0, "wire": 0}
+        self.interfaces = {"air": Counts(), "wire": Counts()}
+        self.requests = self.accepted = 0
         self.told: list[tuple[bytes, dict[str, Any], bytes]] = []
-        self.frames = Frames(loop, self.publish, self, MAC, lambda: NOW_NS)
         self.drops = Drops()
+        self.witness = Witness()
+        self.frames = Frames(loop, self.publish, self, MAC, self.drops, self.attend, lambda: NOW_NS)
         self.drops.watch = self.frames.drop
+        self.attend(True)
+
+    def attend(self, is_wanted: bool) -> None:
+        self.is_shown = is_wanted
+        self.witness.watch = self.frames if is_wanted else None
+
+    def flush(self) -> None: ...
+
+    def confirm(self, confirm: Confirm) -> None:
+        if confirm.outcome is Outcome.REFUSED:
+            self.requests += 1
+        elif confirm.outcome is Outcome.SENT:
+            self.interfaces[confirm.interface].sent_count[0] += 1
+        if self.is_shown:
+            self.frames.confirm(confirm)
 
     def ego(self) -> Ego:
         return EGO
@@ -66,6 +93,9 @@ class Bench:
 
     def indicate(self, pdu: bytes, interface: str = "air", rx: RxInfo = NO_RX_INFO, when_ns: int = NOW_NS) -> None:
         kind = TOPICS.by_number[pdu[1]]
+        self.interfaces[interface].received[0] += 1
+        if not self.is_shown:
+            return
         self.frames.observe([Indication(kind, pdu, interface, when_ns, 0.0, rx, QUALITY)])
 
     def later(self) -> list[dict[str, Any]]:
@@ -143,11 +173,11 @@ def test_a_type_without_a_port_is_a_frame_as_well(bench: Bench, number: int) -> 
 
 def linked(bench: Bench) -> tuple[GeoLink, Host]:
     """A link whose station is the bench: its host indicates and drops there."""
-    witness, host = Witness(), Host(bench.loop)
-    witness.watch, host.name = bench.frames, "air"
+    host = Host(bench.loop)
+    host.name = "air"
     host.indicate = lambda pdu, received_ns, rx=NO_RX_INFO: bench.indicate(pdu, rx=rx, when_ns=received_ns)
     host.drop = lambda reason, sample=b"", count=1: bench.drops.count("air", reason, sample, count)
-    return GeoLink(host, SHARED._replace(witness=witness), MAC, 3.0, lambda octets: NOW), host
+    return GeoLink(host, SHARED._replace(witness=bench.witness), MAC, 3.0, lambda octets: NOW), host
 
 
 def test_a_frame_is_told_as_it_came(bench: Bench) -> None:
@@ -231,8 +261,8 @@ def test_what_leaves_is_told_when_it_has_left(bench: Bench) -> None:
     request = request_of(7)
     frame = link.encode(request)
     assert bench.later() == []
-    bench.frames.confirm(Confirm(request, Outcome.ACCEPTED), ())
-    bench.frames.confirm(Confirm(request, Outcome.SENT, "air", None, 0.001, 0.0002), ())
+    bench.confirm(Confirm(request, Outcome.ACCEPTED))
+    bench.confirm(Confirm(request, Outcome.SENT, "air", None, 0.001, 0.0002))
     (said,) = bench.later()
     assert (said["direction"], said["request"], said["queue_us"], said["send_us"]) == ("out", 7, 1000.0, 200.0)
     assert (said["when_ns"], said["is_made_up"], bench.octets) == (NOW_NS, False, [frame])
@@ -243,13 +273,13 @@ def test_what_was_made_twice_because_there_was_no_room_is_told_once(bench: Bench
     request = request_of(7)
     link.encode(request)
     second = link.encode(request)
-    bench.frames.confirm(Confirm(request, Outcome.SENT, "air"), ())
+    bench.confirm(Confirm(request, Outcome.SENT, "air"))
     assert len(bench.later()) == 1
     assert bench.octets == [second]
 
 
 def test_what_leaves_by_an_interface_without_frames_is_made_up(bench: Bench) -> None:
-    bench.frames.confirm(Confirm(request_of(), Outcome.SENT, "wire"), ())
+    bench.confirm(Confirm(request_of(), Outcome.SENT, "wire"))
     (said,) = bench.later()
     assert said["is_made_up"]
     assert open_frame(1, bench.octets[0]) == Carried(CAM_PDU, 2001, "shb", False)
@@ -259,7 +289,7 @@ def test_what_leaves_by_an_interface_without_frames_is_made_up(bench: Bench) -> 
 def test_what_a_queue_drops_is_told_once(bench: Bench) -> None:
     request = request_of()
     bench.drops.count("wire", Reason.EXPIRED, request.pdu)
-    bench.frames.confirm(Confirm(request, Outcome.DROPPED, "wire", Reason.EXPIRED, detail="late"), ())
+    bench.confirm(Confirm(request, Outcome.DROPPED, "wire", Reason.EXPIRED, detail="late"))
     (said,) = bench.later()
     assert (said["direction"], said["reason"], said["detail"]) == ("out", "expired", "late")
 
@@ -267,14 +297,14 @@ def test_what_a_queue_drops_is_told_once(bench: Bench) -> None:
 def test_what_the_station_refuses_went_to_no_interface(bench: Bench) -> None:
     request = request_of()
     bench.drops.count("pull", Reason.POLICY, request.pdu)
-    bench.frames.confirm(Confirm(request, Outcome.REFUSED, "", Reason.POLICY), ())
+    bench.confirm(Confirm(request, Outcome.REFUSED, "", Reason.POLICY))
     (said,) = bench.later()
     assert (said["interface"], said["reason"]) == ("users", "policy")
 
 
 def test_what_no_header_has_room_for_is_told_all_the_same(bench: Bench) -> None:
     nowhere = Area(Shape.CIRCLE, Position(1 << 40, 0), 10)
-    bench.frames.confirm(Confirm(request_of()._replace(area=nowhere), Outcome.SENT, "wire"), ())
+    bench.confirm(Confirm(request_of()._replace(area=nowhere), Outcome.SENT, "wire"))
     assert len(bench.later()) == 1
     assert CAM_PDU in bench.octets[0]
 
@@ -310,10 +340,70 @@ def test_of_a_flood_of_refusals_each_is_counted_once(bench: Bench) -> None:
     for number in range(MOST + 30):
         request = request_of(number, pdu=pdu_of(2, number))
         bench.drops.count("wire", Reason.QUEUE_FULL, request.pdu)
-        bench.frames.confirm(Confirm(request, Outcome.DROPPED, "wire", Reason.QUEUE_FULL), ())
+        bench.confirm(Confirm(request, Outcome.DROPPED, "wire", Reason.QUEUE_FULL))
     assert len(bench.later()) == MOST
     bench.indicate(pdu_of(2), "wire")
     assert [said["missed"] for said in bench.later()] == [30]
+
+
+EVENTS = ("in", "out", "dropped", "refused", "duplicate", "kernel", "wait")
+
+
+@settings(deadline=None, max_examples=60)
+@given(st.lists(st.tuples(st.sampled_from(EVENTS), st.integers(1, 2 * MOST)), max_size=12))
+def test_what_is_told_and_what_is_missed_come_to_all_that_was(events: list[tuple[str, int]]) -> None:
+    with closing(VirtualLoop()) as loop:
+        bench = Bench(loop)
+        happened = 0
+        numbers = iter(range(10**6))
+        for what, count in events:
+            for _ in range(count if what != "wait" else 0):
+                pdu = pdu_of(2, next(numbers))
+                request = request_of(next(numbers), pdu=pdu)
+                match what:
+                    case "in":
+                        bench.indicate(pdu, "wire")
+                    case "duplicate":
+                        bench.indicate(pdu, "wire")
+                        bench.drops.count("wire", Reason.DUPLICATE, pdu)
+                    case "kernel":
+                        bench.drops.count("wire", Reason.KERNEL_QUEUE)
+                    case "out":
+                        bench.confirm(Confirm(request, Outcome.SENT, "wire"))
+                    case "dropped":
+                        bench.drops.count("wire", Reason.QUEUE_FULL, pdu)
+                        bench.confirm(Confirm(request, Outcome.DROPPED, "wire", Reason.QUEUE_FULL))
+                    case "refused":
+                        bench.confirm(Confirm(request, Outcome.REFUSED, "", Reason.POLICY))
+                happened += 1
+            if what == "wait":
+                loop.run_for(LATER_S * count / MOST)
+        loop.run_for(1.0)
+        bench.indicate(pdu_of(2), "wire")
+        bench.confirm(Confirm(request_of(), Outcome.REFUSED, "", Reason.POLICY))
+        loop.run_for(1.0)
+        assert len(bench.told) + sum(said["missed"] for _, said, _ in bench.told) == happened + 2
+        assert all(said["missed"] >= 0 for _, said, _ in bench.told)
+
+
+def test_what_fills_the_room_is_told_as_dropped_if_it_was(bench: Bench) -> None:
+    pdus = [pdu_of(2, number) for number in range(MOST)]
+    for pdu in pdus:
+        bench.indicate(pdu, "wire")
+    for pdu in pdus:
+        bench.drops.count("wire", Reason.DUPLICATE, pdu)
+    assert not bench.is_shown
+    assert {said.get("reason") for said in bench.later()} == {"duplicate"}
+
+
+def test_in_a_flood_it_looks_away_and_looks_again(bench: Bench) -> None:
+    for _ in range(10):
+        for number in range(10 * MOST):
+            bench.indicate(pdu_of(2, number), "wire")
+        assert not bench.is_shown
+        bench.loop.run_for(LATER_S * 1.5)
+        assert bench.is_shown
+    assert len(bench.told) == 10 * MOST
 
 
 def test_drops_that_no_confirm_follows_are_missed_for_good(bench: Bench) -> None:
@@ -324,8 +414,8 @@ def test_drops_that_no_confirm_follows_are_missed_for_good(bench: Bench) -> None
     bench.drops.count("wire", Reason.KERNEL_QUEUE, count=5)
     bench.later()
     empty = request_of(pdu=b"")
-    bench.frames.confirm(Confirm(empty, Outcome.DROPPED, "wire", Reason.EXPIRED), ())
-    bench.frames.confirm(Confirm(request_of(pdu=lost), Outcome.SENT, "wire"), ())
+    bench.confirm(Confirm(empty, Outcome.DROPPED, "wire", Reason.EXPIRED))
+    bench.confirm(Confirm(request_of(pdu=lost), Outcome.SENT, "wire"))
     assert [said["missed"] for said in bench.later()] == [7, 0]
 
 
