@@ -13,9 +13,11 @@ class Gaps:
         self.last_ns: int | None = None
 
     def add(self, received_ns: int) -> float | None:
-        """A reception, by the receiver's clock. Returns its gap; None of the first one."""
+        """A reception, by the receiver's clock. Returns its gap; None of the first one, and of one told of too late."""
         gap_s = None
         if self.last_ns is not None:
+            if received_ns < self.last_ns:
+                return None
             gap_s = (received_ns - self.last_ns) / 1e9
             self.gaps.add(gap_s)
         self.last_ns = received_ns

@@ -1,6 +1,6 @@
 """What is counted and measured of messages: of one way, of one type of one station on it, or of all together."""
 
-from collections import Counter, OrderedDict
+from collections import Counter
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -17,9 +17,9 @@ OTHERS = "(others)"
 class Figures:
     """Takes fates one after the other.
 
-    counts     of each fate. `lost` has those that came late after all; they are counted as `late` besides.
-    one_way_us  from accepted to received; link_us: from gone to received; queue_us and send_us: before and while it
-               left; each delay with its uncertainty in doubt_us.
+    counts     of each fate, corrected by what was heard late.
+    one_way_us  from accepted to received; link_us: from gone to received; one_way_doubt_us, doubt_us: how well these
+               are known; queue_us and send_us: before it left, and while it did.
     """
 
     def __init__(self, most: int = MOST) -> None:
@@ -27,7 +27,8 @@ class Figures:
         self.octets = 0
         self.reordered = 0
         self.repeats = 0
-        self.one_way_us, self.link_us, self.doubt_us = Sample(most), Sample(most), Sample(most)
+        self.one_way_us, self.one_way_doubt_us = Sample(most), Sample(most)
+        self.link_us, self.doubt_us = Sample(most), Sample(most)
         self.queue_us, self.send_us = Sample(most), Sample(most)
         self.rssi_dbm = Sample(most)
         self.gaps = Gaps(most)
@@ -35,12 +36,12 @@ class Figures:
 
     @property
     def sent(self) -> int:
-        return self.counts[Fate.ARRIVED] + self.counts[Fate.LOST] + self.counts[Fate.UNSEEN]
+        return sum(self.counts[fate] for fate in (Fate.ARRIVED, Fate.LOST, Fate.LATE, Fate.UNSEEN))
 
     @property
     def lost(self) -> int:
-        """And never received."""
-        return self.counts[Fate.LOST] - self.counts[Fate.LATE]
+        """And not received until now."""
+        return self.counts[Fate.LOST]
 
     @property
     def loss(self) -> float | None:
@@ -50,7 +51,9 @@ class Figures:
 
     def add(self, one: Settled) -> None:
         self.counts[one.fate] += 1
-        if one.sent is not None:
+        if one.was is not None:
+            self.counts[one.was] -= 1
+        if one.sent is not None and one.was in (None, Fate.STRANGE):
             self.octets += one.sent.what.octets
             self.queue_us.add(one.sent.queue_ns / 1000)
             self.send_us.add(one.sent.send_ns / 1000)
@@ -65,6 +68,7 @@ class Figures:
         if one.sent is None or (delay := one_way(one.sent, received)) is None:
             return
         self.one_way_us.add(delay.ns / 1000)
+        self.one_way_doubt_us.add(delay.uncertainty_ns / 1000)
         self.age.add(received.received_ns, delay.ns)
         alone = link(one.sent, received)
         if alone is not None:
@@ -81,30 +85,23 @@ class Key(NamedTuple):
 
 
 class Rows:
-    """Figures by way, type and station; those whose last message is the longest ago are folded when they are too many.
-
-    Their counts are added up in `others`; what was measured of them is in the figures of their way.
-    """
+    """Figures by way, type and station, of the first that were heard of; all others are in one row of their way."""
 
     def __init__(self, most: int = MOST_ROWS) -> None:
         self._most = most
-        self._rows: OrderedDict[Key, Figures] = OrderedDict()
-        self.others: dict[Way, Counter[Fate]] = {}
+        self._rows: dict[Key, Figures] = {}
 
     def add(self, one: Settled) -> None:
         event = one.sent or one.received
         if event is None or one.fate is Fate.STRANGE:
             return
         key = Key(one.way, event.what.type, event.what.station_id)
+        if key not in self._rows and len(self._rows) >= self._most:
+            key = Key(one.way, OTHERS, None)
         row = self._rows.get(key)
         if row is None:
-            if len(self._rows) >= self._most:
-                folded, figures = self._rows.popitem(last=False)
-                self.others.setdefault(folded.way, Counter()).update(figures.counts)
             row = self._rows[key] = Figures(MOST_OF_ROW)
-        else:
-            self._rows.move_to_end(key)
-        row.add(one)
+        row.add(one if one.was is not Fate.STRANGE else one._replace(was=None))
 
     def __iter__(self) -> Iterator[tuple[Key, Figures]]:
         yield from sorted(self._rows.items(), key=lambda item: (item[0].way, item[0].type, item[0].station_id or 0))

@@ -1,12 +1,12 @@
 """What a station alone shows: how long messages wait and take to leave, what it hears, and how long users wait."""
 
-from collections import Counter, OrderedDict
+from collections import Counter
 from collections.abc import Iterator
 from typing import NamedTuple
 
 from firmware.meter.age import Gaps
 from firmware.meter.event import Received, Sent
-from firmware.meter.figures import MOST_OF_ROW, MOST_ROWS
+from firmware.meter.figures import MOST_OF_ROW, MOST_ROWS, OTHERS
 from firmware.meter.sample import Sample
 
 
@@ -58,8 +58,7 @@ class Inside:
     def __init__(self) -> None:
         self.leaving: dict[Port, Leaving] = {}
         self.delivered: dict[str, Delivery] = {}
-        self.folded = 0  # receptions of sources that are no longer told apart
-        self._hearing: OrderedDict[Source, Hearing] = OrderedDict()
+        self._hearing: dict[Source, Hearing] = {}  # of the first; others are together in one of their interface
 
     def sent(self, event: Sent) -> None:
         one = self.leaving.setdefault(Port(event.station, event.interface), Leaving())
@@ -76,13 +75,11 @@ class Inside:
 
     def received(self, event: Received) -> None:
         key = Source(event.station, event.interface, event.what.type, event.what.station_id)
+        if key not in self._hearing and len(self._hearing) >= MOST_ROWS:
+            key = Source(event.station, event.interface, OTHERS, None)
         hearing = self._hearing.get(key)
         if hearing is None:
-            if len(self._hearing) >= MOST_ROWS:
-                self.folded += self._hearing.popitem(last=False)[1].received
             hearing = self._hearing[key] = Hearing()
-        else:
-            self._hearing.move_to_end(key)
         hearing.received += 1
         hearing.gaps.add(event.received_ns)
         if event.rssi_dbm is not None:

@@ -2,14 +2,14 @@
 
 Nothing is judged before the grace is over: what stations say comes by connections of their own, in no order between
 them, and a message may be late. What was received waits so long for the word that it was sent; then it is matched.
-What was sent waits as long again.
+What was sent waits as long again. A word that comes later still corrects what was said before.
 """
 
 from bisect import insort
 from collections import OrderedDict, deque
 from collections.abc import Sequence
 from enum import Enum
-from typing import NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 from firmware.meter.delay import link as link_delay
 from firmware.meter.event import Received, Sent
@@ -18,6 +18,9 @@ GRACE_S = 2.0
 # PDUs that are remembered after their fate is known, to tell what comes again from what was never sent: a minute of a
 # channel that is full. 0.2 kB each.
 REMEMBERED = 131_072
+# For so long a late word finds what it is about: of a station that was silent, or a message that a broker has kept.
+LATEST_S = 60.0
+MOST_STRAYS = 16_384
 # A process may be put aside between reading one clock and the other: a stamp of its is then off by as much.
 SLACK_NS = 5_000_000
 LONE_SLACK_NS = 1_000_000_000
@@ -45,18 +48,18 @@ class Fate(Enum):
 
     ARRIVED = "arrived"
     LOST = "lost"
+    LATE = "late"  # it arrived after it was taken for lost
     UNSEEN = "unseen"  # it did not arrive as far as the meter has heard, and the meter has not heard all
     DUPLICATE = "duplicate"  # received once more than it was sent
-    LATE = "late"  # received after it was taken for lost
     STRANGE = "strange"  # received, and not sent on this way as far as the meter has heard
 
 
 class Settled(NamedTuple):
-    """A fate that will not change any more, but for LOST by a later LATE.
+    """A fate, and what it was taken for until now, where a late word corrects that.
 
     copy          of its PDU on this way, from 0 on: the k-th by one way is the k-th by another.
-    is_reordered  something that was sent later arrived earlier (RFC 4737 clause 3.3).
-    is_repeat     several copies of its PDU were under way: it was taken for the last of them.
+    is_reordered  something that was sent later arrived earlier (RFC 4737 clause 3.3); not told of repeats.
+    is_repeat     several copies of its PDU were under way: which of them it was is a guess.
     """
 
     way: Way
@@ -66,25 +69,18 @@ class Settled(NamedTuple):
     copy: int = 0
     is_reordered: bool = False
     is_repeat: bool = False
+    was: Fate | None = None
 
 
 class _Out:
-    __slots__ = ("copy", "has_arrived", "number", "sent")
+    __slots__ = ("copy", "fate", "has_arrived", "number", "sent")
 
     def __init__(self, sent: Sent, number: int, copy: int) -> None:
         self.sent = sent
         self.number = number
         self.copy = copy
         self.has_arrived = False
-
-
-class _Known:
-    """What is remembered of a PDU: copies sent, and of them those that count as lost."""
-
-    __slots__ = ("lost", "sent")
-
-    def __init__(self) -> None:
-        self.sent = self.lost = 0
+        self.fate = Fate.LOST  # what it was taken for, once it was
 
 
 class _Unheard:
@@ -111,28 +107,34 @@ class Matching:
         self._outs: deque[_Out] = deque()
         self._ins: list[Received] = []  # by when they came: a station may tell of what is urgent first
         self._open: dict[str, list[_Out]] = {}  # that have not arrived, in their order
-        self._known: OrderedDict[str, _Known] = OrderedDict()
+        self._copies: OrderedDict[str, int] = OrderedDict()  # sent of each PDU
+        self._waiting: dict[str, list[Received]] = {}  # those of _ins, by PDU
+        self._missing = _Late[_Out]()
+        self._strays = _Late[Received]()
+        self._corrected: list[Settled] = []
         self._unheard: deque[_Unheard] = deque()
         self._numbers = 0
         self._highest = -1  # number of the last sent of those that arrived
 
     def sent(self, event: Sent) -> None:
         digest = event.what.digest
-        known = self._known.get(digest)
-        if known is None:
-            known = self._known[digest] = _Known()
-            if len(self._known) > self._remembered:
-                self._known.popitem(last=False)
-        else:
-            self._known.move_to_end(digest)
-        out = _Out(event, self._numbers, known.sent)
+        copy = self._copies.pop(digest, 0)
+        self._copies[digest] = copy + 1
+        if len(self._copies) > self._remembered:
+            self._copies.popitem(last=False)
+        out = _Out(event, self._numbers, copy)
         self._numbers += 1
-        known.sent += 1
+        for stray in self._strays.of(digest):  # its station was silent, and it was received long ago
+            if _plausible([out], stray):
+                self._strays.take(digest, stray)
+                self._corrected.append(Settled(self.way, Fate.ARRIVED, event, stray, copy, was=Fate.STRANGE))
+                return
         self._outs.append(out)
         self._open.setdefault(digest, []).append(out)
 
     def received(self, event: Received) -> None:
         insort(self._ins, event, key=_when)
+        insort(self._waiting.setdefault(event.what.digest, []), event, key=_when)
 
     def unheard(self, count: float, since_s: float, until_s: float) -> None:
         """So many reports of the receiver were missed between these moments; math.inf: nobody knows how many."""
@@ -140,7 +142,7 @@ class Matching:
 
     def settle(self, now_s: float) -> list[Settled]:
         """The fates that are known by now: of what was received in its order, then of what was not; math.inf: all."""
-        settled: list[Settled] = []
+        settled, self._corrected = self._corrected, []
         until_s = now_s - self.grace_s
         ready = next((at for at, one in enumerate(self._ins) if one.at_s > until_s), len(self._ins))
         settled += map(self._came, self._ins[:ready])
@@ -152,34 +154,50 @@ class Matching:
                 settled.append(self._not_arrived(out))
         while self._unheard and self._unheard[0].until_s < until_s - self.grace_s:
             self._unheard.popleft()
+        self._missing.forget(until_s - LATEST_S)
+        self._strays.forget(until_s - LATEST_S)
         return settled
 
     def _came(self, received: Received) -> Settled:
         digest = received.what.digest
+        waiting = _without(self._waiting, digest, received)
         candidates = _plausible(self._open.get(digest, ()), received)
         if candidates:
-            # By clocks it is the last that was sent before; without them they are taken in the order of sending.
-            out = candidates[-1] if _delay_ns(candidates[0], received) is not None else candidates[0]
+            out = self._chosen(candidates, received, waiting)
             out.has_arrived = True
-            self._close(digest, out)
-            is_reordered = out.number < self._highest
+            _without(self._open, digest, out)
+            is_repeat = len(candidates) > 1
+            is_reordered = out.number < self._highest and not is_repeat and self._copies.get(digest, 1) == 1
             self._highest = max(self._highest, out.number)
-            return Settled(self.way, Fate.ARRIVED, out.sent, received, out.copy, is_reordered, len(candidates) > 1)
-        known = self._known.get(digest)
-        if known is None:
-            return Settled(self.way, Fate.STRANGE, None, received)
-        if known.lost:
-            known.lost -= 1
-            return Settled(self.way, Fate.LATE, None, received)
-        return Settled(self.way, Fate.DUPLICATE, None, received)
+            return Settled(self.way, Fate.ARRIVED, out.sent, received, out.copy, is_reordered, is_repeat)
+        for out in self._missing.of(digest):
+            if _plausible([out], received):
+                self._missing.take(digest, out)
+                fate = Fate.LATE if out.fate is Fate.LOST else Fate.ARRIVED
+                return Settled(self.way, fate, out.sent, received, out.copy, was=out.fate)
+        if digest in self._copies:
+            return Settled(self.way, Fate.DUPLICATE, None, received)
+        self._strays.add(digest, received, received.at_s)
+        return Settled(self.way, Fate.STRANGE, None, received)
+
+    def _chosen(self, candidates: list[_Out], received: Received, waiting: Sequence[Received]) -> _Out:
+        """Which of several copies of a PDU it is.
+
+        Without clocks they are taken in their order. By clocks it is the last that was sent before; or the first, where
+        as many have come as were sent until the next one was: then they are slower than they follow each other.
+        """
+        if len(candidates) == 1 or _delay_ns(candidates[0], received) is None:
+            return candidates[0]
+        later = [out for out in self._open[received.what.digest] if out.number > candidates[-1].number]
+        came = [one for one in waiting if not later or not _is_after(later[0], one)]
+        return candidates[0] if 1 + len(came) >= len(candidates) else candidates[-1]
 
     def _not_arrived(self, out: _Out) -> Settled:
         digest = out.sent.what.digest
-        self._close(digest, out)
-        fate = Fate.UNSEEN if self._was_unheard(out.sent.at_s) else Fate.LOST
-        if fate is Fate.LOST and (known := self._known.get(digest)):
-            known.lost += 1
-        return Settled(self.way, fate, out.sent, None, out.copy)
+        _without(self._open, digest, out)
+        out.fate = Fate.UNSEEN if self._was_unheard(out.sent.at_s) else Fate.LOST
+        self._missing.add(digest, out, out.sent.at_s)
+        return Settled(self.way, out.fate, out.sent, None, out.copy)
 
     def _was_unheard(self, at_s: float) -> bool:
         for one in self._unheard:
@@ -188,11 +206,46 @@ class Matching:
                 return True
         return False
 
-    def _close(self, digest: str, out: _Out) -> None:
-        left = self._open[digest]
-        left.remove(out)
-        if not left:
-            del self._open[digest]
+
+_One = TypeVar("_One")
+
+
+class _Late(Generic[_One]):
+    """What a late word may still be about, by digest: for some time, and no more than MOST_STRAYS of them."""
+
+    def __init__(self) -> None:
+        self._by_digest: dict[str, list[_One]] = {}
+        self._order: deque[tuple[float, str, _One]] = deque()
+
+    def add(self, digest: str, one: _One, at_s: float) -> None:
+        self._by_digest.setdefault(digest, []).append(one)
+        self._order.append((at_s, digest, one))
+        if len(self._order) > MOST_STRAYS:
+            self._forget_first()
+
+    def of(self, digest: str) -> Sequence[_One]:
+        return self._by_digest.get(digest, ())
+
+    def take(self, digest: str, one: _One) -> None:
+        _without(self._by_digest, digest, one)
+
+    def forget(self, until_s: float) -> None:
+        while self._order and self._order[0][0] < until_s:
+            self._forget_first()
+
+    def _forget_first(self) -> None:
+        _, digest, one = self._order.popleft()
+        if any(kept is one for kept in self.of(digest)):
+            self.take(digest, one)
+
+
+def _without(pool: dict[str, list[_One]], digest: str, one: _One) -> Sequence[_One]:
+    """Take one out of a pool; returns what is left of its digest."""
+    left = pool[digest]
+    del left[next(at for at, kept in enumerate(left) if kept is one)]
+    if not left:
+        del pool[digest]
+    return left
 
 
 def _when(received: Received) -> int:
@@ -207,6 +260,11 @@ def _plausible(outs: Sequence[_Out], received: Received) -> list[_Out]:
     slack_ns = LONE_SLACK_NS if len(outs) == 1 else SLACK_NS
     delays = ((out, _delay_ns(out, received)) for out in outs)
     return [out for out, delay_ns in delays if delay_ns is None or delay_ns >= -slack_ns]
+
+
+def _is_after(out: _Out, received: Received) -> bool:
+    """Whether it can have been sent before that was received."""
+    return bool(_plausible([out, out], received))
 
 
 def _delay_ns(out: _Out, received: Received) -> int | None:

@@ -79,7 +79,7 @@ class Paths:
         self._open: OrderedDict[_Copy, tuple[float, list[Settled]]] = OrderedDict()
 
     def add(self, one: Settled, now_s: float) -> None:
-        if one.sent is None or one.fate is Fate.UNSEEN or one.way.is_round_trip:
+        if one.sent is None or one.fate is Fate.UNSEEN or one.was is not None or one.way.is_round_trip:
             return
         key = _Copy(Between(one.way.sender, one.way.receiver), one.sent.what.digest, one.copy)
         self._open.setdefault(key, (now_s, []))[1].append(one)

@@ -75,7 +75,7 @@ class Spots:
         self._stations[name].add(at_s, place)
 
     def add(self, one: Settled) -> None:
-        if one.sent is None or one.fate not in (Fate.ARRIVED, Fate.LOST):
+        if one.sent is None or one.fate not in (Fate.ARRIVED, Fate.LOST) or one.was is not None:
             return
         if len(self._kept) >= MOST:
             self.more += 1

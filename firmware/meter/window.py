@@ -67,21 +67,17 @@ class Windows:
         if event is None or one.fate is Fate.STRANGE:
             return
         window = self._at(event.at_s)
-        if one.fate in (Fate.ARRIVED, Fate.LOST, Fate.UNSEEN):
-            window.sent += 1
-        if one.fate is Fate.LOST:
-            window.lost += 1
-        elif one.fate is Fate.UNSEEN:
-            window.unseen += 1
-        elif one.fate is Fate.DUPLICATE:
-            window.duplicates += 1
-        elif one.received is not None:
+        window.lost += (one.fate is Fate.LOST) - (one.was is Fate.LOST)
+        window.unseen += (one.fate is Fate.UNSEEN) - (one.was is Fate.UNSEEN)
+        window.duplicates += one.fate is Fate.DUPLICATE
+        window.sent += one.sent is not None and one.was in (None, Fate.STRANGE)
+        if one.sent is not None and one.received is not None:
             self._arrived(window, one)
 
     def _arrived(self, window: Window, one: Settled) -> None:
         assert one.received is not None
         received = one.received
-        window.arrived += one.fate is Fate.ARRIVED
+        window.arrived += 1
         window.reordered += one.is_reordered
         if received.rssi_dbm is not None:
             window.rssi_dbm += received.rssi_dbm
@@ -90,7 +86,7 @@ class Windows:
             window.delay_us += delay.ns / 1000
             window.delay_longest_us = max(window.delay_longest_us, delay.ns / 1000)
             window.measured += 1
-        if self._last_ns is not None:
+        if self._last_ns is not None and received.received_ns > self._last_ns:
             ending = self._at(received.at_s)
             ending.gap_longest_s = max(ending.gap_longest_s, (received.received_ns - self._last_ns) / 1e9)
         self._last_ns = received.received_ns

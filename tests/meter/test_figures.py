@@ -17,8 +17,8 @@ from firmware.lab.laboratory import Vector, vectors
 from firmware.meter.age import Age, Gaps
 from firmware.meter.delay import link, one_way
 from firmware.meter.event import NO_CLOCK, Clock, Received, Sent
-from firmware.meter.figures import Figures, Rows
-from firmware.meter.matching import Fate, Way
+from firmware.meter.figures import OTHERS, Figures, Rows
+from firmware.meter.matching import Fate
 from firmware.meter.meter import Ends, Meter
 from firmware.meter.place import place_of
 from firmware.meter.sample import Sample
@@ -132,15 +132,24 @@ def test_a_late_message_is_no_lost_one_in_the_end() -> None:
     for one in fates(sent(1, 0.0), sent(2, 5.0), received(1, 5.0), received(2, 5.1)):
         figures.add(one)
     assert (figures.sent, figures.lost, figures.loss, figures.counts[Fate.LATE]) == (2, 0, 0.0, 1)
+    assert figures.one_way_us.count == 2
 
 
-def test_rows_are_by_way_type_and_station_and_the_oldest_are_folded() -> None:
+def test_rows_are_by_way_type_and_station_and_beyond_some_there_is_one_for_all_others() -> None:
     rows = Rows(most=3)
-    for n in range(5):
-        for one in fates(sent(n, 0.0)._replace(what=what(n, station_id=n))):
-            rows.add(one)
-    assert [key.station_id for key, _ in rows] == [2, 3, 4]
-    assert {way: dict(counts) for way, counts in rows.others.items()} == {Way("A", "air", "B", "air"): {Fate.LOST: 2}}
+    for turn in range(2):
+        for n in range(5):
+            for one in fates(sent(n, turn * 1.0)._replace(what=what(n, station_id=n))):
+                rows.add(one)
+    told = {(key.type, key.station_id): figures.sent for key, figures in rows}
+    assert told == {("cam", 0): 2, ("cam", 1): 2, ("cam", 2): 2, (OTHERS, None): 4}
+
+
+def test_what_came_late_is_taken_back_from_the_interval_in_which_it_was_sent() -> None:
+    windows = Windows(1.0)
+    for one in fates(sent(1, 0.5), sent(2, 5.0), received(1, 5.0), received(2, 5.1)):
+        windows.add(one)
+    assert [(begun, one.sent, one.arrived, one.lost) for begun, one in windows] == [(0.0, 1, 1, 0), (5.0, 1, 1, 0)]
 
 
 def test_an_interval_has_what_was_sent_in_it() -> None:

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from firmware.meter.event import NO_CLOCK, Clock, Received, Sent
+from firmware.meter.figures import Figures
 from firmware.meter.matching import Fate, Matching, Settled, Way
 from tests.meter.events import received, sent
 
@@ -144,6 +145,44 @@ def test_what_the_meter_did_not_hear_long_ago_excuses_nothing() -> None:
     assert counts(matching.settle(math.inf)) == {Fate.LOST: 1}
 
 
+def test_the_word_of_a_station_that_was_silent_corrects_what_was_strange() -> None:
+    """Its confirms come 5 s late, all at once: nothing of that was lost, and the delays are those that they had."""
+    settled = fates(
+        *(sent(n, n * 0.1, heard_s=6.0) for n in range(5)), *(received(n, n * 0.1 + 0.004) for n in range(5))
+    )
+    assert counts(settled) == {Fate.STRANGE: 5, Fate.ARRIVED: 5}
+    assert [one.was for one in settled if one.fate is Fate.ARRIVED] == [Fate.STRANGE] * 5
+    figures = Figures()
+    for one in settled:
+        figures.add(one)
+    assert (figures.sent, figures.lost, figures.counts[Fate.STRANGE]) == (5, 0, 0)
+    assert figures.link_us.quantiles(0.0, 1.0) == [4000.0, 4000.0]
+
+
+def test_what_was_unseen_and_is_heard_of_after_all_has_arrived() -> None:
+    matching = Matching(WAY, grace_s=1.0)
+    matching.unheard(math.inf, 0.0, 4.0)
+    matching.sent(sent(1, 0.0))
+    (unseen,) = matching.settle(5.0)
+    matching.received(received(1, 0.004, heard_s=6.0))
+    (one,) = matching.settle(8.0)
+    assert (unseen.fate, one.fate, one.was) == (Fate.UNSEEN, Fate.ARRIVED, Fate.UNSEEN)
+
+
+def test_a_late_word_corrects_nothing_after_a_minute() -> None:
+    matching = Matching(WAY, grace_s=1.0)
+    matching.sent(sent(1, 0.0))
+    matching.settle(100.0)
+    matching.received(received(1, 0.004, heard_s=100.0))
+    assert [one.fate for one in matching.settle(math.inf)] == [Fate.DUPLICATE]
+
+
+def test_two_copies_under_way_at_once_are_taken_in_their_order() -> None:
+    """40 ms apart and 50 ms under way: neither is reordered."""
+    settled = fates(sent("same", 0.0), sent("same", 0.04), received("same", 0.05), received("same", 0.09))
+    assert [(one.copy, one.is_reordered) for one in settled] == [(0, False), (1, False)]
+
+
 def test_only_so_many_pdus_are_remembered() -> None:
     matching = Matching(WAY, grace_s=0.1, remembered=10)
     for n in range(100):
@@ -213,7 +252,10 @@ def test_copies_of_one_pdu_are_counted_one_by_one(kept: list[bool], delay_s: flo
 def test_no_event_is_left_out_or_told_twice(events: list[tuple[bool, int, float]]) -> None:
     made = [sent(n, at) if is_sent else received(n, at) for is_sent, n, at in events]
     settled = fates(*made)
-    told_sent = Counter(id(one.sent) for one in settled if one.sent is not None)
-    told_received = Counter(id(one.received) for one in settled if one.received is not None)
+    # What is corrected was told before: of the one that was sent, or of the one that was received.
+    told_sent = Counter(id(one.sent) for one in settled if one.sent is not None and one.was in (None, Fate.STRANGE))
+    told_received = Counter(
+        id(one.received) for one in settled if one.received is not None and one.was is not Fate.STRANGE
+    )
     assert told_sent == Counter(id(one) for one in made if isinstance(one, Sent))
     assert told_received == Counter(id(one) for one in made if isinstance(one, Received))
