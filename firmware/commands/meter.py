@@ -2,6 +2,8 @@
 
 import argparse
 import json
+import os
+import signal
 import sys
 import time
 from collections.abc import Mapping, Sequence
@@ -13,11 +15,12 @@ from board.errors import UsageError
 from drivers.message import Position
 from firmware.codec.library import load
 from firmware.meter import recording, shows
+from firmware.meter.event import PROBES
 from firmware.meter.matching import GRACE_S
 from firmware.meter.meter import Ends, Meter
-from firmware.meter.probe import STATION_ID, Probes
+from firmware.meter.probe import Probes
 from firmware.meter.prober import Prober, Reflector
-from firmware.meter.result import About, measure, result
+from firmware.meter.result import About, measured, result
 from firmware.meter.session import Session, TimeLine
 from firmware.meter.text import duration, tables
 from firmware.meter.watch import Watch
@@ -144,6 +147,9 @@ def _ends(given: str) -> Ends:
 
 def main(arguments: argparse.Namespace) -> int:
     _check(arguments)
+    # What was measured until then is told, whoever ends it; a shell's background has SIGINT ignored.
+    for one in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(one, signal.default_int_handler)
     if arguments.reflect:
         return _reflect(arguments)
     if arguments.what and arguments.what[0] in shows.SHOWS:
@@ -175,6 +181,8 @@ def _check(arguments: argparse.Namespace) -> None:
         raise UsageError("--round-trip, --count and --size are of probes", "add --probe cam")
     if arguments.report is not None and arguments.report.suffix.lower() not in (".html", ".htm"):
         raise UsageError(f"--report: {arguments.report} is no name of a page", "name it FILE.html")
+    if arguments.report is not None and not os.access(arguments.report.parent, os.W_OK | os.X_OK):
+        raise UsageError(f"--report: nothing can be written into {arguments.report.parent}", "name a folder of yours")
 
 
 # -- over the network
@@ -182,12 +190,14 @@ def _check(arguments: argparse.Namespace) -> None:
 
 def _live(arguments: argparse.Namespace) -> dict[str, object]:
     line = TimeLine()
-    probes = STATION_ID if arguments.round_trip else None
-    meter = Meter(arguments.interval / 1000, arguments.grace, arguments.between, probes)
+    sender = arguments.sender or arguments.at[0].name
+    round_trips_of = sender if arguments.round_trip else ""
+    meter = Meter(arguments.interval / 1000, arguments.grace, arguments.between, round_trips_of)
     session = Session(meter, line)
     with client.session() as context:
         for one in arguments.at:
             session.watch(one.name, one.place, context)
+        session.begin()
         if arguments.probe:
             session.prober = _prober(arguments, context, session.watches)
         began_s = line()
@@ -196,7 +206,7 @@ def _live(arguments: argparse.Namespace) -> dict[str, object]:
 
             def idle() -> None:
                 if screen.is_terminal and not arguments.json:
-                    screen.show(tables(result(meter, _about(session, began_s), session.prober)))
+                    screen.show(tables(result(meter, _about(session, began_s), session.prober, is_glance=True)))
 
             session.run(arguments.duration, idle)
         return result(meter, _about(session, began_s), session.prober)
@@ -226,7 +236,7 @@ def _about(session: Session, began_s: float) -> About:
     if (prober := session.prober) is not None:
         notes.append(
             f"{prober.count} probes ({prober.probes.kind}, {prober.probes.octets} octets, {prober.rate:g} a second) "
-            f"were sent by {prober.name}: their stationID is {STATION_ID}"
+            f"were sent by {prober.name}: their stationID is {PROBES}"
         )
     stations = {watch.name: watch.told() for watch in session.watches}
     return About("link meter", "over the network", began_s, ended_s - began_s, stations, tuple(notes))
@@ -248,11 +258,14 @@ def _reflect(arguments: argparse.Namespace) -> int:
                     came_ns = time.monotonic_ns()
                     if (message := pairing.feed(frames)) is not None:
                         reflector.take(message, came_ns, time.monotonic_ns)
-        stay_us = measure(reflector.stay_us)
+        stay_us = measured(reflector.stay_us)
     if arguments.json:
-        print(json.dumps({"reflected": reflector.reflected, "stay_us": stay_us}))
+        counts = {"reflected": reflector.reflected, "not_reflected": reflector.not_reflected}
+        print(json.dumps({**counts, "stay_us": stay_us}))
     else:
         print(f"{reflector.reflected} probes sent back; here for {duration(stay_us, 'median')}, half of them for less")
+        if reflector.not_reflected:
+            print(f"{reflector.not_reflected} were not: the station took no more")
     return 0
 
 
@@ -276,12 +289,12 @@ def _recordings(arguments: argparse.Namespace) -> dict[str, object]:
 
 
 def _tell(measured: Mapping[str, object], arguments: argparse.Namespace) -> None:
+    if arguments.json:
+        print(json.dumps(measured), flush=True)
+    else:
+        print("\n\n".join("\n".join(lines_for(table, sys.stdout)) for table in tables(measured)), flush=True)
     if arguments.report is not None:
         from firmware.meter import page
 
         for path in page.write(measured, arguments.report):
             print(f"captain: {path}", file=sys.stderr)
-    if arguments.json:
-        print(json.dumps(measured))
-        return
-    print("\n\n".join("\n".join(lines_for(table, sys.stdout)) for table in tables(measured)))

@@ -1,9 +1,11 @@
 """What stations say of one message: that it left by an interface, that it came by one, or that nobody heard what."""
 
-from hashlib import sha256
 from typing import NamedTuple
 
-DIGEST = 16  # hexadecimal digits of a SHA-256, as firmware/report.py has them
+from firmware.report import digest_of
+
+# "PROB" in ASCII, the stationID of the meter's own messages: no station has it but by chance of one in four milliards.
+PROBES = 0x50524F42
 
 
 class Clock(NamedTuple):
@@ -62,10 +64,6 @@ class Received(NamedTuple):
     clock: Clock
     at_s: float
     rssi_dbm: int | None = None
-
-
-def digest_of(pdu: bytes) -> str:
-    return sha256(pdu).hexdigest()[:DIGEST]
 
 
 def what_of(pdu: bytes, kind: str) -> What:

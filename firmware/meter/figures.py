@@ -39,6 +39,11 @@ class Figures:
         return sum(self.counts[fate] for fate in (Fate.ARRIVED, Fate.LOST, Fate.LATE, Fate.UNSEEN))
 
     @property
+    def arrived(self) -> int:
+        """In time or late."""
+        return self.counts[Fate.ARRIVED] + self.counts[Fate.LATE]
+
+    @property
     def lost(self) -> int:
         """And not received until now."""
         return self.counts[Fate.LOST]

@@ -4,10 +4,10 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
-from firmware.meter.event import Received, Sent
+from firmware.meter.event import PROBES, Received, Sent
 from firmware.meter.figures import Figures, Rows
 from firmware.meter.inside import Inside
-from firmware.meter.matching import GRACE_S, Fate, Matching, Settled, Way
+from firmware.meter.matching import GRACE_S, Matching, Settled, Way
 from firmware.meter.paths import Paths
 from firmware.meter.spots import Spots
 from firmware.meter.window import Windows
@@ -34,11 +34,11 @@ class Meter:
     interval_s   T, over which is averaged.
     grace_s      how long one end's word is waited for after the other's.
     named        interfaces that hear each other though neither name nor technology says so.
-    probes       stationID of messages that somebody reflects: their round trips are ways, too.
+    round_trips_of  a station whose probes somebody reflects: their round trips are ways, too.
     """
 
     def __init__(
-        self, interval_s: float = 1.0, grace_s: float = GRACE_S, named: Iterable[Ends] = (), probes: int | None = None
+        self, interval_s: float = 1.0, grace_s: float = GRACE_S, named: Iterable[Ends] = (), round_trips_of: str = ""
     ) -> None:
         self.interval_s = interval_s
         self.grace_s = grace_s
@@ -49,7 +49,7 @@ class Meter:
         self.spots = Spots()
         named = list(named)
         self._named = [(ends.one, ends.other) for ends in named] + [(ends.other, ends.one) for ends in named]
-        self._probes = probes
+        self._round_trips_of = round_trips_of
         self._stations: dict[str, Mapping[str, str]] = {}
         self._matching: dict[Way, Matching] = {}
         self._from: dict[tuple[str, str], list[Matching]] = {}
@@ -76,20 +76,25 @@ class Meter:
     def sent(self, event: Sent) -> None:
         self.inside.sent(event)
         for matching in self._from.get((event.station, event.interface), ()):
-            if not matching.way.is_round_trip or event.what.station_id == self._probes:
+            if not matching.way.is_round_trip or event.what.station_id == PROBES:
                 matching.sent(event)
 
     def received(self, event: Received) -> None:
         self.inside.received(event)
         for matching in self._into.get((event.station, event.interface), ()):
-            if not matching.way.is_round_trip or event.what.station_id == self._probes:
+            if not matching.way.is_round_trip or event.what.station_id == PROBES:
                 matching.received(event)
 
     def unheard(self, receiver: str, count: float, since_s: float, until_s: float) -> None:
-        """So many indications of a station were missed by the meter; math.inf: nobody knows how many."""
+        """So many indications of a station were missed by the meter; math.inf: nobody knows how many.
+
+        Nor how old that is which it says of what it sent, when it is heard again.
+        """
         for matching in self._matching.values():
             if matching.way.receiver == receiver:
                 matching.unheard(count, since_s, until_s)
+            elif matching.way.sender == receiver and count == math.inf:
+                matching.unheard(count, until_s, until_s)
 
     def settle(self, now_s: float) -> list[Settled]:
         """Take into the figures what is known by now; returns it. math.inf: everything."""
@@ -118,14 +123,14 @@ class Meter:
 
     @property
     def arrived(self) -> int:
-        return sum(one.whole.counts[Fate.ARRIVED] for way, one in self.ways.items() if not way.is_round_trip)
+        return sum(one.whole.arrived for way, one in self.ways.items() if not way.is_round_trip)
 
     def _possible(self) -> Iterator[Way]:
         for station, interfaces in self._stations.items():
             for interface in interfaces:
                 for other in self._stations:
                     if other == station:
-                        if self._probes is not None:
+                        if station == self._round_trips_of:
                             yield Way(station, interface, station, interface)
                     elif into := self._counterpart(station, interface, other):
                         yield Way(station, interface, other, into)

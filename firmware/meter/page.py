@@ -81,12 +81,11 @@ def _head(result: Object) -> str:
 
 def _tile(one: Object) -> str:
     lossy = " lossy" if one["lost"] else ""
-    delay = text.duration(one["one_way_us"], "median")
+    delay, doubt = (text.duration(one[key], "median") for key in ("one_way_us", "one_way_doubt_us"))
     return (
         f'<div class="tile{lossy}"><span>{_text(one["way"])}</span><b>{text.share(one["loss"])} lost</b>'
-        f"<span>{one['arrived']} of {one['sent']} arrived; delay {delay}, +- "
-        f"{text.duration(one['doubt_us'], 'median')}; longest gap {text.duration(one['gap_s'], 'most', 1e6)}</span>"
-        "</div>"
+        f"<span>{one['arrived']} of {one['sent']} arrived; delay {delay}, +- {doubt}; "
+        f"longest gap {text.duration(one['gap_s'], 'most', 1e6)}</span></div>"
     )
 
 

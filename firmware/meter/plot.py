@@ -100,7 +100,8 @@ def _distributions(result: Object) -> Iterator[Plot]:
             continue
         for name, colour, one in told:
             at = [(one["low"] + place * one["width"]) / divisor for place in range(len(one["bars"]))]
-            title_of = f"{title}: distribution, {name}"
+            more = f"; {one['above']} longer ones are not shown" if one["above"] else ""
+            title_of = f"{title}: distribution, {name}{more}"
             yield Plot(f"{key} {name}", title_of, label, "messages", "", at, [Series(name, colour, one["bars"])], True)
         # The last step would draw out the axis to the one that took longest.
         at = sorted({value / divisor for _, _, one in told for value in one["cumulative"][:-1]})

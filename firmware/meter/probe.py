@@ -10,9 +10,9 @@ from board.errors import RequestError
 from board.time import generation_delta_time, its_time_ms, leap_seconds
 from drivers.message import Position
 from firmware.codec.library import Library
+from firmware.meter.event import PROBES
 
-# "PROB" in ASCII: no station has it but by chance of one in four milliards.
-STATION_ID = 0x50524F42
+MOST_ALTITUDES = 800_000  # TS 102 894-2, AltitudeValue: so many from 0 on, in 0.01 m
 NOWHERE = Position(900_000_001, 1_800_000_001)  # TS 102 894-2, Latitude and Longitude: unavailable
 # Points of a trace make a message longer; so many has one at most, and so many traces a DENM.
 LONGEST_TRACE = 40
@@ -20,7 +20,7 @@ MOST_TRACES = {"cam": 1, "denm": 7}
 
 
 class Probes:
-    """Makes them. Those of one run differ in when they were made, or in a number of their own.
+    """Makes them. Each has a number: a DENM in its actionID, a CAM in its altitude, for its time comes every 65 s anew.
 
     kind    cam or denm: types whose fields carry a time or a number, and traces that make them longer. A DENM is the
             cancellation of an event that never was: nobody is warned of anything.
@@ -57,7 +57,7 @@ class Probes:
         """Of the next one."""
         return len(self._made(self._count, 0))
 
-    def next(self, station_id: int = STATION_ID, place: Position | None = None) -> bytes:
+    def next(self, station_id: int = PROBES, place: Position | None = None) -> bytes:
         """Another one; of a CAM also of another station, at another place."""
         now_s = self._now_s()
         # Two of one millisecond would be the same message.
@@ -67,7 +67,7 @@ class Probes:
             _put(self._base, place)
         return self._made(self._count, self._last_ms, station_id)
 
-    def _made(self, count: int, its_ms: int, station_id: int = STATION_ID) -> bytes:
+    def _made(self, count: int, its_ms: int, station_id: int = PROBES) -> bytes:
         value = json.loads(json.dumps(self._base))
         value["header"]["stationID"] = station_id
         _MAKERS[self.kind](value, count, its_ms, self._trace)
@@ -96,6 +96,8 @@ _BASES = {"cam": 46, "denm": 43}
 
 def _cam(value: dict[str, Any], count: int, its_ms: int, trace: int) -> None:
     value["cam"]["generationDeltaTime"] = generation_delta_time(its_ms)
+    place = value["cam"]["camParameters"]["basicContainer"]["referencePosition"]
+    place["altitude"]["altitudeValue"] = count % MOST_ALTITUDES
     if trace:
         value["cam"]["camParameters"]["lowFrequencyContainer"] = {
             "basicVehicleContainerLowFrequency": {
@@ -108,7 +110,7 @@ def _cam(value: dict[str, Any], count: int, its_ms: int, trace: int) -> None:
 
 def _denm(value: dict[str, Any], count: int, its_ms: int, trace: int) -> None:
     management = value["denm"]["management"]
-    management["actionID"] = {"originatingStationID": STATION_ID, "sequenceNumber": count & 0xFFFF}
+    management["actionID"] = {"originatingStationID": PROBES, "sequenceNumber": count & 0xFFFF}
     management["detectionTime"] = management["referenceTime"] = its_ms
     if trace:
         whole, rest = divmod(trace, LONGEST_TRACE)

@@ -8,9 +8,11 @@ from typing import NamedTuple
 import zmq
 
 from board.errors import StationError
-from firmware.meter.event import digest_of
-from firmware.meter.probe import STATION_ID, Probes
+from firmware.meter.event import PROBES
+from firmware.meter.probe import Probes
 from firmware.meter.sample import Sample
+from firmware.meter.watch import LABEL
+from firmware.report import digest_of
 from firmware.user import client
 from firmware.user.received import Message
 
@@ -18,7 +20,8 @@ from firmware.user.received import Message
 MOST_OPEN = 65_536
 # A sender that was late may make up for so much; more would be a burst.
 CATCH_UP_S = 0.05
-LABEL = "captain-meter"
+# One that comes again so much later is no echo of itself any more.
+ECHO_S = 60.0
 
 
 class Trip(NamedTuple):
@@ -91,28 +94,31 @@ class Prober:
 class Reflector:
     """Sends back each probe that comes, once, and not one bit of it changed.
 
-    reflected  how many; stay_us: for how long each was here, from 5556 to 5557.
+    reflected  how many; not_reflected: that the station did not take; stay_us: for how long each was here, from 5556 to
+               5557.
     """
 
     def __init__(self, context: client.Context, place: client.Address, options: Mapping[str, object]) -> None:
-        self.reflected = 0
+        self.reflected = self.not_reflected = 0
         self.stay_us = Sample()
         self._pusher = client.push(context, place)
         self._options = dict(options)
-        self._seen: OrderedDict[str, None] = OrderedDict()
+        self._seen: OrderedDict[str, int] = OrderedDict()  # when, monotonic ns
 
     def take(self, message: Message, came_ns: int, now_ns: Callable[[], int]) -> None:
         """A message of 5556; one that has been here, be it back from another reflector, is let go."""
-        if message.station_id != STATION_ID:
+        if message.station_id != PROBES:
             return
+        while self._seen and came_ns - next(iter(self._seen.values())) > ECHO_S * 1e9:
+            self._seen.popitem(last=False)
         digest = digest_of(message.pdu)
         if digest in self._seen:
             return
-        self._seen[digest] = None
-        if len(self._seen) > MOST_OPEN:
-            self._seen.popitem(last=False)
+        self._seen[digest] = came_ns
+        if not self._pusher.poll(0, zmq.POLLOUT):
+            self.not_reflected += 1
+            return
         wishes = json.dumps({**self._options, "label": f"{LABEL}/back"}).encode()
-        if self._pusher.poll(0, zmq.POLLOUT):
-            self._pusher.send_multipart([b"v2x.%s." % message.type.encode(), message.pdu, wishes], zmq.DONTWAIT)
-            self.reflected += 1
-            self.stay_us.add((now_ns() - came_ns) / 1000)
+        self._pusher.send_multipart([b"v2x.%s." % message.type.encode(), message.pdu, wishes], zmq.DONTWAIT)
+        self.reflected += 1
+        self.stay_us.add((now_ns() - came_ns) / 1000)

@@ -1,5 +1,6 @@
 """Recordings of two stations, measured afterwards: those of `captain record`, or any capture of either end."""
 
+import math
 import statistics
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -18,6 +19,7 @@ from firmware.user.untrusted import number, text, within
 
 # Of one file: ten minutes of a full channel, four times over. 0.5 kB each.
 MOST_FRAMES = 4_000_000
+SETTLE_S = 1.0
 BOTH_WAYS = frozenset({"", "duplicate"})  # reasons with which a frame has arrived all the same
 
 
@@ -102,9 +104,7 @@ class _Reading:
         elif is_out:
             self._made.sent.append(_sent(self._name, interface, what, frame, clock))
         elif reason in BOTH_WAYS:
-            rssi = frame.said.get("rssi_dbm")
-            rssi_dbm = rssi if isinstance(rssi, int) else None
-            one = Received(self._name, interface, what, frame.when_ns, clock, at_s, rssi_dbm)
+            one = Received(self._name, interface, what, frame.when_ns, clock, at_s, told.rssi_of(frame.said))
             self._made.received.append(one)
 
     def _what(self, frame: capture.Frame) -> What | None:
@@ -154,16 +154,17 @@ def measure(meter: Meter, one: Recording, other: Recording) -> Laid:
         for digest, place in recording.places.items():
             meter.spots.place(digest, place)
     uncovered = 0
+    events: list[Sent | Received] = []
     for recording, against, shift in ((one, other, 0.0), (other, one, ahead_s)):
         since, until = (moment + (ahead_s if against is one else -ahead_s) for moment in against.span)
         heard_there = {heard.what.digest for heard in against.received}
         for event in recording.sent:
             if since <= event.at_s <= until or event.what.digest in heard_there:
-                meter.sent(event._replace(at_s=event.at_s - shift))
+                events.append(event._replace(at_s=event.at_s - shift))
             else:
                 uncovered += 1
-        for heard in recording.received:
-            meter.received(heard._replace(at_s=heard.at_s - shift))
+        events += [heard._replace(at_s=heard.at_s - shift) for heard in recording.received]
+    _feed(meter, events)
     meter.finish()
     if uncovered:
         notes.append(
@@ -171,6 +172,19 @@ def measure(meter: Meter, one: Recording, other: Recording) -> Laid:
             "whether they were lost nobody knows, and they are not counted"
         )
     return Laid(uncovered, notes)
+
+
+def _feed(meter: Meter, events: list[Sent | Received]) -> None:
+    """As they were, one after the other, and judged on the way: what is kept of them is bounded."""
+    settled_s = -math.inf
+    for event in sorted(events, key=lambda event: event.at_s):
+        if event.at_s > settled_s + SETTLE_S:
+            settled_s = event.at_s
+            meter.settle(settled_s)
+        if isinstance(event, Sent):
+            meter.sent(event)
+        else:
+            meter.received(event)
 
 
 def _ahead(one: Recording, other: Recording) -> tuple[float, str]:

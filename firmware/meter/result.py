@@ -2,19 +2,21 @@
 
 import math
 import time
+from bisect import bisect_right
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 from firmware import VERSION
-from firmware.meter.figures import Figures, Key
+from firmware.meter.figures import OTHERS, Figures, Key
 from firmware.meter.inside import Inside
 from firmware.meter.matching import Fate, Way
 from firmware.meter.meter import Meter
 from firmware.meter.paths import Paths
 from firmware.meter.prober import Prober
-from firmware.meter.sample import Sample
+from firmware.meter.sample import MOST, Sample
 from firmware.meter.spots import Spot
 
+GLANCE = 1024  # numbers of each measure that a glance looks at
 BARS = 60  # of a distribution
 STEPS = 200  # of a cumulative one
 
@@ -36,8 +38,11 @@ class About(NamedTuple):
     notes: tuple[str, ...] = ()
 
 
-def result(meter: Meter, about: About, prober: Prober | None = None) -> dict[str, object]:
-    """All of it. Times are in microseconds, gaps and ages in seconds; null is what nobody knows."""
+def result(meter: Meter, about: About, prober: Prober | None = None, is_glance: bool = False) -> dict[str, object]:
+    """All of it. Times are in microseconds, gaps and ages in seconds; null is what nobody knows.
+
+    is_glance  what a screen shows that is drawn again soon: quantiles of fewer numbers, no time lines and no map.
+    """
     return {
         "captain": VERSION,
         "title": about.title,
@@ -48,20 +53,24 @@ def result(meter: Meter, about: About, prober: Prober | None = None) -> dict[str
         "interval_s": meter.interval_s,
         "grace_s": meter.grace_s,
         "stations": dict(about.stations),
-        "ways": [_way(way, meter) for way in _used(meter)],
-        "rows": [_row(key, one) for key, one in meter.rows],
+        "ways": [_way(way, meter, is_glance) for way in _used(meter)],
+        "rows": [_row(key, one, is_glance) for key, one in meter.rows],
         "paths": list(_paths(meter.paths)),
         **_inside(meter.inside),
         "trips": _trips(prober) if prober is not None else [],
-        "map": [_spot(spot) for spot in sorted(meter.spots, key=lambda spot: spot.at_s)],
+        "map": [] if is_glance else [_spot(spot) for spot in sorted(meter.spots, key=lambda spot: spot.at_s)],
         "map_more": meter.spots.more,
         "notes": [*about.notes, *_notes(meter)],
     }
 
 
-def figures(one: Figures) -> dict[str, object]:
+def figures(one: Figures, is_glance: bool = False) -> dict[str, object]:
     """Counts and measures of one way or row."""
     counts = one.counts
+
+    def measure(sample: Sample, digits: int = 1) -> dict[str, object] | None:
+        return measured(sample, digits, GLANCE if is_glance else MOST)
+
     return {
         "sent": one.sent,
         "arrived": counts[Fate.ARRIVED],
@@ -75,6 +84,7 @@ def figures(one: Figures) -> dict[str, object]:
         "octets": one.octets,
         "one_way_us": measure(one.one_way_us),
         "link_us": measure(one.link_us),
+        "one_way_doubt_us": measure(one.one_way_doubt_us),
         "doubt_us": measure(one.doubt_us),
         "queue_us": measure(one.queue_us),
         "send_us": measure(one.send_us),
@@ -84,33 +94,43 @@ def figures(one: Figures) -> dict[str, object]:
     }
 
 
-def measure(sample: Sample, digits: int = 1) -> dict[str, object] | None:
-    """Of a sample; None of nothing."""
+def measured(sample: Sample, digits: int = 1, most: int = MOST) -> dict[str, object] | None:
+    """Of a sample; None of nothing. most: numbers of which its quantiles are."""
     if not sample.count:
         return None
-    median, p95, p99 = sample.quantiles(0.5, 0.95, 0.99)
+    median, p95, p99 = sample.quantiles(0.5, 0.95, 0.99, most=most)
     told = {"mean": sample.mean, "least": sample.least, "median": median, "p95": p95, "p99": p99, "most": sample.most}
     return {"count": sample.count, **{key: _rounded(value, digits) for key, value in told.items()}}
 
 
 def distribution(sample: Sample) -> dict[str, object] | None:
-    """How many numbers are in each of BARS equal parts, and the cumulative distribution in STEPS steps."""
+    """How many numbers are in each of BARS equal parts, and the cumulative distribution in STEPS steps.
+
+    The bars have what is not above the 99.5th percentile; `above`: the others. Both count all, though not all are kept.
+    """
     values = sorted(sample.values())
     if not values:
         return None
-    low, high = values[0], values[min(len(values) - 1, math.ceil(0.995 * len(values)))]
-    width = (high - low) / BARS or 1.0
+    low, high = values[0], values[math.ceil(0.995 * len(values)) - 1]
+    inside = bisect_right(values, high)
+    width = (high - low) / BARS or max(abs(high), 1.0) / BARS
+    each = sample.count / len(values)
     bars = [0] * BARS
-    for value in values:
+    for value in values[:inside]:
         bars[min(BARS - 1, int((value - low) / width))] += 1
     shares = [step / STEPS for step in range(STEPS + 1)]
     at = [values[min(len(values) - 1, int(share * len(values)))] for share in shares]
     return {
-        "low": _rounded(low, 3),
-        "width": _rounded(width, 3),
-        "bars": bars,
-        "cumulative": [_rounded(value, 3) for value in at],
+        "low": _significant(low),
+        "width": _significant(width),
+        "bars": [round(bar * each) for bar in bars],
+        "above": round((len(values) - inside) * each),
+        "cumulative": [_significant(value) for value in at],
     }
+
+
+def _significant(value: float) -> float:
+    return float(f"{value:.6g}")
 
 
 def _used(meter: Meter) -> list[Way]:
@@ -121,21 +141,22 @@ def _named(way: Way) -> dict[str, object]:
     return {"way": str(way), **way._asdict(), "is_round_trip": way.is_round_trip}
 
 
-def _row(key: Key, one: Figures) -> dict[str, object]:
-    return {**_named(key.way), "type": key.type, "station_id": key.station_id, **figures(one)}
+def _row(key: Key, one: Figures, is_glance: bool) -> dict[str, object]:
+    told = {**_named(key.way), "type": key.type, "station_id": key.station_id, **figures(one, is_glance)}
+    # Between messages of several sources there are no gaps that would tell anything.
+    return told | {"gap_s": None, "age_s": {"mean": None, "peak": None}} if key.type == OTHERS else told
 
 
-def _way(way: Way, meter: Meter) -> dict[str, object]:
-    measured = meter.ways[way]
-    whole = measured.whole
-    return {
-        **_named(way),
-        **figures(whole),
-        "strange": whole.counts[Fate.STRANGE],
-        "delays": distribution(whole.one_way_us),
-        "gaps": distribution(whole.gaps.gaps),
-        "windows": [{"at_s": round(begun, 3), **window.as_json()} for begun, window in measured.windows],
-        "windows_forgotten": measured.windows.forgotten,
+def _way(way: Way, meter: Meter, is_glance: bool) -> dict[str, object]:
+    one = meter.ways[way]
+    told = {**_named(way), **figures(one.whole, is_glance), "strange": one.whole.counts[Fate.STRANGE]}
+    if is_glance:
+        return told
+    return told | {
+        "delays": distribution(one.whole.one_way_us),
+        "gaps": distribution(one.whole.gaps.gaps),
+        "windows": [{"at_s": round(begun, 3), **window.as_json()} for begun, window in one.windows],
+        "windows_forgotten": one.windows.forgotten,
     }
 
 
@@ -147,7 +168,7 @@ def _paths(paths: Paths) -> Iterator[dict[str, object]]:
             "arrived": both.arrived,
             "delivery": _rounded(both.delivery, 6),
             "gain": _rounded(both.gain, 6),
-            "one_way_us": measure(both.one_way_us),
+            "one_way_us": measured(both.one_way_us),
             "ways": [
                 {
                     **_named(way),
@@ -156,8 +177,8 @@ def _paths(paths: Paths) -> Iterator[dict[str, object]]:
                     "delivery": _rounded(one.delivery, 6),
                     "first": one.first,
                     "alone": one.alone,
-                    "lead_us": measure(one.lead_us),
-                    "one_way_us": measure(one.one_way_us),
+                    "lead_us": measured(one.lead_us),
+                    "one_way_us": measured(one.one_way_us),
                 }
                 for way, one in sorted(both.ways.items())
             ],
@@ -170,8 +191,8 @@ def _inside(inside: Inside) -> dict[str, object]:
             {
                 **port._asdict(),
                 "sent": one.sent,
-                "queue_us": measure(one.queue_us),
-                "send_us": measure(one.send_us),
+                "queue_us": measured(one.queue_us),
+                "send_us": measured(one.send_us),
                 "not_sent": dict(one.not_sent),
             }
             for port, one in sorted(inside.leaving.items())
@@ -180,20 +201,20 @@ def _inside(inside: Inside) -> dict[str, object]:
             {
                 **source._asdict(),
                 "received": one.received,
-                "gap_s": measure(one.gaps.gaps, 6),
-                "rssi_dbm": measure(one.rssi_dbm),
+                "gap_s": measured(one.gaps.gaps, 6),
+                "rssi_dbm": measured(one.rssi_dbm),
             }
             for source, one in inside.hearing()
         ],
         "delivered": [
-            {"station": station, "types": dict(one.types), "up_us": measure(one.up_us)}
+            {"station": station, "types": dict(one.types), "up_us": measured(one.up_us)}
             for station, one in sorted(inside.delivered.items())
         ],
     }
 
 
 def _trips(prober: Prober) -> list[dict[str, object]]:
-    return [{**trip._asdict(), "user_us": measure(sample)} for trip, sample in sorted(prober.trips_us.items())]
+    return [{**trip._asdict(), "user_us": measured(sample)} for trip, sample in sorted(prober.trips_us.items())]
 
 
 def _spot(spot: Spot) -> dict[str, object]:
@@ -212,7 +233,7 @@ def _spot(spot: Spot) -> dict[str, object]:
 
 def _notes(meter: Meter) -> Iterator[str]:
     wholes = [one.whole for one in meter.ways.values()]
-    if any(one.counts[Fate.ARRIVED] > one.one_way_us.count for one in wholes):
+    if any(one.arrived > one.one_way_us.count for one in wholes):
         yield (
             "Of some messages there is no one-way delay: the clocks of both ends are not known well enough. A round "
             "trip needs one clock alone: --probe with --round-trip, and --reflect at the other end."
@@ -220,7 +241,7 @@ def _notes(meter: Meter) -> Iterator[str]:
     if repeats := sum(one.repeats for one in wholes):
         yield (
             f"{repeats} messages were repeats of one that was under way or lost: each was taken for the last one sent, "
-            "so that their delays hold where they are shorter than the time between repeats."
+            "or for the first, where as many came as were sent."
         )
     if strange := sum(one.counts[Fate.STRANGE] for one in wholes):
         yield f"{strange} messages were received that nobody metered was heard to send, or before it was heard."

@@ -39,16 +39,24 @@ class Session:
 
     def watch(self, name: str, place: client.Address, context: client.Context) -> None:
         """Take up a station. Raises StationError when it is not there."""
-        watch = Watch(name, place, context, self.meter, self.line, self._delivered)
-        self.watches.append(watch)
-        watch.join()
+        self.watches.append(Watch(name, place, context, self.meter, self.line, self._delivered))
+
+    def begin(self) -> None:
+        """When all stations have joined, and what they said before was let go. Raises StationError."""
+        for watch in self.watches:
+            watch.join()
+        # What one has sent a moment ago may have come to another before that was heard.
+        self._until(self.line() + CONFIRM_S, lambda: None, is_sending=False)
+        for watch in self.watches:
+            watch.begin()
 
     def run(self, for_s: float | None, idle: Callable[[], None]) -> None:
         """Until so many seconds are over, or all probes are sent; then until all is settled. Ctrl-C ends the first."""
         with suppress(KeyboardInterrupt):  # what was measured until now is to be told
             self._until(None if for_s is None else self.line() + for_s, idle, is_sending=True)
-            if self.prober is not None:
-                self.wait_for(self.prober.name, self.prober.count)
+        if (prober := self.prober) is not None:
+            watch = next(one for one in self.watches if one.name == prober.name)
+            self.wait(lambda: watch.own.is_over(prober.count))
         self.end(idle)
 
     def end(self, idle: Callable[[], None] = lambda: None) -> None:
@@ -66,9 +74,13 @@ class Session:
         self._until(self.line() + for_s, lambda: None, is_sending=True)
 
     def wait_for(self, station: str, count: int, within_s: float = CONFIRMS_S) -> None:
-        """Take what comes until a station has said what became of so many messages, or for so long."""
+        """Until a station has said of so many messages what became of them, or for so long."""
+        self.wait(lambda: self.meter.inside.told(station) >= count, within_s)
+
+    def wait(self, is_over: Callable[[], bool], within_s: float = CONFIRMS_S) -> None:
+        """Take what comes until it is over, or for so long."""
         end_s = self.line() + within_s
-        while self.meter.inside.told(station) < count and self.line() < end_s:
+        while not is_over() and self.line() < end_s:
             self._until(self.line() + LOOK_S, lambda: None, is_sending=False)
 
     def _until(self, end_s: float | None, idle: Callable[[], None], is_sending: bool) -> None:

@@ -62,17 +62,19 @@ def rows(result: Object) -> Table:
 
 def delays(result: Object) -> Table:
     """From accepted by one station to received by the other, and where it is made."""
-    heads = ("way", ">median", ">p95", ">longest", ">+-", ">queue", ">send", ">link")
+    heads = ("way", ">median", ">p95", ">longest", ">+-", ">queue", ">send", ">link", ">+-")
     cells = [
         (
             one["way"],
             *(duration(one["one_way_us"], key) for key in ("median", "p95", "most")),
-            duration(one["doubt_us"], "median"),
-            *(duration(one[key], "median") for key in ("queue_us", "send_us", "link_us")),
+            *(
+                duration(one[key], "median")
+                for key in ("one_way_doubt_us", "queue_us", "send_us", "link_us", "doubt_us")
+            ),
         )
         for one in result["ways"]
     ]
-    notes = ["from accepted by one station to received by the other; +-: how well that is known"]
+    notes = ["from accepted by one station to received by the other, of which link is under way; +-: how well known"]
     if any(one["is_round_trip"] for one in result["ways"]):
         notes.append("a way from a station to itself is a round trip, with the time at the one who reflected it")
     return Table("Delay", heads, cells, notes)

@@ -17,7 +17,6 @@ def sent(station: str, confirm: Mapping[str, object], boot: str, at_s: float) ->
 
 
 def received(station: str, indication: Mapping[str, object], boot: str, at_s: float) -> Received:
-    rssi = indication.get("rssi_dbm")
     return Received(
         station,
         text(indication, "interface"),
@@ -25,8 +24,15 @@ def received(station: str, indication: Mapping[str, object], boot: str, at_s: fl
         _exact(indication, "received_ns", 0),
         clock_of(within(indication, "quality"), boot),
         at_s,
-        rssi if isinstance(rssi, int) else None,
+        rssi_of(indication),
     )
+
+
+def rssi_of(said: Mapping[str, object]) -> int | None:
+    """Signal strength in dBm; None where nobody says it, or what none can be."""
+    rssi_dbm = said.get("rssi_dbm")
+    is_one = isinstance(rssi_dbm, int) and not isinstance(rssi_dbm, bool) and abs(rssi_dbm) < 1 << 15
+    return rssi_dbm if is_one else None  # type: ignore[return-value]
 
 
 def what(said: Mapping[str, object]) -> What:
@@ -34,7 +40,7 @@ def what(said: Mapping[str, object]) -> What:
     return What(
         text(said, "digest"),
         text(said, "type"),
-        station_id if isinstance(station_id, int) else None,
+        station_id if isinstance(station_id, int) and abs(station_id) < 1 << 63 else None,
         round(number(said, "octets")),
     )
 

@@ -11,19 +11,20 @@ import zmq
 from board.errors import StationError
 from drivers.message import Position
 from firmware.meter import told
-from firmware.meter.event import digest_of
 from firmware.meter.meter import Meter
 from firmware.meter.place import place_of
-from firmware.report import boot_id
+from firmware.report import boot_id, digest_of
 from firmware.user import client
 from firmware.user.received import Message, Pairing
 from firmware.user.table import times
-from firmware.user.untrusted import number, text, within
+from firmware.user.untrusted import number, text, texts, within
 
 REPORTS = ("confirm.", "indication.", "status.")
 # A status comes once a second. Nothing is judged while one is late; when three have not come, nobody is heard.
 BEAT_S = 1.2
 SILENT_S = 3.5
+JOIN_MS = 50
+LABEL = "captain-meter"  # of the confirms of the meter's own messages; each adds its number
 MOST_SECONDS = 7200  # of a clock's quality
 
 
@@ -60,6 +61,7 @@ class Watch:
         self.missed_indications = self.missed_confirms = self.restarts = 0
         self.silent_s = 0.0
         self.heard_s = line()
+        self.own = Own()
         self.reports = client.subscribe(context, place, place.report, *REPORTS)
         self.users = client.subscribe(context, place, place.to_users, "")
         self._meter = meter
@@ -67,7 +69,8 @@ class Watch:
         self._delivered = delivered
         self._pairing = Pairing()
         self._sequences: dict[str, int] = {}
-        self._is_ending = False
+        self._is_measuring = False
+        self._has_beat = False
         self._own_boot = boot_id()
 
     @property
@@ -75,30 +78,41 @@ class Watch:
         return text(self.status, "boot")
 
     def join(self) -> None:
-        """Wait until both sockets have shown that nothing is missed from now on. Raises StationError."""
-        status = client.next_report(self.reports, "status.")
-        if status is None:
+        """Wait until both sockets have shown that nothing is missed from now on. Raises StationError.
+
+        What is received counts from then on: what was sent is measured after begin(), when all stations have joined.
+        """
+        end_s = self._line() + client.ANSWER_S
+        while not (self.status and self._has_beat) and self._line() < end_s:
+            for socket in (self.reports, self.users):
+                socket.poll(JOIN_MS)
+            self.take()
+        if not self.status:
             raise StationError(
                 f"what listens at {self.place.host}:{self.place.report} sent no status within {client.ANSWER_S:g} s",
                 f"is that the report port of station {self.name}? its ports are HOST:PORT and the three after it",
             )
-        if "boot" not in status:
+        if "boot" not in self.status:
             raise StationError(
-                f"station {self.name} is of version {text(status, 'version')}: it does not say what a meter needs",
+                f"station {self.name} is of version {text(self.status, 'version')}: it does not say what a meter needs",
                 "update it: `captain update`",
             )
-        self._note_status(status)
-        if not self.users.poll(round(client.ANSWER_S * 1000)):
+        if not self._has_beat:
             raise StationError(
                 f"what listens at {self.place.host}:{self.place.to_users} sent no heartbeat",
                 f"is that where users of station {self.name} subscribe?",
             )
         self.heard_s = self._line()
 
+    def begin(self) -> None:
+        """What leaves from now on is measured: whoever receives it is heard."""
+        self._is_measuring = True
+
     def take(self) -> None:
         """What has come by both."""
         for frames in client.waiting(self.users):
             now_ns = time.monotonic_ns()
+            self._has_beat = True
             message = self._pairing.feed(frames)
             if message is not None:
                 self._to_user(message, now_ns)
@@ -109,7 +123,7 @@ class Watch:
 
     def end(self) -> None:
         """What leaves from now on is not measured: nobody would wait for its arrival."""
-        self._is_ending = True
+        self._is_measuring = False
 
     def told(self) -> dict[str, object]:
         """What a report has to say of this station."""
@@ -167,10 +181,12 @@ class Watch:
         self.heard_s = now_s
 
     def _confirm(self, said: Mapping[str, object], now_s: float) -> None:
+        self.own.add(said)
+        if not self._is_measuring:
+            return
         event = told.sent(self.name, said, self.boot, now_s)
         if event is not None:
-            if not self._is_ending:
-                self._meter.sent(event)
+            self._meter.sent(event)
         elif text(said, "outcome") in ("dropped", "refused"):
             self._meter.inside.not_sent(self.name, text(said, "interface"), text(said, "reason"))
 
@@ -192,7 +208,7 @@ class Watch:
 
     def _note_status(self, status: Mapping[str, object]) -> None:
         now_s = self._line()
-        if self.status and status.get("pid") != self.status.get("pid"):
+        if self.status and _is_another(self.status, status):
             self.restarts += 1
             self._sequences.clear()
             self._meter.unheard(self.name, math.inf, self.heard_s, now_s)
@@ -221,6 +237,32 @@ class Watch:
         place = place_of(message.pdu) if raw is None else place_of(message.pdu, raw.rx.position)
         if place is not None:
             self._meter.spots.place(digest, place)
+
+
+class Own:
+    """Confirms of the meter's own messages: of how many it is known by which interfaces they are to leave, and did."""
+
+    def __init__(self) -> None:
+        self._known = self._expected = self._over = 0
+
+    def add(self, confirm: Mapping[str, object]) -> None:
+        if not text(confirm, "label").startswith(LABEL):
+            return
+        outcome = text(confirm, "outcome")
+        self._known += outcome in ("accepted", "refused")
+        self._over += outcome in ("sent", "dropped")
+        if outcome == "accepted":
+            self._expected += len(texts(confirm, "interfaces"))
+
+    def is_over(self, count: int) -> bool:
+        """Whether everything is known of so many."""
+        return self._known >= count and self._over >= self._expected
+
+
+def _is_another(before: Mapping[str, object], status: Mapping[str, object]) -> bool:
+    """Whether a station was started anew: in a container its process has one number for ever."""
+    is_same = all(before.get(key) == status.get(key) for key in ("boot", "pid"))
+    return not is_same or number(status, "uptime_s") < number(before, "uptime_s")
 
 
 def registered(watches: list[Watch]) -> zmq.Poller:

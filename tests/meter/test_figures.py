@@ -16,7 +16,7 @@ from firmware.codec.reading import Pdu
 from firmware.lab.laboratory import Vector, vectors
 from firmware.meter.age import Age, Gaps
 from firmware.meter.delay import link, one_way
-from firmware.meter.event import NO_CLOCK, Clock, Received, Sent
+from firmware.meter.event import NO_CLOCK, PROBES, Clock, Received, Sent
 from firmware.meter.figures import OTHERS, Figures, Rows
 from firmware.meter.matching import Fate
 from firmware.meter.meter import Ends, Meter
@@ -234,11 +234,13 @@ def test_interfaces_that_are_named_hear_each_other_both_ways() -> None:
 
 
 def test_a_round_trip_is_that_of_probes_alone() -> None:
-    meter = Meter(grace_s=0.5, probes=1337)
+    meter = Meter(grace_s=0.5, round_trips_of="A")
     meter.station("A", {"air": ""})
-    back = received(1, 0.02)._replace(station="A")
-    metered(sent(1, 0.0), back, sent(2, 0.1)._replace(what=what(2, station_id=4)), meter=meter)
-    (measured,) = meter.ways.values()
+    meter.station("B", {"air": ""})
+    probe = what(1, station_id=PROBES)
+    back = received(1, 0.02)._replace(station="A", what=probe)
+    metered(sent(1, 0.0)._replace(what=probe), back, sent(2, 0.1)._replace(what=what(2, station_id=4)), meter=meter)
+    (measured,) = (one for way, one in meter.ways.items() if way.is_round_trip)
     assert (measured.whole.sent, measured.whole.lost) == (1, 0)
     assert measured.whole.one_way_us.mean == 20_000
 

@@ -16,7 +16,8 @@ from firmware.meter.drawing import drawn, end_of, strength, ticks
 from firmware.meter.event import Received, Sent
 from firmware.meter.meter import Meter
 from firmware.meter.plot import Plot, Series, plots
-from firmware.meter.result import About, result
+from firmware.meter.result import About, distribution, result
+from firmware.meter.sample import Sample
 from firmware.meter.text import of_us, tables
 from firmware.user.table import plain
 from tests.meter.events import received, sent
@@ -128,6 +129,37 @@ def test_a_plot_has_a_line_for_each_way(measured: dict[str, Any]) -> None:
     assert {"loss", "delay", "gap", "rssi", "delays cumulative", "clocks"} <= set(found)
     assert [one.name for one in found["loss"].series] == ["A > B g5", "A > B v2n"]
     assert found["delays cumulative"].series[0].values[-1] == 100.0
+
+
+def test_a_distribution_of_gaps_tells_milliseconds_apart() -> None:
+    gaps = Sample()
+    for n in range(1000):
+        gaps.add(0.1 + n % 10 * 0.001)
+    found = distribution(gaps)
+    assert found is not None
+    bars = found["bars"]
+    assert isinstance(bars, list)
+    assert sum(bars) == 1000
+    assert sum(bar > 0 for bar in bars) == 10
+
+
+def test_a_distribution_counts_all_though_not_all_are_kept() -> None:
+    sample = Sample(most=100)
+    for n in range(1000):
+        sample.add(n)
+    found = distribution(sample)
+    assert found is not None
+    assert 950 <= sum(found["bars"]) + found["above"] <= 1050  # type: ignore[call-overload, operator]
+
+
+def test_a_glance_has_the_tables_of_the_whole(measured: dict[str, Any]) -> None:
+    meter = Meter(grace_s=0.5)
+    for name in "AB":
+        meter.station(name, BOTH)
+    metered(sent(1, 0.0, by="g5"), received(1, 0.1, by="g5"), meter=meter)
+    about = About("glance", "in a test", 0.0, 1.0, {})
+    whole, glance = (list(tables(result(meter, about, is_glance=one))) for one in (False, True))
+    assert glance == whole
 
 
 def test_a_gap_in_a_line_is_drawn_as_one() -> None:

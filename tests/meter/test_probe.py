@@ -9,8 +9,9 @@ from drivers.message import Position
 from firmware.codec.decoding import Decoder
 from firmware.codec.library import load
 from firmware.codec.reading import Pdu
+from firmware.meter.event import PROBES
 from firmware.meter.place import place_of
-from firmware.meter.probe import STATION_ID, Probes
+from firmware.meter.probe import Probes
 
 NOW_S = 1_795_182_426.0
 
@@ -25,7 +26,7 @@ def test_a_probe_is_a_message_of_its_type_and_says_what_it_is(kind: str, octets:
     pdu = probes(kind, octets).next()
     found = Decoder(load()).identify(Pdu(pdu, "")).message
     assert found.type == kind
-    assert int.from_bytes(pdu[2:6]) == STATION_ID
+    assert int.from_bytes(pdu[2:6]) == PROBES
     assert octets is None or octets <= len(pdu) <= octets + 9
 
 
@@ -33,6 +34,16 @@ def test_a_probe_is_a_message_of_its_type_and_says_what_it_is(kind: str, octets:
 def test_each_is_another_though_the_clock_stands_still(kind: str) -> None:
     made = probes(kind)
     assert len({made.next() for _ in range(1000)}) == 1000
+
+
+def test_a_cam_does_not_come_again_though_its_time_does() -> None:
+    now_s = [NOW_S]
+    made = Probes(load(), "cam", None, lambda: now_s[0])
+    seen = set()
+    for _ in range(1000):
+        seen.add(made.next())
+        now_s[0] += 65.536  # generationDeltaTime is the same
+    assert len(seen) == 1000
 
 
 def test_a_denm_may_be_long() -> None:

@@ -10,7 +10,7 @@ from board.errors import StationError
 from firmware import framing
 from firmware.codec import capture
 from firmware.codec.pcapng import Direction, Pcapng
-from firmware.meter import recording
+from firmware.meter import paths, recording
 from firmware.meter.matching import Fate, Way
 from firmware.meter.meter import Meter
 
@@ -96,6 +96,23 @@ def test_frames_that_the_recorder_did_not_have_are_no_loss(tmp_path: Path) -> No
     # Of the three between, the last one before the end is not covered: two were missed, and one was lost.
     assert (whole.counts[Fate.UNSEEN], whole.lost) == (2, 1)
     assert any("its recorder did not have" in note for note in laid.notes)
+
+
+def test_a_long_recording_is_judged_on_the_way(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is kept of messages by several ways is bounded: none of them may wait for the end of the file."""
+    monkeypatch.setattr(paths, "MOST_OPEN", 100)
+    files = []
+    for name, direction in (("a", Direction.OUT), ("b", Direction.IN)):
+        with (tmp_path / name).open("wb") as stream:
+            writer = Pcapng(stream, "test", said={"boot": "boot"})
+            for n in range(2000):
+                for interface in ("g5", "v2n"):
+                    when_ns = START_NS + n * 100_000_000 + (4_000_000 if direction is Direction.IN else 0)
+                    writer.add(interface, when_ns, frame(n), direction, said={"quality": GOOD})
+        files.append(tmp_path / name)
+    meter, _ = measured(*files)
+    ((_, both),) = meter.paths.both.items()
+    assert (both.sent, both.arrived) == (2000, 2000)
 
 
 def test_plain_captures_are_taken_as_sent_and_received(tmp_path: Path) -> None:

@@ -47,6 +47,11 @@ def test_an_indication_is_an_event_and_its_clock_is_not_known_where_nobody_says_
     assert event.clock == Clock("boot")
 
 
+def test_a_strength_that_none_can_be_is_none() -> None:
+    for rssi_dbm in (10**400, -(10**6), True, 3.5, "x"):
+        assert told.received("B", INDICATION | {"rssi_dbm": rssi_dbm}, "boot", 1.0).rssi_dbm is None
+
+
 @given(said=st.dictionaries(st.sampled_from(sorted({*CONFIRM, *INDICATION})), ANYTHING))
 def test_rubbish_is_taken_and_harms_nobody(said: dict[str, Any]) -> None:
     told.sent("A", said | {"outcome": "sent"}, "", 1.0)

@@ -58,8 +58,8 @@ class Bench:
             self.reports(name).say("status.", STATUS)
             watch.users.waiting.append([b"hb.counter", b"{}"])  # type: ignore[attr-defined]
             watch.join()
+            watch.begin()
             self.watches[name] = watch
-            watch.take()
 
     def _delivered(self, station: str, digest: str, now_ns: int) -> None:
         self.delivered.append((station, digest))
@@ -152,6 +152,30 @@ def test_a_station_that_was_started_anew_counts_from_the_beginning(bench: Bench)
     assert any("started anew once" in str(note) for note in told["notes"])  # type: ignore[attr-defined]
 
 
+def test_a_station_of_a_container_that_was_started_anew_is_told_by_its_time(bench: Bench) -> None:
+    bench.status("B", uptime_s=100.0)
+    bench.status("B", uptime_s=1.0)
+    assert bench.watches["B"].restarts == 1
+
+
+def test_what_left_before_all_had_joined_is_not_measured(bench: Bench) -> None:
+    bench.watches["A"]._is_measuring = False
+    bench.sent("a")
+    bench.watches["A"].begin()
+    bench.received("a")
+    assert bench.figures() == {Fate.STRANGE: 1}
+
+
+def test_the_meters_own_messages_are_over_when_each_interface_has_said_so(bench: Bench) -> None:
+    own = bench.watches["A"].own
+    for label, outcome in (("captain-meter/1", "accepted"), ("another", "accepted"), ("captain-meter/1", "sent")):
+        assert not own.is_over(1)
+        own.add({"label": label, "outcome": outcome, "interfaces": ["g5"]})
+    assert own.is_over(1)
+    own.add({"label": "captain-meter/2", "outcome": "refused"})
+    assert own.is_over(2)
+
+
 def test_what_was_refused_or_dropped_is_told_with_its_reason(bench: Bench) -> None:
     bench._told("A", "confirm", CONFIRM | {"outcome": "dropped", "reason": "expired"}, None)
     ((port, leaving),) = bench.meter.inside.leaving.items()
@@ -186,6 +210,7 @@ def test_rubbish_harms_nobody(bench: Bench, frames: list[bytes]) -> None:
 
 def test_an_older_station_is_refused_with_a_remedy(bench: Bench) -> None:
     watch = bench.watches["A"]
+    watch.status = {}
     bench.reports("A").say("status.", {key: value for key, value in STATUS.items() if key != "boot"})
     with pytest.raises(StationError, match=r"9\.9"):
         watch.join()

@@ -28,7 +28,7 @@ def metered(stations: Mapping[str, Station], page: Path) -> Iterator[dict[str, A
             said = process.stderr.readline()
             assert "heard" in said, said
             yield told
-            process.send_signal(signal.SIGINT)
+            process.send_signal(signal.SIGTERM)
             told |= json.loads(process.communicate(timeout=WAIT_S)[0])
         finally:
             process.kill()

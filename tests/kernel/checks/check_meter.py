@@ -16,10 +16,10 @@ from firmware.codec import capture, layers
 from firmware.lab import netns
 from firmware.lab.laboratory import Device, Seat, bench
 from firmware.meter.delay import link
-from firmware.meter.event import digest_of
 from firmware.meter.matching import Fate, Settled
 from firmware.meter.meter import Meter
 from firmware.meter.session import Session, TimeLine
+from firmware.report import digest_of
 from firmware.user import client
 from pps.delay import Delay
 from tests.kernel.checks.kernel import Seen, load, run
@@ -94,6 +94,7 @@ def _measured(a: Seat, b: Seat, netem: str) -> Case:
             # The threads of a context are made with its first socket, in the namespace of this moment.
             with netns.named(namespace).inside():
                 session.watch(seat.name, seat.place, ending.enter_context(client.session()))
+        session.begin()
         start = time.monotonic()
         for turn in range(COUNT):
             session.serve(max(0.0, start + turn / RATE_HZ - time.monotonic()))
