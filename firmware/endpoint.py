@@ -103,6 +103,7 @@ class Endpoint:
 
     def close(self) -> None:
         """Close what is left; messages on their way out have libzmq's time to leave."""
+        self.report.finish()
         self._control.close()
         self.users.publisher.close()
         self._reports.close()

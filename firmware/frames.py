@@ -24,9 +24,9 @@ from firmware.report import FRAME, digest_of, said_of
 
 # They are told so much later: a drop that belongs to a frame follows it in the same turn of the loop.
 LATER_S = 0.02
-# What is noted until it is told: 10,000 frames a second, five times the ceiling of a channel. Of a flood the rest is
+# What is noted until it is told: 4,000 frames a second, two channels at their ceiling. Of a flood the rest is
 # counted, and not even looked at: routing goes first.
-MOST = 200
+MOST = 80
 SLICE = 16  # told in one turn: a message that comes meanwhile waits for 0.2 ms
 MADE = 4096  # requests whose frames wait for their confirm: as many as the queues of some interfaces hold
 

@@ -11,7 +11,7 @@ import pytest
 from board.time import Lock, TimeQuality
 from drivers.message import NO_RX_INFO, Confirm, Indication, Outcome, RxInfo
 from drivers.reason import MEANING, Reason
-from firmware.report import AT_ONCE_S, BUDGET, Report, memory_kb, process_status
+from firmware.report import AT_ONCE_S, BUDGET, MOST, Report, memory_kb, process_status
 from firmware.topics import Topics
 from tests.firmware.doubles import CAM_PDU, NotingStation, interface_of, request_of
 from tests.virtual import VirtualLoop
@@ -42,6 +42,11 @@ class Bench:
 
     def refresh(self) -> None:
         self.refreshed += 1
+
+    def told(self) -> list[tuple[bytes, dict[str, object]]]:
+        """After the turns in which all that waits is told."""
+        self.loop.run_for(0.1)
+        return self.publisher.said
 
 
 @pytest.fixture
@@ -88,7 +93,7 @@ def test_a_thousand_subscriptions_at_once_make_few_statuses(bench: Bench) -> Non
 def test_an_accepted_request_names_its_interfaces(bench: Bench) -> None:
     target = interface_of(bench.loop, NotingStation())
     bench.report.confirm(Confirm(request_of(7), Outcome.ACCEPTED), (target,))
-    ((topic, said),) = bench.publisher.said
+    ((topic, said),) = bench.told()
     assert topic == b"confirm.cam."
     assert (said["request"], said["outcome"], said["interfaces"]) == (7, "accepted", ["g5"])
     assert (said["type"], said["station_id"], said["octets"]) == ("cam", 1337, 10)
@@ -98,7 +103,7 @@ def test_an_accepted_request_names_its_interfaces(bench: Bench) -> None:
 def test_a_dropped_request_names_interface_reason_and_times(bench: Bench) -> None:
     confirm = Confirm(request_of(7), Outcome.DROPPED, "g5", Reason.EXPIRED, 1.5, 0.000_25, "too late")
     bench.report.confirm(confirm, ())
-    ((_, said),) = bench.publisher.said
+    ((_, said),) = bench.told()
     assert (said["outcome"], said["interface"], said["interfaces"]) == ("dropped", "g5", [])
     assert (said["reason"], said["meaning"], said["detail"]) == ("expired", MEANING[Reason.EXPIRED], "too late")
     assert (said["queue_us"], said["send_us"]) == (1_500_000.0, 250.0)
@@ -107,7 +112,7 @@ def test_a_dropped_request_names_interface_reason_and_times(bench: Bench) -> Non
 def test_a_confirm_and_an_indication_of_a_pdu_have_the_same_digest(bench: Bench) -> None:
     bench.report.confirm(Confirm(request_of(pdu=CAM_PDU), Outcome.ACCEPTED), ())
     bench.report.observe(indications_of(CAM_PDU))
-    (_, confirm), (_, indication) = bench.publisher.said
+    (_, confirm), (_, indication) = bench.told()
     assert confirm["digest"] == indication["digest"] == hashlib.sha256(CAM_PDU).hexdigest()[:16]
 
 
@@ -116,7 +121,7 @@ def test_a_confirm_says_when_its_request_was_accepted_however_late_it_is(bench: 
     before_ns = time.time_ns()
     bench.loop.run_for(3.0)  # of virtual time: the system's clock stands nearly still
     bench.report.confirm(Confirm(request, Outcome.SENT, "g5", None, 2.0, 1.0), ())
-    accepted_ns = bench.publisher.said[0][1]["accepted_ns"]
+    accepted_ns = bench.told()[0][1]["accepted_ns"]
     assert isinstance(accepted_ns, int)
     assert before_ns - 3_000_000_000 <= accepted_ns <= time.time_ns() - 3_000_000_000
 
@@ -125,7 +130,36 @@ def test_confirms_and_indications_are_numbered_each_for_itself(bench: Bench) -> 
     for _ in range(2):
         bench.report.confirm(Confirm(request_of(), Outcome.ACCEPTED), ())
     bench.report.observe(indications_of(CAM_PDU, CAM_PDU, CAM_PDU))
-    assert [said["sequence"] for _, said in bench.publisher.said] == [1, 2, 1, 2, 3]
+    assert [said["sequence"] for _, said in bench.told()] == [1, 2, 1, 2, 3]
+
+
+def test_what_is_told_waits_for_the_message_itself(bench: Bench) -> None:
+    bench.report.observe(indications_of(CAM_PDU))
+    bench.report.confirm(Confirm(request_of(), Outcome.ACCEPTED), ())
+    assert bench.publisher.said == []
+    assert [topic for topic, _ in bench.told()] == [b"indication.cam.", b"confirm.cam."]
+
+
+def test_what_waits_is_told_before_the_station_ends(bench: Bench) -> None:
+    bench.report.observe(indications_of(CAM_PDU))
+    bench.report.finish()
+    assert len(bench.publisher.said) == 1
+
+
+def test_in_a_flood_what_has_a_label_or_a_reason_is_told_and_the_rest_numbered(bench: Bench) -> None:
+    for _ in range(BUDGET + 1):
+        bench.report.confirm(Confirm(request_of(), Outcome.SENT, "g5"), ())
+    bench.report.confirm(Confirm(request_of()._replace(label="mine"), Outcome.SENT, "g5"), ())
+    bench.report.confirm(Confirm(request_of(), Outcome.DROPPED, "g5", Reason.QUEUE_FULL), ())
+    assert [said["sequence"] for _, said in bench.told()] == [*range(1, BUDGET + 1), BUDGET + 2, BUDGET + 3]
+
+
+def test_however_much_is_to_be_told_in_any_case_what_waits_is_bounded(bench: Bench) -> None:
+    count = MOST + 100
+    for _ in range(count):
+        bench.report.confirm(Confirm(request_of(), Outcome.REFUSED, "", Reason.NO_PORT), ())
+    assert len(bench.publisher.said) >= 100
+    assert len(bench.told()) == count
 
 
 def test_in_a_flood_indications_are_numbered_and_not_all_told(bench: Bench) -> None:
@@ -134,25 +168,25 @@ def test_in_a_flood_indications_are_numbered_and_not_all_told(bench: Bench) -> N
     bench.report.observe(indications_of(CAM_PDU, CAM_PDU))
     bench.loop.run_for(1.5)
     bench.report.observe(indications_of(CAM_PDU))
-    assert len(bench.publisher.said) == BUDGET + 1
-    assert bench.publisher.said[-1][1]["sequence"] == BUDGET + 3
+    assert len(bench.told()) == BUDGET + 1
+    assert bench.told()[-1][1]["sequence"] == BUDGET + 3
 
 
 @pytest.mark.parametrize("size", range(6))
 def test_a_pdu_that_holds_no_station_has_none(bench: Bench, size: int) -> None:
     bench.report.confirm(Confirm(request_of(pdu=bytes(size)), Outcome.REFUSED, reason=Reason.SHORT_PDU), ())
-    assert bench.publisher.said[0][1]["station_id"] is None
+    assert bench.told()[0][1]["station_id"] is None
 
 
 def test_a_confirm_of_an_unknown_type_has_two_dots(bench: Bench) -> None:
     bench.report.confirm(Confirm(request_of(kind=Topics().unknown), Outcome.REFUSED, reason=Reason.UNKNOWN_TYPE), ())
-    assert bench.publisher.said[0][0] == b"confirm.."
+    assert bench.told()[0][0] == b"confirm.."
 
 
 def test_a_label_of_any_text_comes_back_as_it_was(bench: Bench) -> None:
     label = 'ü☃"\\\n\x00\ud800'
     bench.report.confirm(Confirm(request_of()._replace(label=label), Outcome.ACCEPTED), ())
-    assert bench.publisher.said[0][1]["label"] == label
+    assert bench.told()[0][1]["label"] == label
 
 
 def test_the_process_says_what_it_takes() -> None:
@@ -170,7 +204,7 @@ def indications_of(*pdus: bytes, rx: RxInfo = NO_RX_INFO) -> list[Indication]:
 def test_an_indication_says_how_well_the_time_of_its_reception_is_known(bench: Bench) -> None:
     rx = RxInfo(btp_port=2001, rssi_dbm=-71, source_mac=bytes.fromhex("02000000beef"))
     bench.report.observe(indications_of(CAM_PDU, rx=rx))
-    assert bench.publisher.said == [
+    assert bench.told() == [
         (
             b"indication.cam.",
             {
@@ -193,21 +227,21 @@ def test_an_indication_says_how_well_the_time_of_its_reception_is_known(bench: B
 
 def test_what_is_not_known_of_an_indication_is_null_or_empty(bench: Bench) -> None:
     bench.report.observe([one._replace(quality=TimeQuality()) for one in indications_of(CAM_PDU)])
-    ((_, told),) = bench.publisher.said
+    ((_, told),) = bench.told()
     assert (told["btp_port"], told["rssi_dbm"], told["source"]) == (None, None, "")
     assert told["quality"] == {"state": "unknown", "error_ns": None, "offset_ns": None, "uncertainty_ns": None}
 
 
 def test_a_client_of_a_broker_is_the_source_of_what_it_has_sent(bench: Bench) -> None:
     bench.report.observe(indications_of(CAM_PDU, rx=RxInfo(source="vehicle-7")))
-    assert bench.publisher.said[0][1]["source"] == "vehicle-7"
+    assert bench.told()[0][1]["source"] == "vehicle-7"
 
 
 def test_the_time_comes_once_a_second_while_somebody_listens(bench: Bench) -> None:
     bench.report.start()
     bench.report.time_interest(True)
     bench.loop.run_for(3.5)
-    assert bench.publisher.said == [(b"time.", {"state": "locked"})] * 3
+    assert bench.told() == [(b"time.", {"state": "locked"})] * 3
     bench.report.time_interest(False)
     bench.loop.run_for(3.0)
-    assert len(bench.publisher.said) == 3
+    assert len(bench.told()) == 3
