@@ -190,7 +190,14 @@ class Unreadable:
     def __call__(self, error: RequestError) -> None:
         self._count += 1
         if self._count <= TOLD_UNREADABLE:
-            print(f"captain: {clean(str(error))}", file=sys.stderr, flush=True)
+            hint = clean(error.hint).replace("--from", "--form")  # the form's option everywhere else, a time here
+            print(
+                f"captain: {clean(error.message)}",
+                *([f"\n  ({hint})"] * bool(hint)),
+                sep="",
+                file=sys.stderr,
+                flush=True,
+            )
 
 
 class Summary:

@@ -37,8 +37,8 @@ class Played:
 
     @property
     def is_good(self) -> bool:
-        """Whether everything could be read, and what was to go could go."""
-        return self.read > 0 and not self.unreadable and not self.unsent
+        """Whether everything could be read, and what was to go could go: anything at all."""
+        return self.read > self.left_out.total() and not self.unreadable and not self.unsent
 
 
 class Player:

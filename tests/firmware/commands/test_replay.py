@@ -59,6 +59,20 @@ def test_the_station_takes_the_options_that_it_is_given(drive):
     assert [one.area for one in parsed] == [None, AREA]
 
 
+def test_what_holds_no_message_is_no_replay(tmp_path, capsys):
+    (tmp_path / "rubbish").write_bytes(bytes(range(128, 256)) * 30)
+    assert cli.main(["replay", str(tmp_path / "rubbish"), "--udp", "127.0.0.1:9"]) == 1
+    assert "captain: 0 sent of 1 read" in capsys.readouterr().err
+
+
+def test_what_cannot_be_read_is_told_in_lines_with_the_option_of_this_command(tmp_path, capsys):
+    (tmp_path / "bad.hex").write_text("no message\n")
+    assert cli.main(["replay", str(tmp_path / "bad.hex"), "--udp", "127.0.0.1:9"]) == 1
+    told = capsys.readouterr().err
+    assert "\\x0a" not in told
+    assert "--from" not in told
+
+
 def test_a_refusal_of_the_station_is_told_and_makes_it_fail(drive, capsys):
     with FakeStation(answer=refused) as station:
         assert cli.main(["replay", drive[0], *station.options, "--rate", "0"]) == 1
