@@ -198,6 +198,7 @@ def _live(arguments: argparse.Namespace) -> dict[str, object]:
         for one in arguments.at:
             session.watch(one.name, one.place, context)
         session.begin()
+        _check_ends(meter)
         if arguments.probe:
             session.prober = _prober(arguments, context, session.watches)
         began_s = line()
@@ -210,6 +211,11 @@ def _live(arguments: argparse.Namespace) -> dict[str, object]:
 
             session.run(arguments.duration, idle)
         return result(meter, _about(session, began_s), session.prober)
+
+
+def _check_ends(meter: Meter) -> None:
+    if strangers := meter.strangers():
+        raise UsageError(f"--between: no such interface: {', '.join(strangers)}", "NAME:INTERFACE=NAME:INTERFACE")
 
 
 def _prober(arguments: argparse.Namespace, context: client.Context, watches: Sequence[Watch]) -> Prober:
@@ -278,6 +284,7 @@ def _recordings(arguments: argparse.Namespace) -> dict[str, object]:
         recording.read(Path(path), name, is_first=name == "A") for path, name in zip(arguments.what, "AB", strict=True)
     )
     laid = recording.measure(meter, one, other)
+    _check_ends(meter)
     stations = {each.name: recording.told_of(each) for each in (one, other)}
     began_s = min(each.span[0] for each in (one, other))
     ended_s = max(each.span[1] for each in (one, other))

@@ -70,7 +70,7 @@ class Figures:
         self.gaps.add(received.received_ns)
         if received.rssi_dbm is not None:
             self.rssi_dbm.add(received.rssi_dbm)
-        if one.sent is None or (delay := one_way(one.sent, received)) is None:
+        if one.sent is None or one.is_repeat or (delay := one_way(one.sent, received)) is None:
             return
         self.one_way_us.add(delay.ns / 1000)
         self.one_way_doubt_us.add(delay.uncertainty_ns / 1000)

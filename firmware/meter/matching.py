@@ -5,6 +5,7 @@ them, and a message may be late. What was received waits so long for the word th
 What was sent waits as long again. A word that comes later still corrects what was said before.
 """
 
+import math
 from bisect import insort
 from collections import OrderedDict, deque
 from collections.abc import Sequence
@@ -59,7 +60,7 @@ class Settled(NamedTuple):
 
     copy          of its PDU on this way, from 0 on: the k-th by one way is the k-th by another.
     is_reordered  something that was sent later arrived earlier (RFC 4737 clause 3.3); not told of repeats.
-    is_repeat     several copies of its PDU were under way: which of them it was is a guess.
+    is_repeat     several copies of its PDU may have been under way: which of them it was is a guess, its delay unknown.
     """
 
     way: Way
@@ -98,17 +99,20 @@ class Matching:
     """One way. Sent events come in the order in which they left.
 
     grace_s  how long one end's word is waited for after the other's.
+    since_s  from when on the sender is heard: of what is sent again and again, copies may have been under way then.
     """
 
     def __init__(self, way: Way, grace_s: float = GRACE_S, remembered: int = REMEMBERED) -> None:
         self.way = way
         self.grace_s = grace_s
+        self.since_s = -math.inf
         self._remembered = remembered
         self._outs: deque[_Out] = deque()
         self._ins: list[Received] = []  # by when they came: a station may tell of what is urgent first
         self._open: dict[str, list[_Out]] = {}  # that have not arrived, in their order
         self._copies: OrderedDict[str, int] = OrderedDict()  # sent of each PDU
         self._waiting: dict[str, list[Received]] = {}  # those of _ins, by PDU
+        self._guessed: OrderedDict[str, float] = OrderedDict()  # PDUs of which one copy was taken for another, and when
         self._missing = _Late[_Out]()
         self._strays = _Late[Received]()
         self._corrected: list[Settled] = []
@@ -120,6 +124,8 @@ class Matching:
         digest = event.what.digest
         copy = self._copies.pop(digest, 0)
         self._copies[digest] = copy + 1
+        if copy == 0 and event.at_s <= self.since_s + 2 * self.grace_s:
+            self._guess(digest, event.at_s)
         if len(self._copies) > self._remembered:
             self._copies.popitem(last=False)
         out = _Out(event, self._numbers, copy)
@@ -166,7 +172,7 @@ class Matching:
             out = self._chosen(candidates, received, waiting)
             out.has_arrived = True
             _without(self._open, digest, out)
-            is_repeat = len(candidates) > 1
+            is_repeat = self._is_guess(digest, len(candidates) > 1, received.at_s)
             is_reordered = out.number < self._highest and not is_repeat and self._copies.get(digest, 1) == 1
             self._highest = max(self._highest, out.number)
             return Settled(self.way, Fate.ARRIVED, out.sent, received, out.copy, is_reordered, is_repeat)
@@ -174,11 +180,30 @@ class Matching:
             if _plausible([out], received):
                 self._missing.take(digest, out)
                 fate = Fate.LATE if out.fate is Fate.LOST else Fate.ARRIVED
-                return Settled(self.way, fate, out.sent, received, out.copy, was=out.fate)
+                is_repeat = self._copies.get(digest, 1) > 1
+                return Settled(self.way, fate, out.sent, received, out.copy, is_repeat=is_repeat, was=out.fate)
         if digest in self._copies:
             return Settled(self.way, Fate.DUPLICATE, None, received)
         self._strays.add(digest, received, received.at_s)
         return Settled(self.way, Fate.STRANGE, None, received)
+
+    def _is_guess(self, digest: str, is_one: bool, at_s: float) -> bool:
+        """Whether it is not known which copy it is: now, or since some time without a pause.
+
+        Where one was taken for another all that follow are: they are as far from each other as what was sent.
+        """
+        if self._copies.get(digest, 1) == 1:
+            return False
+        if is_one or at_s - self._guessed.get(digest, -math.inf) <= 2 * self.grace_s:
+            self._guess(digest, at_s)
+            return True
+        return False
+
+    def _guess(self, digest: str, at_s: float) -> None:
+        self._guessed.pop(digest, None)
+        self._guessed[digest] = at_s
+        if len(self._guessed) > MOST_STRAYS:
+            self._guessed.popitem(last=False)
 
     def _chosen(self, candidates: list[_Out], received: Received, waiting: Sequence[Received]) -> _Out:
         """Which of several copies of a PDU it is.

@@ -55,6 +55,11 @@ class Meter:
         self._from: dict[tuple[str, str], list[Matching]] = {}
         self._into: dict[tuple[str, str], list[Matching]] = {}
 
+    def strangers(self) -> list[str]:
+        """Interfaces that were named and that no station has."""
+        ends = {end for pair in self._named for end in pair}
+        return sorted(":".join(end) for end in ends if end[1] not in self._stations.get(end[0], {}))
+
     def station(self, name: str, interfaces: Mapping[str, str]) -> None:
         """A station, and the technology of each of its interfaces, empty where it is not known; again when they change.
 
@@ -72,6 +77,12 @@ class Meter:
                 self.ways[way] = Measured(self.interval_s)
             self._from.setdefault((way.sender, way.out), []).append(matching)
             self._into.setdefault((way.receiver, way.into), []).append(matching)
+
+    def hears(self, station: str, since_s: float) -> None:
+        """What a station sends is heard from then on; it may have sent before."""
+        for matching in self._matching.values():
+            if matching.way.sender == station:
+                matching.since_s = since_s
 
     def sent(self, event: Sent) -> None:
         self.inside.sent(event)

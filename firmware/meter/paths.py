@@ -125,5 +125,7 @@ class Paths:
 
 
 def _note(sample: Sample, one: Settled) -> None:
-    if one.sent is not None and one.received is not None and (delay := one_way(one.sent, one.received)) is not None:
+    if one.sent is None or one.received is None or one.is_repeat:
+        return
+    if (delay := one_way(one.sent, one.received)) is not None:
         sample.add(delay.ns / 1000)

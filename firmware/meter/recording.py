@@ -153,6 +153,8 @@ def measure(meter: Meter, one: Recording, other: Recording) -> Laid:
             meter.inside.not_sent(name, interface, reason)
         for digest, place in recording.places.items():
             meter.spots.place(digest, place)
+    meter.hears(one.name, one.span[0])
+    meter.hears(other.name, other.span[0] - ahead_s)
     uncovered = 0
     events: list[Sent | Received] = []
     for recording, against, shift in ((one, other, 0.0), (other, one, ahead_s)):
@@ -188,16 +190,44 @@ def _feed(meter: Meter, events: list[Sent | Received]) -> None:
 
 
 def _ahead(one: Recording, other: Recording) -> tuple[float, str]:
-    """By how much the second one's clock is ahead, as far as laying both side by side needs it; how that is known."""
+    """By how much the second one's clock is ahead, as far as laying both side by side needs it; how that is known.
+
+    Raises StationError where nothing tells it, and messages cannot be told apart without it.
+    """
     boots = {text(recording.said, "boot") for recording in (one, other)}
     if len(boots) == 1 and "" not in boots:
         return 0.0, ""
+    offsets = [_offset_ns(recording) for recording in (one, other)]
+    if offsets[0] is not None and offsets[1] is not None:
+        return (offsets[0] - offsets[1]) / 1e9, "both say how far they are off"
     there, back = _differences(one, other), _differences(other, one)
     if there and back:
         return (statistics.median(there) - statistics.median(back)) / 2, "half of what both ways differ by"
     if there:
         return statistics.median(there), "all that messages took is taken for it"
-    return (-statistics.median(back), "all that messages took is taken for it") if back else (0.0, "")
+    if back:
+        return -statistics.median(back), "all that messages took is taken for it"
+    if _have_in_common(one, other):
+        raise StationError(
+            f"{one.path}, {other.path}: their clocks are not known, and no message was sent only once that would tell "
+            "how far they are apart",
+            "record stations that know their time, or messages that differ, as --probe sends them",
+        )
+    return 0.0, "nothing tells it, for no message of one is in the other"
+
+
+def _offset_ns(one: Recording) -> float | None:
+    """Median of what a station said its clock is off by; None where it did not know."""
+    clocks = [event.clock for event in one.sent] + [event.clock for event in one.received]
+    known = [clock.offset_ns for clock in clocks if clock.offset_ns is not None]
+    return statistics.median(known) if known else None
+
+
+def _have_in_common(one: Recording, other: Recording) -> bool:
+    return any(
+        not {event.what.digest for event in sender.sent}.isdisjoint(heard.what.digest for heard in receiver.received)
+        for sender, receiver in ((one, other), (other, one))
+    )
 
 
 def _differences(one: Recording, other: Recording) -> list[float]:

@@ -233,15 +233,16 @@ def _spot(spot: Spot) -> dict[str, object]:
 
 def _notes(meter: Meter) -> Iterator[str]:
     wholes = [one.whole for one in meter.ways.values()]
-    if any(one.arrived > one.one_way_us.count for one in wholes):
+    repeats = sum(one.repeats for one in wholes)
+    if sum(one.arrived for one in wholes) > sum(one.one_way_us.count for one in wholes) + repeats:
         yield (
             "Of some messages there is no one-way delay: the clocks of both ends are not known well enough. A round "
             "trip needs one clock alone: --probe with --round-trip, and --reflect at the other end."
         )
-    if repeats := sum(one.repeats for one in wholes):
+    if repeats:
         yield (
-            f"{repeats} messages were repeats of one that was under way or lost: each was taken for the last one sent, "
-            "or for the first, where as many came as were sent."
+            f"{repeats} messages were copies of one of which several may have been under way at a time: they are "
+            "counted, and their delays are not told, for nobody knows which copy it was."
         )
     if strange := sum(one.counts[Fate.STRANGE] for one in wholes):
         yield f"{strange} messages were received that nobody metered was heard to send, or before it was heard."

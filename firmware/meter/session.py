@@ -41,14 +41,17 @@ class Session:
         """Take up a station. Raises StationError when it is not there."""
         self.watches.append(Watch(name, place, context, self.meter, self.line, self._delivered))
 
-    def begin(self) -> None:
-        """When all stations have joined, and what they said before was let go. Raises StationError."""
+    def begin(self, is_first: bool = False) -> None:
+        """When all stations have joined, and what they said before was let go. Raises StationError.
+
+        is_first  nothing has been sent until now.
+        """
         for watch in self.watches:
             watch.join()
         # What one has sent a moment ago may have come to another before that was heard.
         self._until(self.line() + CONFIRM_S, lambda: None, is_sending=False)
         for watch in self.watches:
-            watch.begin()
+            watch.begin(is_first)
 
     def run(self, for_s: float | None, idle: Callable[[], None]) -> None:
         """Until so many seconds are over, or all probes are sent; then until all is settled. Ctrl-C ends the first."""

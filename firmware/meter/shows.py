@@ -51,7 +51,7 @@ def _metered(link: Link, interval_s: float, more: str = "") -> Iterator[_Measure
         session = Session(Meter(interval_s, GRACE_S), line)
         for seat in made.seats:
             session.watch(seat.name, seat.place, context)
-        session.begin()
+        session.begin(is_first=True)
         yield _Measured(made, session, line())
 
 

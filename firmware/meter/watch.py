@@ -104,9 +104,11 @@ class Watch:
             )
         self.heard_s = self._line()
 
-    def begin(self) -> None:
-        """What leaves from now on is measured: whoever receives it is heard."""
+    def begin(self, is_first: bool = False) -> None:
+        """What leaves from now on is measured: whoever receives it is heard. is_first: nothing has left before."""
         self._is_measuring = True
+        if not is_first:
+            self._meter.hears(self.name, self._line())
 
     def take(self) -> None:
         """What has come by both."""

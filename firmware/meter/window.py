@@ -82,7 +82,7 @@ class Windows:
         if received.rssi_dbm is not None:
             window.rssi_dbm += received.rssi_dbm
             window.rssi_measured += 1
-        if one.sent is not None and (delay := one_way(one.sent, received)) is not None:
+        if one.sent is not None and not one.is_repeat and (delay := one_way(one.sent, received)) is not None:
             window.delay_us += delay.ns / 1000
             window.delay_longest_us = max(window.delay_longest_us, delay.ns / 1000)
             window.measured += 1

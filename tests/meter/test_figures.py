@@ -233,6 +233,13 @@ def test_interfaces_that_are_named_hear_each_other_both_ways() -> None:
     assert {str(way) for way in meter.ways} == {"A > B g5 > net", "B > A net > g5"}
 
 
+def test_interfaces_that_were_named_and_do_not_exist_are_told() -> None:
+    meter = Meter(named=[Ends(("Z", "g5"), ("B", "none")), Ends(("A", "g5"), ("B", "net"))])
+    meter.station("A", {"g5": "its-g5"})
+    meter.station("B", {"net": "udp"})
+    assert meter.strangers() == ["B:none", "Z:g5"]
+
+
 def test_a_round_trip_is_that_of_probes_alone() -> None:
     meter = Meter(grace_s=0.5, round_trips_of="A")
     meter.station("A", {"air": ""})

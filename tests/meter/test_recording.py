@@ -115,6 +115,33 @@ def test_a_long_recording_is_judged_on_the_way(tmp_path: Path, monkeypatch: pyte
     assert (both.sent, both.arrived) == (2000, 2000)
 
 
+CONSTANT_OUT = [(1, n * 0.1, Direction.OUT) for n in range(30)]
+CONSTANT_IN = [(1, n * 0.1 + 0.02, Direction.IN) for n in range(30)]
+
+
+@pytest.mark.parametrize("ahead_s", [100.0, 3.0])
+def test_two_unknown_clocks_and_one_pdu_again_and_again_cannot_be_laid_side_by_side(
+    tmp_path: Path, ahead_s: float
+) -> None:
+    with pytest.raises(StationError, match="their clocks are not known"):
+        measured(
+            recorded(tmp_path / "a", "one", CONSTANT_OUT, UNKNOWN),
+            recorded(tmp_path / "b", "other", CONSTANT_IN, UNKNOWN, ahead_s),
+        )
+
+
+@pytest.mark.parametrize("ahead_s", [100.0, 3.0])
+def test_two_known_clocks_can_whatever_was_sent(tmp_path: Path, ahead_s: float) -> None:
+    ahead: dict[str, Any] = GOOD | {"offset_ns": -round(ahead_s * 1e9)}
+    meter, laid = measured(
+        recorded(tmp_path / "a", "one", CONSTANT_OUT, GOOD),
+        recorded(tmp_path / "b", "other", CONSTANT_IN, ahead, ahead_s),
+    )
+    whole = meter.ways[WAY].whole
+    assert (whole.sent, whole.arrived, whole.lost, laid.uncovered) == (30, 30, 0, 0)
+    assert (whole.link_us.count, whole.repeats) == (0, 30)  # of what flowed before the recording nobody knows
+
+
 def test_plain_captures_are_taken_as_sent_and_received(tmp_path: Path) -> None:
     for name, frames in (("a", OUT), ("b", IN)):
         octets = b"".join(capture.record(frame(n), START_NS + round(at_s * 1e9)) for n, at_s, _ in frames)
