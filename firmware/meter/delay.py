@@ -1,7 +1,11 @@
 """How long a message was under way, only as well as the clocks of both ends know it."""
 
 from firmware.meter.event import Clock, Received, Sent
+from firmware.report import NEAR_S
 from pps.delay import Delay
+
+# A stamp of what left is made of two clocks that were read one after the other.
+READING_NS = round(NEAR_S * 1e9)
 
 
 def link(sent: Sent, received: Received) -> Delay | None:
@@ -32,9 +36,9 @@ def between_clocks(sender: Clock, receiver: Clock) -> Delay | None:
     Bounds are added: pps.delay.one_way says why.
     """
     if sender.boot and sender.boot == receiver.boot:
-        return Delay(0, 0)
+        return Delay(0, READING_NS)
     if sender.offset_ns is None or receiver.offset_ns is None:
         return None
     if sender.uncertainty_ns is None or receiver.uncertainty_ns is None:
         return None
-    return Delay(receiver.offset_ns - sender.offset_ns, sender.uncertainty_ns + receiver.uncertainty_ns)
+    return Delay(receiver.offset_ns - sender.offset_ns, sender.uncertainty_ns + receiver.uncertainty_ns + READING_NS)

@@ -94,9 +94,10 @@ def strength(rssi_dbm: float | None) -> str:
 
 def end_of(spots: Sequence[Mapping[str, Any]]) -> str:
     """Whose place tells more: sender or receiver. One that stands still tells nothing where the other one moves."""
-    if any(spot["receiver"] is None for spot in spots) or _extent(_metres(spots, "sender")) > STILL_M:
+    known = [spot for spot in spots if spot["receiver"] is not None]
+    if not known or _extent(_metres(spots, "sender")) > STILL_M:
         return "sender"
-    return "receiver" if _extent(_metres(spots, "receiver")) > STILL_M else "sender"
+    return "receiver" if _extent(_metres(known, "receiver")) > STILL_M else "sender"
 
 
 def _metres(spots: Sequence[Mapping[str, Any]], end: str) -> list[tuple[float, float]]:
@@ -113,7 +114,9 @@ def mapped(spots: Sequence[Mapping[str, Any]]) -> str:
     """SVG of where messages were sent: north is up, a scale below, no tiles; empty of nothing."""
     if not spots:
         return ""
-    points = _metres(spots, end_of(spots))
+    end = end_of(spots)
+    spots = [spot for spot in spots if spot[end] is not None]
+    points = _metres(spots, end)
     west, south = (min(point[axis] for point in points) for axis in (0, 1))
     east, north = (max(point[axis] for point in points) for axis in (0, 1))
     metres = max(east - west, (north - south) * MAP_WIDTH / MAP_HEIGHT, 20.0) * 1.12

@@ -65,17 +65,17 @@ def test_nothing_has_no_mean() -> None:
 # -- delays
 
 
-def test_a_delay_of_one_clock_is_as_uncertain_as_the_moment_of_leaving() -> None:
+def test_a_delay_of_one_clock_is_as_uncertain_as_the_moment_of_leaving_and_its_reading() -> None:
     event = Sent("A", "air", what(1), START_NS, 300_000, 40_000, ONE_CLOCK, 0.0)
     heard = Received("B", "air", what(1), START_NS + 1_000_000, ONE_CLOCK, 0.0)
-    assert link(event, heard) == (680_000, 20_000)
-    assert one_way(event, heard) == (1_000_000, 0)
+    assert link(event, heard) == (680_000, 30_000)
+    assert one_way(event, heard) == (1_000_000, 10_000)
 
 
 def test_a_delay_between_two_clocks_has_the_uncertainties_of_both() -> None:
     event = Sent("A", "air", what(1), START_NS, 0, 0, Clock("a", 5_000, 1_000), 0.0)
     heard = Received("B", "air", what(1), START_NS + 1_000_000, Clock("b", -2_000, 700), 0.0)
-    assert one_way(event, heard) == (1_000_000 - 5_000 - 2_000, 1_700)
+    assert one_way(event, heard) == (1_000_000 - 5_000 - 2_000, 11_700)
 
 
 @pytest.mark.parametrize("clock", [NO_CLOCK, Clock("b"), Clock("b", 0, None)])

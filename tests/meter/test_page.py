@@ -12,7 +12,7 @@ import pytest
 from board.errors import StationError
 from drivers.message import Position
 from firmware.meter import page
-from firmware.meter.drawing import drawn, end_of, strength, ticks
+from firmware.meter.drawing import drawn, end_of, mapped, strength, ticks
 from firmware.meter.event import Received, Sent
 from firmware.meter.meter import Meter
 from firmware.meter.plot import Plot, Series, plots
@@ -189,6 +189,13 @@ def test_a_map_is_of_the_end_that_moves() -> None:
     assert end_of(spots(0.01, 0.01)) == "sender"
     assert end_of(spots(0.0, 0.0)) == "sender"
     assert end_of(spots(0.0, None)) == "sender"
+    assert end_of([*spots(0.0, 0.01), *spots(0.0, None)]) == "receiver"
+    assert (
+        mapped([spot | {"is_lost": False, "rssi_dbm": None} for spot in (*spots(0.0, 0.01), *spots(0.0, None))]).count(
+            "<circle"
+        )
+        == 3
+    )
 
 
 def test_a_strength_has_a_colour_and_none_is_grey() -> None:

@@ -74,7 +74,7 @@ def test_two_clocks_that_are_known_give_delays(tmp_path: Path) -> None:
     meter, _ = measured(recorded(tmp_path / "a", "one", OUT, GOOD), recorded(tmp_path / "b", "other", IN, GOOD))
     whole = meter.ways[WAY].whole
     assert whole.link_us.quantiles(0.5) == [4025.0]
-    assert whole.doubt_us.quantiles(0.5) == [27.0]  # half of 50 us to leave, and 1 us of each clock
+    assert whole.doubt_us.quantiles(0.5) == [37.0]  # half of 50 us to leave, 1 us of each clock, 10 us to read them
 
 
 def test_what_was_sent_while_the_other_end_was_not_recorded_is_not_counted(tmp_path: Path) -> None:
