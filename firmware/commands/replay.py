@@ -120,6 +120,8 @@ def main(arguments: argparse.Namespace) -> int:
     what = arguments.what or ["-"]
     if "-" in what and arguments.loop != 1:
         raise UsageError("--loop: standard input is read once", "name a file")
+    if arguments.to_s is not None and arguments.to_s <= arguments.from_s:
+        raise UsageError(f"--to {arguments.to_s:g} is not after --from {arguments.from_s:g}", "both are seconds")
     is_link = arguments.udp is not None or arguments.ethernet is not None
     choice = Choice(arguments.direction, frozenset(arguments.interface), has_dropped=is_link)
     source = Source(arguments.form, choice, io.BytesIO() if sys.stdin is None else sys.stdin.buffer)

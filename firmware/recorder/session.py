@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 
+from board.errors import StationError
 from firmware.recorder.ending import Ending
 from firmware.recorder.hearing import Hearing, say
 from firmware.recorder.sinks import Keeper, Sink
@@ -44,6 +45,8 @@ def record(place: client.Address, wish: Wish, make: Callable[[], Sink], name: st
         finally:
             sink.close()
             say(f"{name}: {sink.scribe.frames} frames, {sink.scribe.lost} lost")
+        if not hearing.is_heard:
+            raise StationError(f"no station was heard at {place.host}:{place.report}", client.START_ONE)
     return 0
 
 

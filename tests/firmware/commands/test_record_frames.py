@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -110,6 +111,14 @@ def test_what_cannot_be_written_is_told_with_a_remedy(tmp_path, capsys, options,
 def test_without_a_station_no_file_is_left(tmp_path, capsys):
     assert cli.main(["record", "--pcapng", str(tmp_path / "a"), "--station", "127.0.0.1:9"]) == 1
     assert "no station answers at 127.0.0.1:12" in capsys.readouterr().err
+    assert not (tmp_path / "a").exists()
+
+
+def test_a_duration_without_a_station_is_no_recording(tmp_path, capsys):
+    with socket.create_server(("127.0.0.1", 0)) as mute:
+        at = ["--station", "127.0.0.1:9", "--report", str(mute.getsockname()[1])]
+        assert cli.main(["record", "--pcapng", str(tmp_path / "a"), *at, "--duration", "0.3"]) == 1
+    assert "no station was heard at 127.0.0.1:" in capsys.readouterr().err
     assert not (tmp_path / "a").exists()
 
 

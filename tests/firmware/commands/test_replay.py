@@ -73,6 +73,11 @@ def test_what_cannot_be_read_is_told_in_lines_with_the_option_of_this_command(tm
     assert "--from" not in told
 
 
+def test_an_end_before_the_beginning_is_refused(drive, capsys):
+    assert cli.main(["replay", drive[0], "--udp", "127.0.0.1:9", "--from", "5", "--to", "2"]) == 2
+    assert "--to 2 is not after --from 5" in capsys.readouterr().err
+
+
 def test_a_refusal_of_the_station_is_told_and_makes_it_fail(drive, capsys):
     with FakeStation(answer=refused) as station:
         assert cli.main(["replay", drive[0], *station.options, "--rate", "0"]) == 1
