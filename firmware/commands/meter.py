@@ -220,6 +220,10 @@ def _check_ends(meter: Meter) -> None:
 
 def _prober(arguments: argparse.Namespace, context: client.Context, watches: Sequence[Watch]) -> Prober:
     watch = next(one for one in watches if arguments.sender in (None, one.name))
+    known = within(watch.status, "interfaces")
+    if strange := [name for name in arguments.interface or () if name not in known]:
+        one_of = f"one of {', '.join(known)}"
+        raise UsageError(f"--interface: {watch.name} has no {', '.join(strange)}", one_of)
     here = within(watch.status, "position")
     place = None
     if text(here, "source"):
@@ -244,6 +248,9 @@ def _about(session: Session, began_s: float) -> About:
             f"{prober.count} probes ({prober.probes.kind}, {prober.probes.octets} octets, {prober.rate:g} a second) "
             f"were sent by {prober.name}: their stationID is {PROBES}"
         )
+        watch = next(one for one in session.watches if one.name == prober.name)
+        if session.ended_s is not None and not watch.own.is_over(prober.count):
+            notes.append(f"{prober.name} did not say of all probes what became of them: are its ports of one station?")
     stations = {watch.name: watch.told() for watch in session.watches}
     return About("link meter", "over the network", began_s, ended_s - began_s, stations, tuple(notes))
 

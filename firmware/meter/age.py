@@ -54,8 +54,15 @@ class Age:
         self.peaks.add(age_s + elapsed_s)
         self._freshest_ns, self._until_ns = made_ns, received_ns
 
+    def mean_s(self, open_s: float = 0.0) -> float | None:
+        """Over the time from the first reception to so long after the last; None where that is none."""
+        elapsed_s = (self._until_ns - self._since_ns) / 1e9 + open_s
+        age_s = self.last_s
+        if elapsed_s <= 0 or age_s is None:
+            return None
+        return (self._area_s2 + open_s * (age_s + open_s / 2)) / elapsed_s
+
     @property
-    def mean_s(self) -> float | None:
-        """Over the time from the first reception to the last; None where that is none."""
-        elapsed_s = (self._until_ns - self._since_ns) / 1e9
-        return self._area_s2 / elapsed_s if elapsed_s > 0 else None
+    def last_s(self) -> float | None:
+        """At the last reception of something fresher."""
+        return None if self._freshest_ns is None else (self._until_ns - self._freshest_ns) / 1e9

@@ -38,6 +38,7 @@ class Sent(NamedTuple):
     accepted_ns  Unix time by the station's clock, when it took it from its user; queue_ns later its driver had it,
                  send_ns after that it had left.
     at_s         the same moment on the one time line of all stations that is metered: no exact one.
+    is_probe     it is one of this meter's own.
     """
 
     station: str
@@ -48,6 +49,7 @@ class Sent(NamedTuple):
     send_ns: int
     clock: Clock
     at_s: float
+    is_probe: bool = False
 
     @property
     def handed_ns(self) -> int:

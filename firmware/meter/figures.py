@@ -1,5 +1,6 @@
 """What is counted and measured of messages: of one way, of one type of one station on it, or of all together."""
 
+import math
 from collections import Counter
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -33,6 +34,12 @@ class Figures:
         self.rssi_dbm = Sample(most)
         self.gaps = Gaps(most)
         self.age = Age(most)
+        self._sent_s = self._came_s = -math.inf  # when the last was sent, and the last of those that came
+
+    @property
+    def open_s(self) -> float:
+        """How long, at the end, messages were sent and nothing came: a gap that nothing has ended."""
+        return max(0.0, self._sent_s - self._came_s) if math.isfinite(self._came_s) else 0.0
 
     @property
     def sent(self) -> int:
@@ -62,12 +69,15 @@ class Figures:
             self.octets += one.sent.what.octets
             self.queue_us.add(one.sent.queue_ns / 1000)
             self.send_us.add(one.sent.send_ns / 1000)
+        if one.sent is not None and one.fate is not Fate.UNSEEN:
+            self._sent_s = max(self._sent_s, one.sent.at_s)
         received = one.received
         if received is None or one.fate not in (Fate.ARRIVED, Fate.LATE):
             return
         self.reordered += one.is_reordered
         self.repeats += one.is_repeat
         self.gaps.add(received.received_ns)
+        self._came_s = max(self._came_s, received.at_s)
         if received.rssi_dbm is not None:
             self.rssi_dbm.add(received.rssi_dbm)
         if one.sent is None or one.is_repeat or (delay := one_way(one.sent, received)) is None:

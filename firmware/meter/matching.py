@@ -49,7 +49,7 @@ class Fate(Enum):
 
     ARRIVED = "arrived"
     LOST = "lost"
-    LATE = "late"  # it arrived after it was taken for lost
+    LATE = "late"  # it arrived, and was under way for longer than the grace
     UNSEEN = "unseen"  # it did not arrive as far as the meter has heard, and the meter has not heard all
     DUPLICATE = "duplicate"  # received once more than it was sent
     STRANGE = "strange"  # received, and not sent on this way as far as the meter has heard
@@ -133,7 +133,8 @@ class Matching:
         for stray in self._strays.of(digest):  # its station was silent, and it was received long ago
             if _plausible([out], stray):
                 self._strays.take(digest, stray)
-                self._corrected.append(Settled(self.way, Fate.ARRIVED, event, stray, copy, was=Fate.STRANGE))
+                fate = self._fate(event, stray, is_repeat=False)
+                self._corrected.append(Settled(self.way, fate, event, stray, copy, was=Fate.STRANGE))
                 return
         self._outs.append(out)
         self._open.setdefault(digest, []).append(out)
@@ -175,17 +176,25 @@ class Matching:
             is_repeat = self._is_guess(digest, len(candidates) > 1, received.at_s)
             is_reordered = out.number < self._highest and not is_repeat and self._copies.get(digest, 1) == 1
             self._highest = max(self._highest, out.number)
-            return Settled(self.way, Fate.ARRIVED, out.sent, received, out.copy, is_reordered, is_repeat)
+            fate = self._fate(out.sent, received, is_repeat)
+            return Settled(self.way, fate, out.sent, received, out.copy, is_reordered, is_repeat)
         for out in self._missing.of(digest):
             if _plausible([out], received):
                 self._missing.take(digest, out)
-                fate = Fate.LATE if out.fate is Fate.LOST else Fate.ARRIVED
                 is_repeat = self._copies.get(digest, 1) > 1
-                return Settled(self.way, fate, out.sent, received, out.copy, is_repeat=is_repeat, was=out.fate)
+                is_reordered = out.number < self._highest and not is_repeat
+                fate = self._fate(out.sent, received, is_repeat)
+                return Settled(self.way, fate, out.sent, received, out.copy, is_reordered, is_repeat, out.fate)
         if digest in self._copies:
             return Settled(self.way, Fate.DUPLICATE, None, received)
         self._strays.add(digest, received, received.at_s)
         return Settled(self.way, Fate.STRANGE, None, received)
+
+    def _fate(self, sent: Sent, received: Received, is_repeat: bool) -> Fate:
+        """In time or late: by clocks where they tell it, else by when both were heard of."""
+        delay = None if is_repeat else link_delay(sent, received)
+        took_s = received.at_s - sent.at_s if delay is None else delay.ns / 1e9
+        return Fate.LATE if took_s > self.grace_s else Fate.ARRIVED
 
     def _is_guess(self, digest: str, is_one: bool, at_s: float) -> bool:
         """Whether it is not known which copy it is: now, or since some time without a pause.

@@ -55,6 +55,10 @@ class Meter:
         self._from: dict[tuple[str, str], list[Matching]] = {}
         self._into: dict[tuple[str, str], list[Matching]] = {}
 
+    @property
+    def stations(self) -> list[str]:
+        return list(self._stations)
+
     def strangers(self) -> list[str]:
         """Interfaces that were named and that no station has."""
         ends = {end for pair in self._named for end in pair}
@@ -87,7 +91,7 @@ class Meter:
     def sent(self, event: Sent) -> None:
         self.inside.sent(event)
         for matching in self._from.get((event.station, event.interface), ()):
-            if not matching.way.is_round_trip or event.what.station_id == PROBES:
+            if not matching.way.is_round_trip or event.is_probe:
                 matching.sent(event)
 
     def received(self, event: Received) -> None:

@@ -4,7 +4,7 @@ from collections import OrderedDict
 from typing import NamedTuple
 
 from firmware.meter.delay import one_way
-from firmware.meter.matching import Fate, Settled, Way
+from firmware.meter.matching import LATEST_S, Fate, Settled, Way
 from firmware.meter.sample import Sample
 
 # Messages of which not all ways are known: some seconds of four interfaces with a full channel each.
@@ -68,7 +68,7 @@ class Both:
 
 
 class Paths:
-    """Takes fates of all ways; a message is judged when nothing more can be heard of it.
+    """Takes fates of all ways; a message is judged when nothing more is expected of it, and again if that was wrong.
 
     hold_s  how long after its first word.
     """
@@ -76,52 +76,88 @@ class Paths:
     def __init__(self, hold_s: float) -> None:
         self.both: dict[Between, Both] = {}
         self._hold_s = hold_s
-        self._open: OrderedDict[_Copy, tuple[float, list[Settled]]] = OrderedDict()
+        self._open: OrderedDict[_Copy, _Kept] = OrderedDict()
+        self._lossy: OrderedDict[_Copy, _Kept] = OrderedDict()  # judged, and one way has not brought it
 
     def add(self, one: Settled, now_s: float) -> None:
-        if one.sent is None or one.fate is Fate.UNSEEN or one.was is not None or one.way.is_round_trip:
+        if one.sent is None or one.fate is Fate.UNSEEN or one.way.is_round_trip:
             return
         key = _Copy(Between(one.way.sender, one.way.receiver), one.sent.what.digest, one.copy)
-        self._open.setdefault(key, (now_s, []))[1].append(one)
+        if one.was is Fate.LOST and key not in self._open:
+            self._correct(key, one)
+            return
+        kept = self._open.setdefault(key, _Kept(now_s, {}))
+        kept.ways[one.way] = one
         if len(self._open) > MOST_OPEN:
             self._judge(*self._open.popitem(last=False))
 
     def settle(self, now_s: float) -> None:
-        while self._open:
-            key, kept = next(iter(self._open.items()))
-            if kept[0] + self._hold_s > now_s:
-                return
-            del self._open[key]
-            self._judge(key, kept)
+        while self._open and next(iter(self._open.values())).since_s + self._hold_s <= now_s:
+            self._judge(*self._open.popitem(last=False))
+        while self._lossy and next(iter(self._lossy.values())).since_s + LATEST_S < now_s:
+            self._lossy.popitem(last=False)
 
-    def _judge(self, key: _Copy, kept: tuple[float, list[Settled]]) -> None:
-        ways = kept[1]
-        if len(ways) < 2:
+    def _judge(self, key: _Copy, kept: "_Kept") -> None:
+        if len(kept.ways) < 2:
             return
         both = self.both.setdefault(key.between, Both())
         both.sent += 1
-        came = sorted(
-            (one for one in ways if one.received is not None),
-            key=lambda one: one.received.received_ns,  # type: ignore[union-attr]
-        )
-        for one in ways:
+        came = kept.came()
+        for one in kept.ways.values():
             figures = both.ways.setdefault(one.way, PathFigures())
             figures.sent += 1
             if one.received is not None:
                 figures.arrived += 1
                 _note(figures.one_way_us, one)
-        if not came:
+        if len(came) < len(kept.ways):
+            self._lossy[key] = kept
+            if len(self._lossy) > MOST_OPEN:
+                self._lossy.popitem(last=False)
+        if came:
+            both.arrived += 1
+            _note(both.one_way_us, came[0])
+            _first(both, came, 1)
+
+    def _correct(self, key: _Copy, one: Settled) -> None:
+        """One of the ways has brought it after all."""
+        kept = self._lossy.get(key)
+        if kept is None:
             return
-        both.arrived += 1
-        _note(both.one_way_us, came[0])
-        first = both.ways[came[0].way]
-        if len(came) == 1:
-            first.alone += 1
-            return
-        first.first += 1
-        assert came[0].received is not None
-        assert came[1].received is not None
-        first.lead_us.add((came[1].received.received_ns - came[0].received.received_ns) / 1000)
+        both, before = self.both[key.between], kept.came()
+        kept.ways[one.way] = one
+        both.ways[one.way].arrived += 1
+        _note(both.ways[one.way].one_way_us, one)
+        if before:
+            _first(both, before, -1)
+        else:
+            both.arrived += 1
+            _note(both.one_way_us, one)
+        _first(both, kept.came(), 1)
+
+
+class _Kept(NamedTuple):
+    """A message, since when it is known, and its fate by each way."""
+
+    since_s: float
+    ways: dict[Way, Settled]
+
+    def came(self) -> list[Settled]:
+        """Those by which it came, the first one first."""
+        found = [(one.received.received_ns, one) for one in self.ways.values() if one.received is not None]
+        return [one for _, one in sorted(found, key=lambda pair: pair[0])]
+
+
+def _first(both: Both, came: list[Settled], step: int) -> None:
+    """Count, or take back, who was first or alone; the lead of one that was is kept."""
+    figures = both.ways[came[0].way]
+    if len(came) == 1:
+        figures.alone += step
+        return
+    figures.first += step
+    assert came[0].received is not None
+    assert came[1].received is not None
+    if step > 0:
+        figures.lead_us.add((came[1].received.received_ns - came[0].received.received_ns) / 1000)
 
 
 def _note(sample: Sample, one: Settled) -> None:

@@ -1,6 +1,7 @@
 """Messages of the meter's own: of a type and a size, well-formed, each another; their stationID says what they are."""
 
 import json
+import secrets
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -46,7 +47,7 @@ class Probes:
         self._message = library.find(name)
         if kind == "cam":
             _put(self._base, place)
-        self._count = 0
+        self._count = secrets.randbelow(MOST_ALTITUDES)  # two meters' are not the same
         self._trace = 0
         self._last_ms = -1
         if octets is not None:

@@ -58,7 +58,7 @@ class Prober:
         self._options = dict(options)
         self._most = most
         self._due_s: float | None = None
-        self._open: OrderedDict[str, int] = OrderedDict()
+        self._open: OrderedDict[str, tuple[int, set[str]]] = OrderedDict()  # when, and who has had it
 
     @property
     def is_over(self) -> bool:
@@ -77,7 +77,7 @@ class Prober:
             raise StationError(f"station {self.name} takes no more after {self.count} probes", "see `captain status`")
         self.count += 1
         wishes = json.dumps({**self._options, "label": f"{LABEL}/{self.count}"}).encode()
-        self._open[digest_of(pdu)] = now_ns()
+        self._open[digest_of(pdu)] = now_ns(), set()
         if len(self._open) > MOST_OPEN:
             self._open.popitem(last=False)
         self._pusher.send_multipart([b"v2x.%s." % self.probes.kind.encode(), pdu, wishes], zmq.DONTWAIT)
@@ -85,9 +85,10 @@ class Prober:
         self._due_s = max(due_s, now_s - CATCH_UP_S)
 
     def delivered(self, station: str, digest: str, now_ns: int) -> None:
-        """A user of a station has had a message: a probe, or none."""
-        began_ns = self._open.get(digest)
-        if began_ns is not None:
+        """A user of a station has had a message: a probe for the first time, or another, or none."""
+        began_ns, had = self._open.get(digest, (0, {station}))
+        if station not in had:
+            had.add(station)
             self.trips_us.setdefault(Trip(self.name, station), Sample()).add((now_ns - began_ns) / 1000)
 
 

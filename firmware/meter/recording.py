@@ -33,6 +33,7 @@ class Recording(NamedTuple):
     not_sent        by interface and reason.
     said            what it says of itself: station, version, configuration.
     is_plain        frames do not say which way they went.
+    is_cut          it ends within a frame, as after a cut of the power.
     """
 
     name: str
@@ -45,6 +46,7 @@ class Recording(NamedTuple):
     not_sent: list[tuple[str, str]]
     said: Mapping[str, object]
     is_plain: bool
+    is_cut: bool
     places: dict[str, Position]
 
 
@@ -70,13 +72,14 @@ class _Reading:
         self._path = path
         self._name = name
         self._is_first = is_first
-        self._made = Recording(name, path, [], [], {}, (0.0, 0.0), 0, [], {}, False, {})
+        self._is_cut = False
+        self._made = Recording(name, path, [], [], {}, (0.0, 0.0), 0, [], {}, False, False, {})
         self._types = Topics().by_number
 
     def all(self, frames: Iterator[capture.Frame]) -> Recording:
         moments: list[float] = []
         missed, is_plain, said = 0, False, self._made.said
-        for frame in frames:
+        for frame in self._whole(frames):
             if frame.when_ns is None:
                 continue
             moments.append(frame.when_ns / 1e9)
@@ -88,7 +91,19 @@ class _Reading:
             if frame.number >= MOST_FRAMES:
                 raise StationError(f"{self._path}: more than {MOST_FRAMES} frames", "cut it: `editcap -c`")
         span = (min(moments), max(moments)) if moments else (0.0, 0.0)
-        return self._made._replace(span=span, missed=missed, is_plain=is_plain, said=said)
+        return self._made._replace(span=span, missed=missed, is_plain=is_plain, is_cut=self._is_cut, said=said)
+
+    def _whole(self, frames: Iterator[capture.Frame]) -> Iterator[capture.Frame]:
+        """Those before it ends within one. Raises ProtocolError where there is none."""
+        has_one = False
+        try:
+            for frame in frames:
+                yield frame
+                has_one = True
+        except ProtocolError:
+            if not has_one:
+                raise
+            self._is_cut = True
 
     def _take(self, frame: capture.Frame, boot: str) -> None:
         what = self._what(frame)
@@ -132,6 +147,12 @@ def _sent(name: str, interface: str, what: What, frame: capture.Frame, clock: Cl
     return Sent(name, interface, what, accepted_ns, queue_ns, send_ns, clock, frame.when_ns / 1e9)
 
 
+def _who(one: Recording) -> tuple[str, float] | None:
+    """Boot and process of a station; None where the file does not say it."""
+    boot, pid = text(one.said, "boot"), number(one.said, "pid")
+    return (boot, pid) if boot and pid else None
+
+
 class Laid(NamedTuple):
     """What came of laying recordings on one time line: sent messages that the other one does not cover; notes."""
 
@@ -140,7 +161,12 @@ class Laid(NamedTuple):
 
 
 def measure(meter: Meter, one: Recording, other: Recording) -> Laid:
-    """Two recordings into a meter, and everything settled."""
+    """Two recordings into a meter, and everything settled.
+
+    Raises StationError where they are of one station, or cannot be laid side by side.
+    """
+    if one.path.samefile(other.path) or (_who(one) is not None and _who(one) == _who(other)):
+        raise StationError(f"{one.path} and {other.path} are of one station", "name a recording of each end")
     ahead_s, how = _ahead(one, other)
     notes = [f"{other.name}'s clock is taken to be {ahead_s:+.6f} s from {one.name}'s: {how}"] if how else []
     for name, recording in ((one.name, one), (other.name, other)):
@@ -153,6 +179,12 @@ def measure(meter: Meter, one: Recording, other: Recording) -> Laid:
             meter.inside.not_sent(name, interface, reason)
         for digest, place in recording.places.items():
             meter.spots.place(digest, place)
+    if not any(way.sender != way.receiver for way in meter.ways):
+        raise StationError(
+            f"no interface of {one.path} ({', '.join(one.interfaces) or 'it has none'}) is known to hear one of "
+            f"{other.path} ({', '.join(other.interfaces) or 'it has none'})",
+            f"--between {one.name}:INTERFACE={other.name}:INTERFACE says which do",
+        )
     meter.hears(one.name, one.span[0])
     meter.hears(other.name, other.span[0] - ahead_s)
     uncovered = 0
@@ -244,6 +276,8 @@ def told_of(one: Recording) -> dict[str, object]:
     notes = []
     if one.is_plain:
         notes.append("frames do not say which way they went: the first file's count as sent, the second's as received")
+    if one.is_cut:
+        notes.append("it ends within a frame, as after a cut of the power: what is before is measured")
     return {
         "where": str(one.path),
         "station": text(said, "station"),

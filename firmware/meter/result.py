@@ -73,7 +73,7 @@ def figures(one: Figures, is_glance: bool = False) -> dict[str, object]:
 
     return {
         "sent": one.sent,
-        "arrived": counts[Fate.ARRIVED],
+        "arrived": one.arrived,
         "lost": one.lost,
         "late": counts[Fate.LATE],
         "unseen": counts[Fate.UNSEEN],
@@ -88,10 +88,22 @@ def figures(one: Figures, is_glance: bool = False) -> dict[str, object]:
         "doubt_us": measure(one.doubt_us),
         "queue_us": measure(one.queue_us),
         "send_us": measure(one.send_us),
-        "gap_s": measure(one.gaps.gaps, 6),
-        "age_s": {"mean": _rounded(one.age.mean_s, 6), "peak": measure(one.age.peaks, 6)},
+        "gap_s": _with_open(measure(one.gaps.gaps, 6), one.open_s),
+        "age_s": {
+            "mean": _rounded(one.age.mean_s(one.open_s), 6),
+            "peak": _with_open(measure(one.age.peaks, 6), one.open_s, one.age.last_s or 0.0),
+        },
         "rssi_dbm": measure(one.rssi_dbm),
     }
+
+
+def _with_open(told: dict[str, object] | None, open_s: float, before_s: float = 0.0) -> dict[str, object] | None:
+    """With what went on at the end, and nothing has ended: the longest one is at least that."""
+    if told is None:
+        return None
+    most = told["most"]
+    assert isinstance(most, float | int)
+    return told | {"open": round(open_s, 6), "most": round(max(most, open_s + before_s), 6)} if open_s else told
 
 
 def measured(sample: Sample, digits: int = 1, most: int = MOST) -> dict[str, object] | None:
@@ -233,6 +245,11 @@ def _spot(spot: Spot) -> dict[str, object]:
 
 def _notes(meter: Meter) -> Iterator[str]:
     wholes = [one.whole for one in meter.ways.values()]
+    ways = [way for way in meter.ways if not way.is_round_trip]
+    if len(meter.stations) > 1 and not ways:
+        yield "No interface of one station is known to hear one of another: --between A:g5=B:air says which do."
+    elif not any(one.sent for one in wholes):
+        yield "No message left a station that is metered."
     repeats = sum(one.repeats for one in wholes)
     if sum(one.arrived for one in wholes) > sum(one.one_way_us.count for one in wholes) + repeats:
         yield (

@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 
+from board.errors import StationError
 from firmware.meter.meter import Meter
 from firmware.meter.prober import Prober
 from firmware.meter.watch import Watch, registered
@@ -48,10 +49,20 @@ class Session:
         """
         for watch in self.watches:
             watch.join()
+        self._check_others()
         # What one has sent a moment ago may have come to another before that was heard.
         self._until(self.line() + CONFIRM_S, lambda: None, is_sending=False)
         for watch in self.watches:
             watch.begin(is_first)
+
+    def _check_others(self) -> None:
+        """Raise StationError where two of them are one and the same."""
+        known: dict[tuple[object, object], str] = {}
+        for watch in self.watches:
+            key = watch.status.get("boot"), watch.status.get("pid")
+            if key in known and watch.boot:
+                raise StationError(f"{known[key]} and {watch.name} are the same station", "name another with --at")
+            known[key] = watch.name
 
     def run(self, for_s: float | None, idle: Callable[[], None]) -> None:
         """Until so many seconds are over, or all probes are sent; then until all is settled. Ctrl-C ends the first."""

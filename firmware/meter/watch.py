@@ -1,6 +1,7 @@
 """One station that is metered: its reports and what its users get, over the network, into the meter."""
 
 import math
+import os
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
@@ -24,7 +25,9 @@ REPORTS = ("confirm.", "indication.", "status.")
 BEAT_S = 1.2
 SILENT_S = 3.5
 JOIN_MS = 50
-LABEL = "captain-meter"  # of the confirms of the meter's own messages; each adds its number
+# Of the confirms of this meter's own messages; each adds its number.
+LABEL = f"captain-meter-{os.getpid()}-{time.time_ns():x}"
+PLAIN = 20  # messages after which it is plain that two sockets are not of one station
 MOST_SECONDS = 7200  # of a clock's quality
 
 
@@ -71,6 +74,7 @@ class Watch:
         self._sequences: dict[str, int] = {}
         self._is_measuring = False
         self._has_beat = False
+        self._given = self._got = 0  # messages to users: before, and that came here since
         self._own_boot = boot_id()
 
     @property
@@ -107,6 +111,7 @@ class Watch:
     def begin(self, is_first: bool = False) -> None:
         """What leaves from now on is measured: whoever receives it is heard. is_first: nothing has left before."""
         self._is_measuring = True
+        self._given, self._got = round(number(within(self.status, "endpoint"), "published")), 0
         if not is_first:
             self._meter.hears(self.name, self._line())
 
@@ -117,6 +122,7 @@ class Watch:
             self._has_beat = True
             message = self._pairing.feed(frames)
             if message is not None:
+                self._got += 1
                 self._to_user(message, now_ns)
         for frames in client.waiting(self.reports):
             report = client.parse_report(frames)
@@ -152,6 +158,14 @@ class Watch:
                 f"{self.missed_indications} indications and {self.missed_confirms} confirms were not heard: "
                 "the report port or this meter did not keep up; nothing of that is counted as lost"
             )
+        given = round(number(within(self.status, "endpoint"), "published")) - self._given
+        if max(given, self._got) >= PLAIN and min(given, self._got) == 0:
+            yield (
+                f"its users were given {given} messages, and {self._got} came here by "
+                f"{self.place.host}:{self.place.to_users}: its ports are not all of one station"
+            )
+        if (silent_s := self._line() - self.heard_s) > SILENT_S:
+            yield f"it has not been heard for {silent_s:.1f} s, at the end: what was sent meanwhile is unseen"
         if self.silent_s:
             yield f"it was silent for {self.silent_s:.1f} s: what was sent meanwhile is unseen"
         if self.restarts:
@@ -188,7 +202,7 @@ class Watch:
             return
         event = told.sent(self.name, said, self.boot, now_s)
         if event is not None:
-            self._meter.sent(event)
+            self._meter.sent(event._replace(is_probe=text(said, "label").startswith(LABEL)))
         elif text(said, "outcome") in ("dropped", "refused"):
             self._meter.inside.not_sent(self.name, text(said, "interface"), text(said, "reason"))
 

@@ -21,6 +21,7 @@ from firmware.meter.figures import OTHERS, Figures, Rows
 from firmware.meter.matching import Fate
 from firmware.meter.meter import Ends, Meter
 from firmware.meter.place import place_of
+from firmware.meter.result import figures as figures_of
 from firmware.meter.sample import Sample
 from firmware.meter.spots import Spots
 from firmware.meter.window import Windows
@@ -99,7 +100,7 @@ def test_age_grows_until_something_fresher_comes() -> None:
         age.add(made * S + S // 10, S // 10)
     assert list(age.peaks.values()) == [1.1, 2.1, 1.1]
     # The mean of a saw-tooth: (0.6 * 1 + 1.1 * 2 + 0.6 * 1) / 4
-    assert age.mean_s == pytest.approx(0.85)
+    assert age.mean_s() == pytest.approx(0.85)
 
 
 def test_what_is_older_than_what_is_known_makes_nothing_fresher() -> None:
@@ -111,6 +112,21 @@ def test_what_is_older_than_what_is_known_makes_nothing_fresher() -> None:
 
 
 # -- figures, rows, windows
+
+
+def test_what_nothing_has_ended_counts_as_a_gap_and_makes_age() -> None:
+    """Each 0.1 s for 10 s, and the link is dead for the last 6."""
+    meter = Meter(grace_s=0.5)
+    for name in "AB":
+        meter.station(name, {"air": ""})
+    events = [*(sent(n, n * 0.1) for n in range(100)), *(received(n, n * 0.1 + 0.01) for n in range(40))]
+    metered(*events, meter=meter)
+    (whole,) = (one.whole for one in meter.ways.values() if one.whole.sent)
+    assert whole.open_s == pytest.approx(9.9 - 3.91)
+    told = figures_of(whole)
+    assert told["gap_s"]["most"] == pytest.approx(5.99)  # type: ignore[index]
+    assert told["age_s"]["peak"]["most"] == pytest.approx(6.0)  # type: ignore[index]
+    assert told["age_s"]["mean"] > 1.8  # type: ignore[index]
 
 
 def test_figures_count_fates_and_measure_what_arrived() -> None:
@@ -211,6 +227,25 @@ def test_of_two_ways_it_is_known_which_was_first_and_what_both_gain() -> None:
     assert figures["g5"].lead_us.mean == pytest.approx(26_000, abs=1)
 
 
+def test_what_comes_late_by_one_way_corrects_who_was_alone() -> None:
+    """v2n takes 2.5 s and more than the grace; g5 loses every third."""
+    meter = Meter(grace_s=0.5)
+    meter.station("A", BOTH)
+    meter.station("B", BOTH)
+    metered(
+        *(sent(n, n * 0.1, by=by) for n in range(30) for by in BOTH),
+        *(received(n, n * 0.1 + 0.004, by="g5") for n in range(30) if n % 3),
+        *(received(n, n * 0.1 + 2.5, by="v2n") for n in range(30)),
+        meter=meter,
+    )
+    ((_, both),) = meter.paths.both.items()
+    figures = {way.out: one for way, one in both.ways.items()}
+    assert (both.sent, both.arrived, figures["g5"].arrived, figures["v2n"].arrived) == (30, 30, 20, 30)
+    assert [(one.first, one.alone) for one in figures.values()] == [(20, 0), (0, 10)]
+    whole = next(one.whole for way, one in meter.ways.items() if (way.sender, way.out) == ("A", "v2n"))
+    assert (whole.counts[Fate.LATE], whole.lost, whole.arrived) == (30, 0, 30)
+
+
 def test_the_first_message_counts_though_its_reception_is_heard_of_first() -> None:
     meter = Meter(grace_s=0.5)
     meter.station("A", {"air": ""})
@@ -246,7 +281,9 @@ def test_a_round_trip_is_that_of_probes_alone() -> None:
     meter.station("B", {"air": ""})
     probe = what(1, station_id=PROBES)
     back = received(1, 0.02)._replace(station="A", what=probe)
-    metered(sent(1, 0.0)._replace(what=probe), back, sent(2, 0.1)._replace(what=what(2, station_id=4)), meter=meter)
+    own = sent(1, 0.0)._replace(what=probe, is_probe=True)
+    another = sent(3, 0.2)._replace(what=what(3, station_id=PROBES))  # of another meter
+    metered(own, back, another, sent(2, 0.1)._replace(what=what(2, station_id=4)), meter=meter)
     (measured,) = (one for way, one in meter.ways.items() if way.is_round_trip)
     assert (measured.whole.sent, measured.whole.lost) == (1, 0)
     assert measured.whole.one_way_us.mean == 20_000

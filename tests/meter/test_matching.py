@@ -66,6 +66,24 @@ def test_what_comes_after_that_is_late_and_no_duplicate() -> None:
     }
 
 
+def test_what_was_under_way_for_longer_than_the_grace_is_late_whenever_one_looks() -> None:
+    for step in (0.01, 0.3, 5.0):
+        matching = Matching(WAY, grace_s=1.0)
+        matching.sent(sent(1, 0.0))
+        matching.sent(sent(2, 0.5))
+        settled = []
+        now_s, fed = 0.0, False
+        while now_s < 20.0:
+            now_s += step
+            if now_s >= 1.5 and not fed:
+                fed = True
+                matching.received(received(2, 0.6))
+                matching.received(received(1, 1.5))
+            settled += matching.settle(now_s)
+        told = [(one.fate, one.is_reordered) for one in settled if one.received is not None]
+        assert told == [(Fate.ARRIVED, False), (Fate.LATE, True)], step
+
+
 def test_what_comes_once_more_than_it_was_sent_is_a_duplicate() -> None:
     assert [one.fate for one in fates(sent(1, 0.0), received(1, 0.01), received(1, 0.02))] == [
         Fate.ARRIVED,

@@ -9,6 +9,7 @@ from board.errors import StationError
 from firmware.codec.library import load
 from firmware.meter.probe import Probes
 from firmware.meter.prober import ECHO_S, Prober, Reflector, Trip
+from firmware.meter.watch import LABEL
 from firmware.report import digest_of
 from firmware.user import client
 from firmware.user.received import Message
@@ -72,13 +73,14 @@ def test_a_probe_has_a_label_and_what_was_asked_for(pusher: FakePusher) -> None:
     envelope, pdu, options = pusher.sent[0]
     assert envelope == b"v2x.cam."
     assert len(pdu) > 40
-    assert json.loads(options) == {"interfaces": ["g5"], "label": "captain-meter/1"}
+    assert json.loads(options) == {"interfaces": ["g5"], "label": f"{LABEL}/1"}
 
 
 def test_the_way_from_user_to_user_is_by_one_clock(pusher: FakePusher) -> None:
     made = prober()
     made.send(100.0, lambda: 5 * S)
     made.delivered("B", digest_of(pusher.sent[0][1]), 5 * S + 3_000_000)
+    made.delivered("B", digest_of(pusher.sent[0][1]), 7 * S)  # by its second way: its user has it
     made.delivered("B", "another", 6 * S)
     assert list(made.trips_us) == [Trip("A", "B")]
     assert list(made.trips_us["A", "B"].values()) == [3000.0]  # type: ignore[index]
@@ -88,6 +90,12 @@ def test_a_station_that_takes_nothing_is_told(pusher: FakePusher) -> None:
     pusher.is_full = True
     with pytest.raises(StationError, match="takes no more after 0 probes"):
         prober().send(100.0, lambda: 0)
+
+
+def test_the_probes_of_two_meters_are_not_the_same() -> None:
+    assert not {made.next() for made in [probes()] for _ in range(50)} & {
+        made.next() for made in [probes()] for _ in range(50)
+    }
 
 
 def test_a_probe_is_sent_back_once_and_bit_for_bit(pusher: FakePusher) -> None:

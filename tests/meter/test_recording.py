@@ -152,6 +152,32 @@ def test_plain_captures_are_taken_as_sent_and_received(tmp_path: Path) -> None:
     assert recording.told_of(recording.read(tmp_path / "a", "A", True))["notes"]
 
 
+def test_a_recording_that_a_cut_of_the_power_ended_is_measured_as_far_as_it_goes(tmp_path: Path) -> None:
+    one, other = recorded(tmp_path / "a", "one", OUT, GOOD), recorded(tmp_path / "b", "other", IN, GOOD)
+    other.write_bytes(other.read_bytes()[:-7])
+    meter, _ = measured(one, other)
+    assert meter.ways[WAY].whole.arrived == len(IN) - 1
+    assert "cut of the power" in str(recording.told_of(recording.read(other, "B", False))["notes"])
+
+
+def test_two_recordings_of_one_station_are_refused(tmp_path: Path) -> None:
+    one = recorded(tmp_path / "a", "boot", OUT, GOOD)
+    with pytest.raises(StationError, match="are of one station"):
+        measured(one, one)
+    for name in "ab":
+        with (tmp_path / name).open("wb") as stream:
+            Pcapng(stream, "test", said={"boot": "boot", "pid": 7}).add("g5", START_NS, frame(1), Direction.OUT)
+    with pytest.raises(StationError, match="are of one station"):
+        measured(tmp_path / "a", tmp_path / "b")
+
+
+def test_interfaces_of_which_nobody_knows_that_they_hear_each_other_are_told(tmp_path: Path) -> None:
+    plain = tmp_path / "b"
+    plain.write_bytes(capture.header() + b"".join(capture.record(frame(n), START_NS + n) for n in range(3)))
+    with pytest.raises(StationError, match=r"\(g5\) is known to hear one of .*\(capture\)"):
+        measured(recorded(tmp_path / "a", "boot", OUT, GOOD), plain)
+
+
 @pytest.mark.parametrize("octets", [b"", b"no capture", b"\x0a\x0d\x0d\x0a\x1c"])
 def test_what_is_no_recording_is_refused_with_its_name(tmp_path: Path, octets: bytes) -> None:
     path = tmp_path / "x"

@@ -13,7 +13,8 @@ from drivers.message import NO_RX_INFO
 from drivers.wire import raw
 from firmware.meter.matching import Fate, Way
 from firmware.meter.meter import Meter
-from firmware.meter.watch import SILENT_S, Watch
+from firmware.meter.session import Session, TimeLine
+from firmware.meter.watch import LABEL, SILENT_S, Watch
 from firmware.user import client
 from tests.meter.test_told import CONFIRM, INDICATION
 
@@ -135,6 +136,23 @@ def test_of_a_station_that_is_silent_nobody_knows_what_it_received(bench: Bench)
     assert bench.figures() == {Fate.UNSEEN: 1}
 
 
+def test_a_station_that_fell_silent_and_stays_so_is_told(bench: Bench) -> None:
+    bench.now_s += 60.0
+    assert any("not been heard for 60.0 s" in str(note) for note in bench.watches["B"].told()["notes"])  # type: ignore[attr-defined]
+
+
+def test_ports_that_are_not_of_one_station_are_told(bench: Bench) -> None:
+    bench.status("B", endpoint={"published": 100})
+    assert any("not all of one station" in str(note) for note in bench.watches["B"].told()["notes"])  # type: ignore[attr-defined]
+
+
+def test_one_station_under_two_names_is_refused(bench: Bench) -> None:
+    session = Session(bench.meter, TimeLine())
+    session.watches = list(bench.watches.values())
+    with pytest.raises(StationError, match="A and B are the same station"):
+        session._check_others()
+
+
 def test_nothing_is_judged_while_a_status_is_late(bench: Bench) -> None:
     watch = bench.watches["B"]
     heard_s = bench.now_s
@@ -168,11 +186,11 @@ def test_what_left_before_all_had_joined_is_not_measured(bench: Bench) -> None:
 
 def test_the_meters_own_messages_are_over_when_each_interface_has_said_so(bench: Bench) -> None:
     own = bench.watches["A"].own
-    for label, outcome in (("captain-meter/1", "accepted"), ("another", "accepted"), ("captain-meter/1", "sent")):
+    for label, outcome in ((f"{LABEL}/1", "accepted"), ("another", "accepted"), (f"{LABEL}/1", "sent")):
         assert not own.is_over(1)
         own.add({"label": label, "outcome": outcome, "interfaces": ["g5"]})
     assert own.is_over(1)
-    own.add({"label": "captain-meter/2", "outcome": "refused"})
+    own.add({"label": f"{LABEL}/2", "outcome": "refused"})
     assert own.is_over(2)
 
 
