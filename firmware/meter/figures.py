@@ -25,6 +25,7 @@ class Figures:
 
     def __init__(self, most: int = MOST) -> None:
         self.counts: Counter[Fate] = Counter()
+        self._known = self._known_lost = 0
         self.octets = 0
         self.reordered = 0
         self.repeats = 0
@@ -57,14 +58,16 @@ class Figures:
 
     @property
     def loss(self) -> float | None:
-        """Share of those whose fate is known; None of nothing."""
-        known = self.sent - self.counts[Fate.UNSEEN]
-        return self.lost / known if known else None
+        """Share of those that were sent while all was heard; None of nothing."""
+        return self._known_lost / self._known if self._known else None
 
     def add(self, one: Settled) -> None:
         self.counts[one.fate] += 1
         if one.was is not None:
             self.counts[one.was] -= 1
+        if one.sent is not None and not one.is_unheard:
+            self._known += one.was in (None, Fate.STRANGE)
+            self._known_lost += (one.fate is Fate.LOST) - (one.was is Fate.LOST)
         if one.sent is not None and one.was in (None, Fate.STRANGE):
             self.octets += one.sent.what.octets
             self.queue_us.add(one.sent.queue_ns / 1000)

@@ -60,6 +60,7 @@ class Settled(NamedTuple):
 
     copy          of its PDU on this way, from 0 on: the k-th by one way is the k-th by another.
     is_reordered  something that was sent later arrived earlier (RFC 4737 clause 3.3); not told of repeats.
+    is_unheard    it was sent in a span of which not all was heard: what is known of such ones is no fair share.
     is_repeat     several copies of its PDU may have been under way: which of them it was is a guess, its delay unknown.
     """
 
@@ -71,16 +72,17 @@ class Settled(NamedTuple):
     is_reordered: bool = False
     is_repeat: bool = False
     was: Fate | None = None
+    is_unheard: bool = False
 
 
 class _Out:
-    __slots__ = ("copy", "fate", "has_arrived", "number", "sent")
+    __slots__ = ("copy", "fate", "has_arrived", "is_unheard", "number", "sent")
 
     def __init__(self, sent: Sent, number: int, copy: int) -> None:
         self.sent = sent
         self.number = number
         self.copy = copy
-        self.has_arrived = False
+        self.has_arrived = self.is_unheard = False
         self.fate = Fate.LOST  # what it was taken for, once it was
 
 
@@ -176,15 +178,18 @@ class Matching:
             is_repeat = self._is_guess(digest, len(candidates) > 1, received.at_s)
             is_reordered = out.number < self._highest and not is_repeat and self._copies.get(digest, 1) == 1
             self._highest = max(self._highest, out.number)
-            fate = self._fate(out.sent, received, is_repeat)
-            return Settled(self.way, fate, out.sent, received, out.copy, is_reordered, is_repeat)
+            fate, is_unheard = self._fate(out.sent, received, is_repeat), self._span(out.sent.at_s) is not None
+            return Settled(self.way, fate, out.sent, received, out.copy, is_reordered, is_repeat, None, is_unheard)
         for out in self._missing.of(digest):
             if _plausible([out], received):
                 self._missing.take(digest, out)
                 is_repeat = self._copies.get(digest, 1) > 1
                 is_reordered = out.number < self._highest and not is_repeat
                 fate = self._fate(out.sent, received, is_repeat)
-                return Settled(self.way, fate, out.sent, received, out.copy, is_reordered, is_repeat, out.fate)
+                is_unheard = out.is_unheard
+                return Settled(
+                    self.way, fate, out.sent, received, out.copy, is_reordered, is_repeat, out.fate, is_unheard
+                )
         if digest in self._copies:
             return Settled(self.way, Fate.DUPLICATE, None, received)
         self._strays.add(digest, received, received.at_s)
@@ -229,16 +234,18 @@ class Matching:
     def _not_arrived(self, out: _Out) -> Settled:
         digest = out.sent.what.digest
         _without(self._open, digest, out)
-        out.fate = Fate.UNSEEN if self._was_unheard(out.sent.at_s) else Fate.LOST
+        span = self._span(out.sent.at_s)
+        out.is_unheard = span is not None
+        if span is not None and span.count > 0:
+            span.count -= 1
+            out.fate = Fate.UNSEEN
         self._missing.add(digest, out, out.sent.at_s)
-        return Settled(self.way, out.fate, out.sent, None, out.copy)
+        return Settled(self.way, out.fate, out.sent, None, out.copy, is_unheard=out.is_unheard)
 
-    def _was_unheard(self, at_s: float) -> bool:
-        for one in self._unheard:
-            if one.count > 0 and one.since_s - self.grace_s <= at_s <= one.until_s + self.grace_s:
-                one.count -= 1
-                return True
-        return False
+    def _span(self, at_s: float) -> _Unheard | None:
+        """That of which not all was heard, of several one that has not yet explained all that is missing."""
+        found = [one for one in self._unheard if one.since_s - self.grace_s <= at_s <= one.until_s + self.grace_s]
+        return max(found, key=lambda one: one.count, default=None)
 
 
 _One = TypeVar("_One")

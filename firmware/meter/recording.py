@@ -29,7 +29,7 @@ class Recording(NamedTuple):
     sent, received  in their order; their at_s is the recorder's own.
     interfaces      their technology, where the file says it.
     span            first and last moment, s.
-    missed          frames that the recorder did not have.
+    missed          frames that the recorder did not have: how many, between which moments.
     not_sent        by interface and reason.
     said            what it says of itself: station, version, configuration.
     is_plain        frames do not say which way they went.
@@ -42,7 +42,7 @@ class Recording(NamedTuple):
     received: list[Received]
     interfaces: dict[str, str]
     span: tuple[float, float]
-    missed: int
+    missed: list[tuple[int, float, float]]
     not_sent: list[tuple[str, str]]
     said: Mapping[str, object]
     is_plain: bool
@@ -73,17 +73,18 @@ class _Reading:
         self._name = name
         self._is_first = is_first
         self._is_cut = False
-        self._made = Recording(name, path, [], [], {}, (0.0, 0.0), 0, [], {}, False, False, {})
+        self._made = Recording(name, path, [], [], {}, (0.0, 0.0), [], [], {}, False, False, {})
         self._types = Topics().by_number
 
     def all(self, frames: Iterator[capture.Frame]) -> Recording:
         moments: list[float] = []
-        missed, is_plain, said = 0, False, self._made.said
+        is_plain, said = False, self._made.said
         for frame in self._whole(frames):
             if frame.when_ns is None:
                 continue
             moments.append(frame.when_ns / 1e9)
-            missed += frame.lost
+            if frame.lost:
+                self._made.missed.append((frame.lost, moments[-2] if len(moments) > 1 else moments[0], moments[-1]))
             is_plain |= frame.direction is Direction.UNKNOWN
             said = frame.recording or said
             self._made.interfaces.setdefault(_interface(frame), frame.description.partition(" by ")[0])
@@ -91,7 +92,7 @@ class _Reading:
             if frame.number >= MOST_FRAMES:
                 raise StationError(f"{self._path}: more than {MOST_FRAMES} frames", "cut it: `editcap -c`")
         span = (min(moments), max(moments)) if moments else (0.0, 0.0)
-        return self._made._replace(span=span, missed=missed, is_plain=is_plain, is_cut=self._is_cut, said=said)
+        return self._made._replace(span=span, is_plain=is_plain, is_cut=self._is_cut, said=said)
 
     def _whole(self, frames: Iterator[capture.Frame]) -> Iterator[capture.Frame]:
         """Those before it ends within one. Raises ProtocolError where there is none."""
@@ -171,10 +172,8 @@ def measure(meter: Meter, one: Recording, other: Recording) -> Laid:
     notes = [f"{other.name}'s clock is taken to be {ahead_s:+.6f} s from {one.name}'s: {how}"] if how else []
     for name, recording in ((one.name, one), (other.name, other)):
         meter.station(name, recording.interfaces)
-        if recording.missed:
-            since, until = (moment - (ahead_s if recording is other else 0.0) for moment in recording.span)
-            meter.unheard(name, recording.missed, since, until)
-            notes.append(f"{recording.path}: {recording.missed} frames that its recorder did not have")
+        if missed := sum(count for count, _, _ in recording.missed):
+            notes.append(f"{recording.path}: {missed} frames that its recorder did not have")
         for interface, reason in recording.not_sent:
             meter.inside.not_sent(name, interface, reason)
         for digest, place in recording.places.items():
@@ -185,8 +184,10 @@ def measure(meter: Meter, one: Recording, other: Recording) -> Laid:
             f"{other.path} ({', '.join(other.interfaces) or 'it has none'})",
             f"--between {one.name}:INTERFACE={other.name}:INTERFACE says which do",
         )
-    meter.hears(one.name, one.span[0])
-    meter.hears(other.name, other.span[0] - ahead_s)
+    for recording, shift in ((one, 0.0), (other, ahead_s)):
+        meter.hears(recording.name, recording.span[0] - shift)
+        for count, since, until in recording.missed:
+            meter.unheard(recording.name, count, since - shift, until - shift)
     uncovered = 0
     events: list[Sent | Received] = []
     for recording, against, shift in ((one, other, 0.0), (other, one, ahead_s)):
@@ -288,6 +289,6 @@ def told_of(one: Recording) -> dict[str, object]:
         "uncertainty_us": None,
         "clock": [],
         "interfaces": dict(one.interfaces),
-        "missed_frames": one.missed,
+        "missed_frames": sum(count for count, _, _ in one.missed),
         "notes": notes,
     }

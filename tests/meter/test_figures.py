@@ -296,7 +296,20 @@ def test_what_the_meter_missed_is_unseen_and_no_loss() -> None:
     meter.unheard("B", 1, 0.0, 0.2)
     metered(sent(1, 0.1), sent(2, 0.1), meter=meter)
     (measured,) = (one for way, one in meter.ways.items() if way.sender == "A")
-    assert (measured.whole.lost, measured.whole.counts[Fate.UNSEEN], measured.whole.loss) == (1, 1, 1.0)
+    assert (measured.whole.lost, measured.whole.counts[Fate.UNSEEN], measured.whole.loss) == (1, 1, None)
+
+
+def test_the_share_that_is_lost_is_of_what_was_sent_while_all_was_heard() -> None:
+    """Every tenth is lost. Of the middle third the meter hears half: what it has heard of that is no fair share."""
+    meter = Meter(grace_s=0.5)
+    for name in "AB":
+        meter.station(name, {"air": ""})
+    meter.unheard("B", 50, 10.5, 19.5)
+    arrived = [n for n in range(300) if n % 10 and not (100 <= n < 200 and n % 2)]
+    metered(*(sent(n, n * 0.1) for n in range(300)), *(received(n, n * 0.1 + 0.01) for n in arrived), meter=meter)
+    (whole,) = (one.whole for one in meter.ways.values() if one.whole.sent)
+    assert whole.counts[Fate.UNSEEN] == 50
+    assert whole.loss == pytest.approx(0.1, abs=0.005)
 
 
 # -- places
