@@ -93,7 +93,7 @@ class Report:
         self._publisher.publish_all(make() for make in self._taken(len(self._waiting)))
 
     def _tick(self) -> None:
-        self.finish()  # a status counts what was told before it
+        self.finish()
         self._told = 0
         self._refresh()
         if self._is_time_wanted:
@@ -103,7 +103,11 @@ class Report:
 
     def _say(self) -> None:
         self._said = self._loop.clock()
-        self._publisher.publish(STATUS, json.dumps(self._status()).encode())
+        status = (
+            self._status()
+        )  # takes in what interfaces have brought until now: a status counts it, and comes after it
+        self.finish()
+        self._publisher.publish(STATUS, json.dumps(status).encode())
 
     def confirm(self, confirm: Confirm, targets: tuple[Interface, ...]) -> None:
         """Tell soon what became of a request; targets are the interfaces of an accepted one."""

@@ -109,6 +109,23 @@ def test_a_dropped_request_names_interface_reason_and_times(bench: Bench) -> Non
     assert (said["queue_us"], said["send_us"]) == (1_500_000.0, 250.0)
 
 
+def test_a_status_comes_after_all_that_it_counts(bench: Bench) -> None:
+    """It takes in what interfaces have brought a moment ago: who compares numbers would miss that."""
+
+    def status() -> dict[str, object]:
+        bench.report.observe(indications_of(CAM_PDU, CAM_PDU))
+        return {"indications": bench.report.indications}
+
+    bench.report._status = status
+    bench.report.start()
+    bench.report.status_interest(True)
+    bench.loop.run_for(1.5)
+    told = [(topic, said.get("sequence", said.get("indications"))) for topic, said in bench.publisher.said]
+    for at, (topic, number) in enumerate(told):
+        if topic == b"status.":
+            assert number == sum(topic == b"indication.cam." for topic, _ in told[:at]) > 0
+
+
 def test_a_confirm_and_an_indication_of_a_pdu_have_the_same_digest(bench: Bench) -> None:
     bench.report.confirm(Confirm(request_of(pdu=CAM_PDU), Outcome.ACCEPTED), ())
     bench.report.observe(indications_of(CAM_PDU))
