@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from firmware.gateway.captain_gateway.captain_gateway import channel, diagnosis
+from firmware.gateway.captain_gateway.captain_gateway import channel, diagnosis, lists
 from firmware.gateway.captain_gateway.captain_gateway.channel import Channel
 from firmware.gateway.captain_gateway.captain_gateway.codec import Edition
 from firmware.gateway.captain_gateway.captain_gateway.counts import Complaints, Counts
@@ -252,3 +252,16 @@ def test_counts_that_were_copied_do_not_count_on(bench):
     bench.channel.transmit(b"")
     bench.channel.confirmed({"outcome": "sent"})
     assert (copied.taken, copied.not_sent, copied.outcomes) == (1, {"foreign": 1}, {})
+
+
+def test_a_topic_of_lists_carries_one_message_in_each_both_ways():
+    bench = Bench()
+    bench.channel.frame = b"captain"
+    bench.channel.receive(ARRIVAL)
+    [said] = bench.channel.publisher.said
+    assert said != HEAD + CAM
+    assert lists.unwrap(said) == HEAD + CAM
+    bench.channel.transmit(said)
+    assert [pdu for pdu, _, _ in bench.sent] == [CAM]
+    bench.channel.transmit(HEAD + CAM)
+    assert bench.channel.counts.not_sent["foreign"] + bench.channel.counts.not_sent["list"] == 1

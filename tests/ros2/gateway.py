@@ -33,6 +33,7 @@ REFUSED = (
     ["-p", "topics.transmitted:='{type}/received'"], ["-r", "cam/transmitted:=cam/received"], ["-p", "cam.topic:=denm"],
     ["-p", "cam.topic:=1bad"], ["-p", "qos_overrides./cam/received.publisher.reliability:=nonsense"],
     ["-p", "qos_overrides./cam/received.publisher.depth:=-3"], ["-p", "qos_overrides./cam/received.publisher.depth:=x"],
+    ["-p", "lists:=true"],
 )  # fmt: skip
 NAMES = {
     "etsi_its_conversion": (
@@ -42,7 +43,16 @@ NAMES = {
     ),
     "v2x_gw": (
         # Its profile needs a package that is not built here; the names are the same.
-        ["-p", "profile:=etsi_its", "-r", "__node:=v2x_gw", "-r", "/diagnostics:=/diagnostics/vehicle_captain"],
+        [
+            "-p",
+            "profile:=etsi_its",
+            "-p",
+            "lists:=false",
+            "-r",
+            "__node:=v2x_gw",
+            "-r",
+            "/diagnostics:=/diagnostics/vehicle_captain",
+        ],
         ["/cam/received", "/denm/received", "/diagnostics/vehicle_captain"],
         ["/cam/transmitted", "/denm/transmitted"],
     ),

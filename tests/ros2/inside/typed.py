@@ -1,8 +1,8 @@
 """Made values of one message through a real node, as octets and as objects: a JSON object on stdout.
 
-    typed.py FOLDER EDITION PROFILE COUNT [PORTS HANDLER]
+    typed.py FOLDER EDITION PROFILE COUNT [PORTS HANDLER SUFFIX]
 
-With ports: a station that is played here -> the gateway -> a typed subscription of rclpy -> published again, typed -> the
+SUFFIX: of the type that topics carry, List or nothing. With ports: a station that is played here -> the gateway -> a typed subscription of rclpy -> published again, typed -> the
 gateway -> the station. Without: UPER -> to_cdr -> published as it is -> a typed subscription -> published again -> a raw
 subscription -> from_cdr -> UPER. FOLDER holds captain_messages. Counted: UPER that comes back; UPER that comes back with
 what was kept beside, because something has no place in the ROS message; and what was made and left out, because rclpy ends
@@ -44,9 +44,9 @@ class LostError(Exception):
 class Echo:
     """A node that is sent a message, and sends the object that it made of it back."""
 
-    def __init__(self, message: Any, profile: str) -> None:
+    def __init__(self, message: Any, profile: str, suffix: str = "") -> None:
         package, _, name = message.ros2_type(profile).partition("/msg/")
-        self.type = getattr(importlib.import_module(f"{package}.msg"), name)
+        self.type = getattr(importlib.import_module(f"{package}.msg"), name + suffix)
         self.message, self.profile = message, profile
         self.node = rclpy.create_node("captain_typed")
 
@@ -92,8 +92,8 @@ class Alone(Echo):
 class Gateway(Echo):
     """Between a station that is played and the node."""
 
-    def __init__(self, message: Any, profile: str, ports: dict[str, int], handler: str) -> None:
-        super().__init__(message, profile)
+    def __init__(self, message: Any, profile: str, ports: dict[str, int], handler: str, suffix: str) -> None:
+        super().__init__(message, profile, suffix)
         self.handler, self.station = handler, Played(ports)
         self.said: list[str] = []
         self.back = self.node.create_publisher(self.type, f"{handler}/transmitted", QOS)
@@ -129,10 +129,10 @@ class Gateway(Echo):
         return bytes(pdu)
 
 
-def main(edition: str, profile: str, count: int, ports: dict[str, int], handler: str) -> dict[str, Any]:
+def main(edition: str, profile: str, count: int, ports: dict[str, int], handler: str, suffix: str) -> dict[str, Any]:
     message = captain_messages.find(edition)
     rclpy.init()
-    echo = Gateway(message, profile, ports, handler) if ports else Alone(message, profile)
+    echo = Gateway(message, profile, ports, handler, suffix) if ports else Alone(message, profile)
     values, cut = _values(message, count, head=bytes((message.versions[-1], message.ids[0])) if ports else b"")
     counts: Counter[str] = Counter(cut=cut)
     trouble = ""
@@ -180,5 +180,6 @@ def _has_nul(value: Any) -> bool:
 
 
 if __name__ == "__main__":
-    folder, chosen, names, number, *rest = sys.argv[1:]
-    print(json.dumps(main(chosen, names, int(number), json.loads(rest[0]) if rest else {}, rest[-1] if rest else "")))
+    _, chosen, names, number, *rest = sys.argv[1:]
+    given, handler, suffix = rest or ("{}", "", "")
+    print(json.dumps(main(chosen, names, int(number), json.loads(given), handler, suffix)))

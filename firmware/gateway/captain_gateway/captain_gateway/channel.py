@@ -4,7 +4,7 @@ import math
 import time
 from typing import Any, Protocol
 
-from . import filters, metadata
+from . import filters, lists, metadata
 from .buffer import Buffer
 from .codec import Edition, Made
 from .counts import Complaints, Counts
@@ -41,6 +41,7 @@ class Channel:
 
     values                   of its parameters as ROS has them; receiving and transmitting are made of them
     publisher, subscription  and what else is of rclpy: the node puts it here
+    frame                    of the headers of lists; None where topics carry messages
 
     receive() belongs to the thread that receives, all others to the one that spins. Settings are swapped whole.
     """
@@ -56,6 +57,7 @@ class Channel:
         self.transmitting = transmitting
         self.counts = Counts()
         self.station_id = 0
+        self.frame: bytes | None = None
         self.publisher: Any = None
         self.metadata: Any = None
         self.send: Sends | None = None
@@ -81,7 +83,7 @@ class Channel:
                 self._complain("received", error.cause, f"not published: {error}")
             return None
         published_ns = time.time_ns()
-        self.publisher.publish(made.cdr)
+        self.publisher.publish(self._listed(made.cdr, arrival, published_ns))
         self.counts.published += 1
         self.counts.left_out += bool(made.left_out)
         self._sequence += 1
@@ -106,6 +108,12 @@ class Channel:
             raise RefusedError(why, why)
         return self.edition.to_cdr(pdu)
 
+    def _listed(self, cdr: bytes, arrival: Arrival, published_ns: int) -> bytes:
+        """As the topic carries it; a list is stamped with the time of its reception, where that is known."""
+        if self.frame is None:
+            return cdr
+        return lists.wrap(cdr, arrival.reception.received_ns if arrival.reception else published_ns, self.frame)
+
     # -- from ROS
 
     def transmit(self, cdr: bytes) -> None:
@@ -116,7 +124,7 @@ class Channel:
             self.counts.not_sent["inactive"] += 1
             return
         try:
-            pdu = self.octets(cdr)
+            pdu = self.octets(cdr if self.frame is None else lists.unwrap(cdr))
             if not settings.rate_hz:
                 self.hand_over(pdu)
                 return

@@ -44,6 +44,8 @@ class Gateway:
         chosen = self._parameters.gateway()
         self._chosen = chosen
         self._profile: str = chosen["profile"]
+        if chosen["lists"] and self._profile != "v2x_msgs":
+            raise GatewayError(f"parameter lists: {self._profile} has no lists, v2x_msgs has")
         self._complaints = Complaints(chosen["log.throttle_s"])
         frames = chosen["frames.map"], chosen["frames.station"]
         self._frame = frames[1].encode("ascii", "replace")
@@ -108,7 +110,7 @@ class Gateway:
                     raise  # somebody means it
                 absent.append(f"{name} (not in the message library)")
                 continue
-            type_ = installed.message(edition.ros_type)
+            type_ = installed.message(edition.ros_type + ("List" if self._chosen["lists"] else ""))
             if type_ is None:
                 absent.append(f"{name} ({edition.ros_type.split('/', maxsplit=1)[0]})")
                 continue
@@ -129,6 +131,7 @@ class Gateway:
             self.own, self._complaints, self._log.warning,
         )  # fmt: skip
         channel.station_id = self._chosen["station_id"]
+        channel.frame = self._frame if self._chosen["lists"] else None
         channel.send = self.send
         channel.values = values
         word = values["topic"] or name

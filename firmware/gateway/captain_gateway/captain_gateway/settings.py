@@ -48,6 +48,7 @@ GATEWAY: dict[str, Option] = {
     "station.from_users": Option(5555, "its port that takes messages where there is no pull", PORT_IN_USE, True),
     "station.report": Option(5558, "its port that tells of itself, interfaces and confirms; 0: it has none", PORT, True),
     "profile": Option("etsi_its", f"whose message packages: {' or '.join(PROFILES)}", choice(*PROFILES), True),
+    "lists": Option(False, "with v2x_msgs: whether topics carry lists of one message, CAMList, as those of v2x_gw", boolean, True),
     "handlers": Option(USUAL, "types that have topics; those whose package is not installed are left out", kinds, True),
     "topics.received": Option("{type}/received", "what has been received", template, True),
     "topics.transmitted": Option("{type}/transmitted", "what is to be sent", template, True),
