@@ -2,7 +2,6 @@
 
 import socket
 import time
-from collections.abc import Callable
 from types import ModuleType
 from typing import Any
 
@@ -10,8 +9,6 @@ import rclpy
 import rclpy.executors
 import zmq
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.qos import QoSProfile, ReliabilityPolicy
-from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from . import diagnosis, handlers, installed, metadata, settings
 from .channel import Channel, period_s
@@ -28,9 +25,8 @@ from .requests import Requests
 from .routing import Routing
 from .services import Services
 from .timers import every
+from .topics import WAYS, Topics
 
-# Of every topic: reliable, and the last 100 kept for a node that is late; ten seconds of a station's messages.
-DEPTH = 100
 MOST_TYPES = 64  # names of types without a handler that are counted
 
 
@@ -47,11 +43,12 @@ class Gateway:
         if chosen["lists"] and self._profile != "v2x_msgs":
             raise GatewayError(f"parameter lists: {self._profile} has no lists, v2x_msgs has")
         self._complaints = Complaints(chosen["log.throttle_s"])
+        self._topics = Topics(node, {way: chosen[f"topics.{way}"] for way in WAYS})
+        self.publisher, self.subscription = self._topics.publisher, self._topics.subscription
         frames = chosen["frames.map"], chosen["frames.station"]
         self._frame = frames[1].encode("ascii", "replace")
         self.own = OwnTopics(node, frames, chosen["own.origin"], chosen["own.transform"], self.publisher)
         self._messages = installed.interfaces()
-        self._topics: dict[str, str] = {}
         self.channels = self._make_channels(library)
         self._routing = Routing(self.channels.values())
         self._without = Tally(MOST_TYPES)
@@ -135,38 +132,14 @@ class Gateway:
         channel.send = self.send
         channel.values = values
         word = values["topic"] or name
-        channel.publisher = self.publisher(type_, self._topic("received", name, word))
+        channel.publisher = self.publisher(type_, self._topics.name("received", name, word))
         if self._messages is not None:
-            channel.metadata = self.publisher(self._messages.msg.Metadata, self._topic("metadata", name, word))
+            channel.metadata = self.publisher(self._messages.msg.Metadata, self._topics.name("metadata", name, word))
         channel.subscription = self.subscription(
-            type_, self._topic("transmitted", name, word), channel.transmit, is_raw=True
+            type_, self._topics.name("transmitted", name, word), channel.transmit, is_raw=True
         )
         self._set_timer(channel)
         return channel
-
-    def _topic(self, way: str, name: str, word: str) -> str:
-        """Raises GatewayError where two have one name: what is received would be sent again."""
-        topic = str(self._chosen[f"topics.{way}"]).replace("{type}", word)
-        what = f"{name}: topics.{way}"
-        with in_words(what):
-            full_name = self._node.resolve_topic_name(topic)
-        other = self._topics.setdefault(full_name, what)
-        if other != what:
-            raise GatewayError(f"{other} and {what} are one topic, {full_name}: nobody could tell one from the other")
-        return topic
-
-    def publisher(self, type_: Any, topic: str) -> Any:
-        with in_words(topic):
-            return self._node.create_publisher(
-                type_, topic, _qos(), qos_overriding_options=QoSOverridingOptions.with_default_policies()
-            )
-
-    def subscription(self, type_: Any, topic: str, call: Callable[[Any], None], is_raw: bool = False) -> Any:
-        overrides = QoSOverridingOptions.with_default_policies()
-        with in_words(topic):
-            return self._node.create_subscription(
-                type_, topic, call, _qos(), raw=is_raw, qos_overriding_options=overrides
-            )
 
     def _set_timer(self, channel: Channel) -> None:
         if channel.timer is not None:
@@ -286,10 +259,6 @@ class Gateway:
         where, joining = self.address.url(self.address.to_users), self._joining
         said = [diagnosis.of_station(where, self._is_there, self._told, joining.rubbish, joining.sample, more)]
         return said if self._requests is None else [*said, self._requests.diagnosis()]
-
-
-def _qos() -> QoSProfile:
-    return QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.RELIABLE)
 
 
 def run(arguments: list[str], library: ModuleType) -> None:
