@@ -8,6 +8,7 @@ That package holds the editions that vehicleCAPTAIN has. Types of others are cal
 them has a package of its own.
 """
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -42,6 +43,8 @@ NAME = "v2x_msgs"
 NUMBER = "int64"
 HEADER = "std_msgs/Header"
 NOTHING = 0  # chosen in a CHOICE
+# Of lists that v2x_msgs calls otherwise than by its rule.
+LIST_NAMES = {"ProtectedCommunicationZonesRSU": "zonesrsu", "ISO14823Attributes": "o14823attributes"}
 
 # In v2x_msgs; where two of their types have one name, the first has it.
 TOGETHER = (
@@ -145,7 +148,9 @@ class _Fields(Fields):
         return self.definition.name
 
     def list_name(self) -> str:
-        return "list"
+        """The last word of its type's name: `history` of PathHistory, `xylist` of NodeAttributeXYList."""
+        name = self.definition.name
+        return LIST_NAMES.get(name) or field_name(re.split("(?<=[a-z0-9])(?=[A-Z])", name)[-1].lower())
 
     def flagged(self, fields: list[RosField], component: Component, source: Path, is_addition: bool) -> list[RosField]:
         """Before its fields."""

@@ -145,6 +145,26 @@ def test_v2x_msgs_chooses_from_1_and_nothing_with_0():
     assert select.options == ((1, "basicVehicleContainerLowFrequency"),)
 
 
+@pytest.mark.parametrize(
+    ("edition", "message", "field"),
+    [
+        ("cam-1.4.1", "PathHistory", "PathPoint[] history"),
+        ("cam-1.4.1", "ProtectedCommunicationZonesRSU", "ProtectedCommunicationZone[] zonesrsu"),
+        ("denm-1.3.1", "RestrictedTypes", "StationType[] types"),
+        ("denm-1.3.1", "Traces", "PathHistory[] traces"),
+        ("mapem-2.1.1", "NodeSetXY", "NodeXY[] xy"),
+        ("mapem-2.1.1", "NodeAttributeXYList", "NodeAttributeXY[] xylist"),
+        ("spatem-2.1.1", "EnabledLaneList", "LaneID[] list"),
+        ("ivim-2.1.1", "AbsolutePositionsWAltitude", "AbsolutePositionWAltitude[] waltitude"),
+        ("ivim-2.1.1", "ConstraintTextLines1", "Text[] lines1"),
+        ("ivim-2.1.1", "ISO14823Attributes", "ISO14823Attribute[] o14823attributes"),
+    ],
+)
+def test_v2x_msgs_calls_a_list_by_the_last_word_of_its_type(edition, message, field):
+    # The .msg files of v2x_msgs
+    assert [one.text for one in v2x(edition).messages[message].fields] == [field]
+
+
 def test_v2x_msgs_has_lists_with_a_header():
     assert [field.text for field in v2x("ssem-2.1.1").messages["SSEMList"].fields] == [
         "std_msgs/Header header", "SSEM[] ssems",
