@@ -103,9 +103,8 @@ class Report:
 
     def _say(self) -> None:
         self._said = self._loop.clock()
-        status = (
-            self._status()
-        )  # takes in what interfaces have brought until now: a status counts it, and comes after it
+        # Takes in what interfaces have brought until now: a status counts it, and comes after it.
+        status = self._status()
         self.finish()
         self._publisher.publish(STATUS, json.dumps(status).encode())
 
