@@ -125,7 +125,7 @@ def _captured(namespace: str) -> Iterator[Path]:
 
 
 def _frames(path: Path, mac: str) -> list[Captured]:
-    """Messages of a sender, in the order of the capture."""
+    """Messages of a sender, by when they passed: two processors may have put them into the file the other way round."""
     found = []
     with path.open("rb") as stream:
         for frame in capture.frames(stream.read(4), stream):
@@ -136,7 +136,7 @@ def _frames(path: Path, mac: str) -> list[Captured]:
             if isinstance(carried, layers.Carried) and frame.octets[6:12].hex(":") == mac:
                 assert frame.when_ns is not None
                 found.append(Captured(digest_of(carried.pdu), frame.when_ns))
-    return found
+    return sorted(found, key=lambda one: one.when_ns)
 
 
 @pytest.mark.parametrize("name", CASES)
