@@ -168,7 +168,8 @@ def _told(card: Path, folder: Path) -> Iterator[Row]:
         yield _state(shell, ports, "data is full", "full", "No space left")
         shell.run("rm /data/fill; sync")
         yield _state(shell, ports, "and has room again", "kept", "")
-        shell.run("echo 1 >/sys/fs/ext4/*6/trigger_fs_error; touch /data/x")
+        # The shell looks for files of a pattern among words, not behind >.
+        shell.run("for at in /sys/fs/ext4/*6/trigger_fs_error; do echo 1 >$at; done; touch /data/x")
         yield _state(shell, ports, "data was made read-only by an error", "read-only", "Read-only file system")
     with _station(copy, its) as (shell, ports):
         yield _state(shell, ports, "after a restart it is repaired", "kept", "")
