@@ -170,7 +170,8 @@ def _told(card: Path, folder: Path) -> Iterator[Row]:
         yield _state(shell, ports, "and has room again", "kept", "")
         # The shell looks for files of a pattern among words, not behind >.
         shell.run("for at in /sys/fs/ext4/*6/trigger_fs_error; do echo 1 >$at; done; touch /data/x")
-        yield _state(shell, ports, "data was made read-only by an error", "read-only", "Read-only file system")
+        # Since Linux 6.12 the mount stays as it is, and what is written is refused.
+        yield _state(shell, ports, "the file system has failed", "kept", "Input/output error")
     with _station(copy, its) as (shell, ports):
         yield _state(shell, ports, "after a restart it is repaired", "kept", "")
         shell.run("systemctl stop captain; umount -l /var/lib/captain /data; systemctl start captain")
