@@ -287,7 +287,7 @@ def test_with_corrections_a_receiver_comes_to_a_fixed_solution_and_without_them_
     assert told["carrier"] == "fixed"
     assert told["horizontal_mm"] == 14
     assert told["corrections"]["used"] >= 50
-    assert told["corrections"]["age_s_below"] == 1
+    assert told["corrections"]["age_s_below"] <= 2  # where octets take a moment, the last is that of the second before
     server.hang_up()
     loop.run_for(36)
     assert one.host.fixes[-1].carrier is Carrier.NONE
