@@ -93,7 +93,6 @@ class Report:
         self._publisher.publish_all(make() for make in self._taken(len(self._waiting)))
 
     def _tick(self) -> None:
-        self.finish()
         self._told = 0
         self._refresh()
         if self._is_time_wanted:

@@ -12,9 +12,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from board.errors import UsageError
-from drivers.message import Position
 from firmware.codec.library import load
-from firmware.meter import recording, shows
+from firmware.meter import recording, shows, told
 from firmware.meter.event import PROBES
 from firmware.meter.matching import GRACE_S
 from firmware.meter.meter import Ends, Meter
@@ -28,8 +27,7 @@ from firmware.user import client
 from firmware.user.arguments import HIGHEST_RATE, integer, number, port, seconds, station, times
 from firmware.user.received import Pairing
 from firmware.user.table import Screen, lines_for
-from firmware.user.untrusted import number as number_of
-from firmware.user.untrusted import text, within
+from firmware.user.untrusted import within
 
 DESCRIPTION = """\
 Measures what becomes of messages between stations, without changing a bit of
@@ -224,11 +222,7 @@ def _prober(arguments: argparse.Namespace, context: client.Context, watches: Seq
     if strange := [name for name in arguments.interface or () if name not in known]:
         one_of = f"one of {', '.join(known)}"
         raise UsageError(f"--interface: {watch.name} has no {', '.join(strange)}", one_of)
-    here = within(watch.status, "position")
-    place = None
-    if text(here, "source"):
-        place = Position(*(round(number_of(here, key) * 1e7) for key in ("latitude", "longitude")))
-    probes = Probes(load(), arguments.probe, arguments.size, time.time, place)
+    probes = Probes(load(), arguments.probe, arguments.size, time.time, told.place_of(watch.status))
     return Prober(
         watch.name,
         context,

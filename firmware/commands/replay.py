@@ -11,7 +11,7 @@ from dataclasses import asdict
 
 from board.address import Address
 from board.address import address as udp_address
-from board.errors import ConfigurationError, RequestError, UsageError
+from board.errors import ConfigurationError, RequestError, StationError, UsageError
 from drivers.wire.impairment import Impairment
 from firmware.codec.reading import FORMS, Pdu
 from firmware.replay.arguments import add_impairments, impairments, told
@@ -193,13 +193,8 @@ class Unreadable:
         self._count += 1
         if self._count <= TOLD_UNREADABLE:
             hint = clean(error.hint).replace("--from", "--form")  # the form's option everywhere else, a time here
-            print(
-                f"captain: {clean(error.message)}",
-                *([f"\n  ({hint})"] * bool(hint)),
-                sep="",
-                file=sys.stderr,
-                flush=True,
-            )
+            told_of = StationError(clean(error.message), hint)
+            print(f"captain: {told_of}", file=sys.stderr, flush=True)
 
 
 class Summary:

@@ -2,13 +2,14 @@
 
 from collections.abc import Mapping
 
+from drivers.message import Position
 from firmware.meter.event import Clock, Received, Sent, What
 from firmware.user.untrusted import named, number, text, within
 
 
 def sent(station: str, confirm: Mapping[str, object], boot: str, at_s: float) -> Sent | None:
     """Of a confirm; None where it does not say that something left, or not when."""
-    accepted_ns = _exact(confirm, "accepted_ns", 0)
+    accepted_ns = _exact(confirm, "accepted_ns")
     if text(confirm, "outcome") != "sent" or not accepted_ns:
         return None
     queue_ns, send_ns = (round(number(confirm, key) * 1000) for key in ("queue_us", "send_us"))
@@ -21,7 +22,7 @@ def received(station: str, indication: Mapping[str, object], boot: str, at_s: fl
         station,
         text(indication, "interface"),
         what(indication),
-        _exact(indication, "received_ns", 0),
+        _exact(indication, "received_ns"),
         clock_of(within(indication, "quality"), boot),
         at_s,
         rssi_of(indication),
@@ -30,9 +31,7 @@ def received(station: str, indication: Mapping[str, object], boot: str, at_s: fl
 
 def rssi_of(said: Mapping[str, object]) -> int | None:
     """Signal strength in dBm; None where nobody says it, or what none can be."""
-    rssi_dbm = said.get("rssi_dbm")
-    is_one = isinstance(rssi_dbm, int) and not isinstance(rssi_dbm, bool) and abs(rssi_dbm) < 1 << 15
-    return rssi_dbm if is_one else None  # type: ignore[return-value]
+    return _whole(said, "rssi_dbm", 1 << 15)
 
 
 def what(said: Mapping[str, object]) -> What:
@@ -48,7 +47,7 @@ def what(said: Mapping[str, object]) -> What:
 def clock_of(quality: Mapping[str, object], boot: str) -> Clock:
     if quality.get("offset_ns") is None or quality.get("uncertainty_ns") is None:
         return Clock(boot)
-    return Clock(boot, _exact(quality, "offset_ns", 0), _exact(quality, "uncertainty_ns", 0))
+    return Clock(boot, _exact(quality, "offset_ns"), _exact(quality, "uncertainty_ns"))
 
 
 def interfaces(status: Mapping[str, object]) -> dict[str, str]:
@@ -56,8 +55,22 @@ def interfaces(status: Mapping[str, object]) -> dict[str, str]:
     return {name: text(one, "technology") for name, one in named(status, "interfaces")}
 
 
-def _exact(said: Mapping[str, object], key: str, otherwise: int) -> int:
-    """A number of ns: a float has not enough digits for Unix time."""
+def place_of(status: Mapping[str, object]) -> Position | None:
+    """Where a station is by its status; None where it does not know."""
+    here = within(status, "position")
+    if not text(here, "source"):
+        return None
+    return Position(*(round(number(here, key) * 1e7) for key in ("latitude", "longitude")))
+
+
+def _exact(said: Mapping[str, object], key: str) -> int:
+    """A number of ns, 0 where there is none: a float has not enough digits for Unix time."""
+    return _whole(said, key, 1 << 63) or 0
+
+
+def _whole(said: Mapping[str, object], key: str, bound: int) -> int | None:
+    """A whole number of less than a bound, whatever its sign; None for anything else."""
     found = said.get(key)
-    is_one = isinstance(found, int) and not isinstance(found, bool) and abs(found) < 1 << 63
-    return found if is_one else otherwise  # type: ignore[return-value]
+    if isinstance(found, bool) or not isinstance(found, int) or abs(found) >= bound:
+        return None
+    return found

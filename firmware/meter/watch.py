@@ -10,7 +10,6 @@ from typing import NamedTuple
 import zmq
 
 from board.errors import StationError
-from drivers.message import Position
 from firmware.meter import told
 from firmware.meter.meter import Meter
 from firmware.meter.place import place_of
@@ -235,9 +234,7 @@ class Watch:
         for kind in ("indication", "confirm"):
             self._sequences.setdefault(kind, round(number(report, f"{kind}s")))
         self._meter.station(self.name, told.interfaces(status))
-        here = within(status, "position")
-        if text(here, "source"):
-            place = Position(*(round(number(here, key) * 1e7) for key in ("latitude", "longitude")))
+        if (place := told.place_of(status)) is not None:
             self._meter.spots.station(self.name, now_s, place)
         clock = within(status, "clock")
         quality = told.clock_of(clock, "")

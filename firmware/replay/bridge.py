@@ -102,9 +102,8 @@ class Bridge:
         if end is not None:
             until.append(end)
         left = min([LONGEST_WAIT_S, *(max(0.0, when - self._clock()) for when in until)])
-        if not is_taking:
+        # A command's own process. Only the time is waited for, or it is shorter than the milliseconds that zmq counts.
+        if not is_taking or left < 0.001:
             time.sleep(left)
-        elif left < 0.001:
-            time.sleep(left)  # zmq counts milliseconds: so short a time is slept
         else:
             self._poller.poll(ceil(left * 1000) - 1)

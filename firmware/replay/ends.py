@@ -11,7 +11,7 @@ import zmq
 
 from board.address import Address
 from board.errors import ProtocolError, RequestError, StationError
-from drivers.message import Area, Position, Shape
+from drivers.message import Shape
 from drivers.wire import btp, geonet_packet
 from drivers.wire import frame as ethernet
 from drivers.wire.geonet_header import BasicNext, HeaderType
@@ -198,15 +198,13 @@ def wishes(one: Pdu) -> Mapping[str, object]:
 
 def _area(header_type: int, extended: GeoArea) -> dict[str, object]:
     shape = Shape(header_type - HeaderType.GBC_CIRCLE)
-    centre = Position(extended.latitude, extended.longitude)
-    area = Area(shape, centre, extended.distance_a, extended.distance_b, extended.angle)
     found: dict[str, object] = {
         "shape": shape.name.lower(),
-        "latitude": centre.latitude / 1e7,
-        "longitude": centre.longitude / 1e7,
-        "distance_a": area.distance_a,
+        "latitude": extended.latitude / 1e7,
+        "longitude": extended.longitude / 1e7,
+        "distance_a": extended.distance_a,
     }
-    return found if shape is Shape.CIRCLE else found | {"distance_b": area.distance_b, "angle": area.angle}
+    return found if shape is Shape.CIRCLE else found | {"distance_b": extended.distance_b, "angle": extended.angle}
 
 
 def _pdu(one: Pdu) -> bytes:

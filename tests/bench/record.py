@@ -76,7 +76,7 @@ class Recorded(Station):
                     return status
             if time.monotonic() > end:
                 raise RuntimeError("it never came to hold: captain status tells more of the recorder")
-            time.sleep(LOOK_S)
+            time.sleep(LOOK_S)  # a measurement's own process
 
     def recorder(self) -> dict[str, Any]:
         told: dict[str, Any] = self.status()["recorder"]
@@ -138,15 +138,15 @@ def _meter(station: Recorded, is_wanted: bool) -> Iterator[None]:
         yield
         return
     command = [SOURCE, "meter", "--at", f"A=127.0.0.1:{station.ports.from_users}", "--json"]
-    meter = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    meter = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    assert meter.stderr is not None
     try:
-        time.sleep(1.0)
-        if meter.poll() is not None:
-            raise RuntimeError(f"{' '.join(command)}: exit status {meter.returncode}")
+        if not (said := meter.stderr.readline()).startswith("captain: heard: "):
+            raise RuntimeError(f"{' '.join(command)}: {said}")
         yield
     finally:
         meter.terminate()
-        meter.wait()
+        meter.communicate()
 
 
 def _lines(without: list[Round], with_: list[Round], again: list[Round]) -> list[Line]:

@@ -21,5 +21,6 @@ def number(told: dict[str, Any], name: str, low: float, high: float) -> float | 
     """Of a table; None where it is no number between these."""
     # Compared before it is made a float: a whole number of JSON may have four hundred digits.
     value = told.get(name)
-    is_number = isinstance(value, (int, float)) and not isinstance(value, bool) and low <= value <= high
-    return float(value) if is_number else None  # type: ignore[arg-type]
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
+        return None
+    return float(value)
