@@ -194,7 +194,8 @@ def _live(arguments: argparse.Namespace) -> dict[str, object]:
     session = Session(meter, line)
     with client.session() as context:
         for one in arguments.at:
-            session.watch(one.name, one.place, context)
+            # Of a probe it is measured when each station's users have it.
+            session.watch(one.name, one.place, context, is_whole=bool(arguments.probe))
         session.begin()
         _check_ends(meter)
         if arguments.probe:

@@ -38,9 +38,9 @@ class Session:
         self.ended_s: float | None = None
         self._looked = 0.0
 
-    def watch(self, name: str, place: client.Address, context: client.Context) -> None:
-        """Take up a station. Raises StationError when it is not there."""
-        self.watches.append(Watch(name, place, context, self.meter, self.line, self._delivered))
+    def watch(self, name: str, place: client.Address, context: client.Context, is_whole: bool = False) -> None:
+        """Take up a station; is_whole: each message to its users. Raises StationError when it is not there."""
+        self.watches.append(Watch(name, place, context, self.meter, self.line, self._delivered, is_whole))
 
     def begin(self, is_first: bool = False) -> None:
         """When all stations have joined, and what they said before was let go. Raises StationError.

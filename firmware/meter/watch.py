@@ -13,9 +13,10 @@ from board.errors import StationError
 from firmware.meter import told
 from firmware.meter.meter import Meter
 from firmware.meter.place import place_of
+from firmware.meter.tap import GLANCE, Tap
 from firmware.report import boot_id, digest_of
 from firmware.user import client
-from firmware.user.received import Message, Pairing
+from firmware.user.received import Message
 from firmware.user.table import times
 from firmware.user.untrusted import number, text, texts, within
 
@@ -43,6 +44,7 @@ class Watch:
     """Takes what comes from one station.
 
     line       the meter's time line: Unix time that never steps.
+    is_whole   every message that its users get is looked at, and not the first of each second.
     delivered  is called with each message that the station has given to its users, and when it was here (monotonic ns).
     missed_indications, missed_confirms  reports that this meter did not hear.
     """
@@ -55,6 +57,7 @@ class Watch:
         meter: Meter,
         line: Callable[[], float],
         delivered: Callable[[str, str, int], None],
+        is_whole: bool = False,
     ) -> None:
         self.name = name
         self.place = place
@@ -65,15 +68,13 @@ class Watch:
         self.heard_s = line()
         self.own = Own()
         self.reports = client.subscribe(context, place, place.report, *REPORTS)
-        self.users = client.subscribe(context, place, place.to_users, "")
+        self.users = Tap(context, place, is_whole)
         self._meter = meter
         self._line = line
         self._delivered = delivered
-        self._pairing = Pairing()
         self._sequences: dict[str, int] = {}
         self._is_measuring = False
-        self._has_beat = False
-        self._given = self._got = 0  # messages to users: before, and that came here since
+        self._given = self._got = 0  # messages to users until it began, and of them those that came here
         self._own_boot = boot_id()
 
     @property
@@ -86,8 +87,8 @@ class Watch:
         What is received counts from then on: what was sent is measured after begin(), when all stations have joined.
         """
         end_s = self._line() + client.ANSWER_S
-        while not (self.status and self._has_beat) and self._line() < end_s:
-            for socket in (self.reports, self.users):
+        while not (self.status and self.users.has_beat) and self._line() < end_s:
+            for socket in (self.reports, self.users.socket):
                 socket.poll(JOIN_MS)
             self.take()
         if not self.status:
@@ -100,7 +101,7 @@ class Watch:
                 f"station {self.name} is of version {text(self.status, 'version')}: it does not say what a meter needs",
                 "update it: `captain update`",
             )
-        if not self._has_beat:
+        if not self.users.has_beat:
             raise StationError(
                 f"what listens at {self.place.host}:{self.place.to_users} sent no heartbeat",
                 f"is that where users of station {self.name} subscribe?",
@@ -110,19 +111,14 @@ class Watch:
     def begin(self, is_first: bool = False) -> None:
         """What leaves from now on is measured: whoever receives it is heard. is_first: nothing has left before."""
         self._is_measuring = True
-        self._given, self._got = round(number(within(self.status, "endpoint"), "published")), 0
+        self._given, self._got = self._published(), self.users.count
         if not is_first:
             self._meter.hears(self.name, self._line())
 
     def take(self) -> None:
         """What has come by both."""
-        for frames in client.waiting(self.users):
-            now_ns = time.monotonic_ns()
-            self._has_beat = True
-            message = self._pairing.feed(frames)
-            if message is not None:
-                self._got += 1
-                self._to_user(message, now_ns)
+        for message, now_ns in self.users.take(self._line()):
+            self._to_user(message, now_ns)
         for frames in client.waiting(self.reports):
             report = client.parse_report(frames)
             if report is not None:
@@ -157,11 +153,16 @@ class Watch:
                 f"{self.missed_indications} indications and {self.missed_confirms} confirms were not heard: "
                 "the report port or this meter did not keep up; nothing of that is counted as lost"
             )
-        given = round(number(within(self.status, "endpoint"), "published")) - self._given
-        if max(given, self._got) >= PLAIN and min(given, self._got) == 0:
+        given, got = self._published() - self._given, self.users.count - self._got
+        if max(given, got) >= PLAIN and min(given, got) == 0:
             yield (
-                f"its users were given {given} messages, and {self._got} came here by "
+                f"its users were given {given} messages, and {got} came here by "
                 f"{self.place.host}:{self.place.to_users}: its ports are not all of one station"
+            )
+        elif self.users.is_part:
+            yield (
+                f"of {given} messages to its users {got} were looked at, the first {GLANCE} of each second, "
+                "for places on the map and the way up to users: all of them would burden it"
             )
         if (silent_s := self._line() - self.heard_s) > SILENT_S:
             yield f"it has not been heard for {silent_s:.1f} s, at the end: what was sent meanwhile is unseen"
@@ -169,6 +170,10 @@ class Watch:
             yield f"it was silent for {self.silent_s:.1f} s: what was sent meanwhile is unseen"
         if self.restarts:
             yield f"it was started anew {times(self.restarts)}"
+
+    def _published(self) -> int:
+        """Messages that the station has given to its users, as it says."""
+        return round(number(within(self.status, "endpoint"), "published"))
 
     def look(self, now_s: float) -> None:
         """Called now and then: whether the station is still heard."""
@@ -283,5 +288,5 @@ def registered(watches: list[Watch]) -> zmq.Poller:
     poller = zmq.Poller()
     for watch in watches:
         poller.register(watch.reports, zmq.POLLIN)
-        poller.register(watch.users, zmq.POLLIN)
+        poller.register(watch.users.socket, zmq.POLLIN)
     return poller

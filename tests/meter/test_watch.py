@@ -14,6 +14,7 @@ from drivers.wire import raw
 from firmware.meter.matching import Fate, Way
 from firmware.meter.meter import Meter
 from firmware.meter.session import Session, TimeLine
+from firmware.meter.tap import GLANCE, Tap
 from firmware.meter.watch import LABEL, SILENT_S, Watch
 from firmware.user import client
 from tests.meter.test_told import CONFIRM, INDICATION
@@ -32,6 +33,7 @@ class FakeSocket:
 
     def __init__(self) -> None:
         self.waiting: deque[list[bytes]] = deque()
+        self.asked: list[tuple[int, bytes]] = []
 
     def say(self, topic: str, said: dict[str, Any]) -> None:
         self.waiting.append([topic.encode(), json.dumps(said).encode()])
@@ -43,6 +45,9 @@ class FakeSocket:
 
     def poll(self, timeout: float) -> int:
         return len(self.waiting)
+
+    def setsockopt(self, option: int, topic: bytes) -> None:
+        self.asked.append((option, topic))
 
 
 class Bench:
@@ -57,7 +62,7 @@ class Bench:
         for name in "AB":
             watch = Watch(name, client.Address(), None, self.meter, lambda: self.now_s, self._delivered)  # type: ignore[arg-type]
             self.reports(name).say("status.", STATUS)
-            watch.users.waiting.append([b"hb.counter", b"{}"])  # type: ignore[attr-defined]
+            SOCKETS[name, "users"].waiting.append([b"hb.counter", b"{}"])
             watch.join()
             watch.begin()
             self.watches[name] = watch
@@ -99,7 +104,7 @@ def bench(monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
 
     def subscribe(*_: object) -> FakeSocket:
         made.append(FakeSocket())
-        order = [("A", "reports"), ("A", "users"), ("B", "reports"), ("B", "users")]
+        order = [("A", "reports"), ("A", "users"), ("B", "reports"), ("B", "users"), ("C", "users")]
         SOCKETS[order[len(made) - 1]] = made[-1]
         return made[-1]
 
@@ -215,6 +220,27 @@ def test_what_users_get_is_counted_by_type(bench: Bench) -> None:
     bench.watches["B"].take()
     assert dict(bench.meter.inside.delivered["B"].types) == {"cam": 1}
     assert [station for station, _ in bench.delivered] == ["B"]
+
+
+def test_of_a_busy_station_the_first_messages_of_each_second_are_looked_at(bench: Bench) -> None:
+    users = SOCKETS["B", "users"]
+    watch = bench.watches["B"]
+    for second in range(3):
+        users.waiting.extend([b"v2x.cam.", bytes([2, 2, *number.to_bytes(4, "big")]) * 8] for number in range(250))
+        watch.take()
+        bench.now_s += 1.0
+        assert bench.meter.inside.delivered["B"].types["cam"] == (second + 1) * GLANCE
+    shut, opened = (zmq.UNSUBSCRIBE, b""), (zmq.SUBSCRIBE, b"")
+    assert users.asked == [shut, opened, shut, opened, shut]
+    bench.status("B", endpoint={"published": 750})
+    assert any("of 750 messages to its users 600 were looked at" in str(note) for note in watch.told()["notes"])  # type: ignore[attr-defined]
+
+
+def test_each_message_is_looked_at_where_probes_are_on_their_way(bench: Bench) -> None:
+    tap = Tap(None, client.Address(), is_whole=True)  # type: ignore[arg-type]
+    tap.socket.waiting.extend([b"v2x.cam.", bytes([2, 2, *number.to_bytes(4, "big")])] for number in range(250))  # type: ignore[attr-defined]
+    assert len(list(tap.take(0.0))) == 250
+    assert not tap.is_part
 
 
 @pytest.mark.parametrize(
