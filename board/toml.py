@@ -1,5 +1,6 @@
 """TOML text into tables: a whole file, or one assignment of the command line; and how a value is shown."""
 
+import re
 import tomllib
 from datetime import date, time
 from pathlib import Path
@@ -11,6 +12,9 @@ from board.errors import ConfigurationError
 MAX_FILE = 1 << 20  # octets; a description is written by hand: what is longer is another file by mistake
 MAX_SHOWN = 60  # characters of a wrong value
 MAX_DEPTH = 3  # of tables and arrays that a message shows
+MAX_PARTS = 64  # of a dotted key; a description has 5. For 20,000 the parser takes half a minute
+_PART = r"""(?:[A-Za-z0-9_-]+|"[^"\n]*"|'[^'\n]*')"""
+_LONG_KEY = re.compile(rf"""(?<![\w"'-]){_PART}(?:[ \t]*\.[ \t]*{_PART}){{{MAX_PARTS}}}""")
 
 # A boolean is also an int and must be asked for first; so must a datetime, which is a date.
 NAMES: dict[type, str] = {
@@ -27,6 +31,14 @@ NAMES: dict[type, str] = {
 }
 
 
+def parse(text: str) -> dict[str, Any]:
+    """The tables of a text. Raises ValueError, which tells the line as tomllib does, and RecursionError."""
+    if found := _LONG_KEY.search(text):
+        line = text.count("\n", 0, found.start()) + 1
+        raise ValueError(f"a key has more than {MAX_PARTS} parts (at line {line}, column 1)")
+    return tomllib.loads(text)
+
+
 def load(path: str | Path) -> dict[str, Any]:
     """The tables of a TOML file. Raises ConfigurationError with the line: unreadable, not UTF-8, not TOML."""
     try:
@@ -38,7 +50,7 @@ def load(path: str | Path) -> dict[str, Any]:
     if len(octets) > MAX_FILE:
         raise ConfigurationError(f"{path}: is longer than {MAX_FILE} octets", "is it a TOML file?")
     try:
-        return tomllib.loads(octets.decode("utf-8-sig"))
+        return parse(octets.decode("utf-8-sig"))
     except UnicodeDecodeError as error:
         line = octets.count(b"\n", 0, error.start) + 1
         what = f"{path}: line {line}: octet 0x{error.object[error.start]:02x} is not UTF-8"
@@ -103,7 +115,7 @@ def _keys(dotted: str, where: str) -> list[str]:
     """The parts of a dotted key, quoted ones included."""
     keys = []
     try:
-        table: Any = tomllib.loads(f"{dotted} = 0") if "\n" not in dotted else {}
+        table: Any = parse(f"{dotted} = 0") if "\n" not in dotted else {}
     except (ValueError, RecursionError):
         table = {}
     while isinstance(table, dict) and len(table) == 1:
@@ -129,7 +141,7 @@ def _parse(text: str, where: str) -> object:
     values: list[object] = []
     try:
         if "\n" not in text:
-            values = tomllib.loads(f"value = [{text}]")["value"]
+            values = parse(f"value = [{text}]")["value"]
     except (ValueError, RecursionError) as error:
         if text.startswith(('"', "'", "[", "{")):
             raise ConfigurationError(f"{where}: {show(text)} is not TOML") from error

@@ -126,7 +126,9 @@ class Imager:
                 "regulatory-domain": lambda each: self._set(file, "wifi.country", each),
                 "access-points": lambda each: self._take_network(file, each, notes),
             }
-            _each(file, file.entries(device), acts, notes)
+            entries = file.entries(device)
+            _each(file, entries, acts, notes)
+            _look_at_dhcp(file, entries, False, "that of wlan0 is always given to it", notes)
 
     def _take_network(self, file: YamlFile, entry: Entry, notes: list[Note]) -> None:
         auth: dict[str, Callable[[Entry], None]] = {
@@ -164,7 +166,10 @@ class Imager:
                 "routes": lambda each: self._take_routes(file, each),
                 "nameservers": lambda each: self._take_names(file, each),
             }
-            _each(file, file.entries(device), acts, notes)
+            entries = file.entries(device)
+            _each(file, entries, acts, notes)
+            is_own = "address" in self.table.get("eth0", {})
+            _look_at_dhcp(file, entries, is_own, "give addresses: [192.168.1.20/24]", notes)
 
     def _take_address(self, file: YamlFile, entry: Entry) -> None:
         for number, item in enumerate(file.items(entry)):
@@ -189,6 +194,18 @@ class Imager:
                 self._put("eth0.dns", names, at(file.name, each.line))
             else:
                 file.leave(each)
+
+
+def _look_at_dhcp(file: YamlFile, entries: list[Entry], is_own: bool, remedy: str, notes: list[Note]) -> None:
+    """A box asks by DHCP where it has no address of its own, and only there."""
+    entry = next((each for each in entries if each.key == "dhcp4"), None)
+    if entry is None or entry.is_true != is_own:
+        return
+    if is_own:
+        what, remedy = "dhcp4: true is not taken: with an address of its own the box asks nobody", "leave one out"
+    else:
+        what = "dhcp4: false is not taken: without an address of its own the box asks by DHCP"
+    notes.append(remark(at(file.name, entry.line), what, remedy))
 
 
 def _look_at_kind(file: YamlFile, entry: Entry, notes: list[Note]) -> None:

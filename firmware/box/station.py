@@ -4,12 +4,13 @@ import os
 import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import chdir
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import NamedTuple
 
 from board.errors import ConfigurationError, StationError
 from drivers.mqtt_options import MqttOptions
-from firmware import board_file, config
+from firmware import board_file, config, x509
 from firmware.box.card import FOLDER, is_brokers
 from firmware.box.note import Note, at, mistake, remark
 from firmware.box.toml_lines import line_of, syntax_hint
@@ -28,6 +29,7 @@ class StationFiles(NamedTuple):
     scratch   an empty folder, in which they are read: paths in captain.toml begin there.
     board     the box's, unless there is a board.toml.
     defaults  captain.toml of the box, which the owner's is laid over, where this is the box.
+    now       Unix time.
     """
 
     files: Mapping[str, bytes]
@@ -35,6 +37,7 @@ class StationFiles(NamedTuple):
     scratch: Path
     board: str
     defaults: str | None
+    now: float
 
     def at(self, name: str, path: str) -> str:
         """Where a key stands."""
@@ -107,8 +110,11 @@ def _look_at_brokers(found: config.Config, given: StationFiles, notes: list[Note
             used |= {os.path.normpath(path) for _, path, _ in one.options.files()}
             place = f"interfaces.{one.name}"
             missing = list(_missing(one.options, there))
-            for option, what, remedy in missing or _of_tls(one.options):
+            troubles = missing or list(_of_tls(one.options))
+            for option, what, remedy in troubles:
                 notes.append(mistake(given.at(OWN, f"{place}.{option}"), f"{place}.{what}", remedy))
+            for option, what, remedy in () if troubles else _out_of_time(one.options, given):
+                notes.append(remark(given.at(OWN, f"{place}.{option}"), f"{place}.{what}", remedy))
     notes += [
         remark(name, f"is named by no interface of {OWN}", f'for example: ca = "{name}"')
         for name in there
@@ -140,3 +146,32 @@ def _of_tls(options: MqttOptions) -> Iterator[Trouble]:
             mqtt_credentials.password(options)
     except StationError as error:
         yield error.message.partition(" ")[0], error.message, error.hint
+
+
+def _out_of_time(options: MqttOptions, given: StationFiles) -> Iterator[Trouble]:
+    """What a broker, or this client, will not accept: no mistake, for it may be renewed, and clocks be wrong.
+
+    A box has no clock before its first start, but never one that is ahead: there "not yet" means nothing.
+    """
+    now = datetime.fromtimestamp(given.now, UTC)
+    for option in ("certificate", "ca"):
+        path = getattr(options, option)
+        try:
+            found = x509.validities(Path(path).read_text(errors="replace")) if path else []
+        except (StationError, OSError):
+            continue  # OpenSSL has taken it
+        if not found:
+            continue
+        begin, end = x509.period(found, is_any=option == "ca")
+        if end <= now:
+            yield (
+                option,
+                f"{option}: {path} has expired: {end:%Y-%m-%d %H:%M} UTC",
+                "renew it: no connection comes about",
+            )
+        elif begin > now and given.defaults is None:
+            yield (
+                option,
+                f"{option}: {path} is good from {begin:%Y-%m-%d %H:%M} UTC",
+                "no connection comes about before",
+            )

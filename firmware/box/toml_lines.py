@@ -2,6 +2,7 @@
 
 import re
 import tomllib
+from functools import lru_cache
 
 HEADER = re.compile(r"\s*\[(\[)?(.*?)\]\]?\s*(?:#.*)?$")
 KEY = re.compile(r"""\s*((?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*'|\s*\.\s*)+?)\s*=""")
@@ -31,6 +32,7 @@ def syntax_hint(why: str) -> str:
     return "compare with the example in README"
 
 
+@lru_cache(maxsize=4)  # of the files of a set: a file may have thousands of mistakes
 def _places(text: str) -> dict[Keys, int]:
     """The first line of each key; arrays of tables have a number after their name."""
     found: dict[Keys, int] = {}

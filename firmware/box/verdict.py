@@ -1,13 +1,13 @@
 """A set of the owner's files: read, checked by the code that will use it, and what follows from it for the box."""
 
-import tomllib
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from board import describe
 from board.errors import ConfigurationError
-from board.toml import show
+from board.toml import parse, show
 from firmware.box.box_file import BoxOptions
 from firmware.box.card import File, collect, is_brokers
 from firmware.box.imager import Imager
@@ -18,6 +18,7 @@ from firmware.box.station import StationFiles, look_at_station
 from firmware.box.toml_lines import line_of, syntax_hint
 
 SECRETS = ("wifi.password", "wifi.psk")
+MOST_TOLD = 50  # of what is to be said of one file
 
 
 class Verdict(NamedTuple):
@@ -41,12 +42,13 @@ class Verdict(NamedTuple):
         return not is_refused(self.notes)
 
 
-def verdict(folder: Path, scratch: Path, board: str, defaults: str | None) -> Verdict:
+def verdict(folder: Path, scratch: Path, board: str, defaults: str | None, now: float) -> Verdict:
     """The set in a folder.
 
     scratch   an empty folder; files are looked at there, as they will lie on the box.
     board     the box's, unless the set has a board.toml.
     defaults  captain.toml of the box, which the owner's is laid over, where this is the box.
+    now       Unix time.
 
     Raises OSError where the folder cannot be read.
     """
@@ -64,11 +66,26 @@ def verdict(folder: Path, scratch: Path, board: str, defaults: str | None) -> Ve
     files = {name: file.octets for name, file in found.items() if is_brokers(name)}
     files |= {name: texts[name].encode() for name in ("captain.toml", "board.toml") if name in texts}
     places = {file.name: file.place for file in found.values()}
-    look_at_station(StationFiles(files, places, scratch, board, defaults), notes)
+    look_at_station(StationFiles(files, places, scratch, board, defaults, now), notes)
     if not keys:
         what = "there is no ssh key: nobody can log in by ssh"
         notes.append(remark(own, what, "put the line of your .pub file into authorized_keys"))
-    return Verdict(notes, options, sorted(found), keys, files)
+    return Verdict(_bounded(notes), options, sorted(found), keys, files)
+
+
+def _bounded(notes: list[Note]) -> list[Note]:
+    """The first of each file: a wrong one may have thousands of mistakes, and nobody reads them."""
+    told: list[Note] = []
+    left: dict[str, list[Note]] = {}
+    counts: Counter[str] = Counter()
+    for note in notes:
+        name = note.text.partition(":")[0]
+        counts[name] += 1
+        (told if counts[name] <= MOST_TOLD else left.setdefault(name, [])).append(note)
+    for name, rest in left.items():
+        say, what = (mistake, "mistakes") if is_refused(rest) else (remark, "notes")
+        told.append(say(name, f"further {what}, not told here: {len(rest)}", "is it the right file?"))
+    return told
 
 
 # -- the box
@@ -92,15 +109,17 @@ def _options(found: Mapping[str, File], texts: Mapping[str, str], notes: list[No
     try:
         return describe.read(BoxOptions, merged, ""), imager
     except ConfigurationError as error:
+        own = dict(_leaves(table))
         for line in error.message.split("\n"):
             path, _, what = line.removeprefix(": ").partition(": ")
-            notes.append(mistake(_place(path, name, text, table, imager), f"{path}: {what}", error.hint))
+            place = at(name, line_of(text, path)) if path in own else _place(path, name, text, table, imager)
+            notes.append(mistake(place, f"{path}: {what}", error.hint))
     return BoxOptions(), imager
 
 
 def _table(name: str, text: str, notes: list[Note]) -> dict[str, Any]:
     try:
-        return tomllib.loads(text)
+        return parse(text)
     except ValueError as error:
         why, _, place = str(error).removesuffix(")").partition(" (at ")
         line = place.removeprefix("line ").partition(",")[0]
@@ -147,9 +166,7 @@ def _merged(under: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]
 
 
 def _place(path: str, name: str, text: str, table: Mapping[str, Any], imager: Imager) -> str:
-    """File and line that a key comes from, or of the table that lacks it."""
-    if path in dict(_leaves(table)):
-        return at(name, line_of(text, path))
+    """File and line that a key that is not in box.toml comes from, or of the table that lacks it."""
     above = path.partition(".")[0]
     places = [place for key, place in imager.places.items() if key == path or key.startswith(f"{above}.")]
     return imager.places.get(path) or (places[0] if above not in table and places else at(name, line_of(text, path)))

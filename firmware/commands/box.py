@@ -2,6 +2,7 @@
 
 import argparse
 import tempfile
+import time
 from pathlib import Path
 
 from board.errors import InterfaceError, UsageError
@@ -54,7 +55,7 @@ def main(arguments: argparse.Namespace) -> int:
 
 def _check(arguments: argparse.Namespace) -> int:
     with tempfile.TemporaryDirectory(prefix="captain-box-") as scratch:
-        found = verdict(arguments.folder, Path(scratch), arguments.board, None)
+        found = verdict(arguments.folder, Path(scratch), arguments.board, None, time.time())
     for note in found.notes:
         print(clean(f"{'WRONG' if note.is_mistake else 'note':6} {note.text}"))
     said = "the box will take it" if found.is_accepted else "the box will NOT take it"
@@ -67,7 +68,7 @@ def _apply(arguments: argparse.Namespace) -> int:
         raise UsageError("apply is for the box itself", "`captain box check DIR` looks at a card")
     store = Store(Path(arguments.owner))
     with tempfile.TemporaryDirectory(prefix="captain-box-") as scratch:
-        found = verdict(arguments.folder, Path(scratch), arguments.board, arguments.defaults)
+        found = verdict(arguments.folder, Path(scratch), arguments.board, arguments.defaults, time.time())
     for line in owner.apply(found, store, arguments.key):
         print(clean(line))
     return 0

@@ -11,8 +11,9 @@ from drivers.message import Ego, Position
 from drivers.mqtt_broker import broker
 from drivers.mqtt_options import MqttOptions, check_file
 from drivers.mqtt_settings import MqttSettings, settings_of
+from firmware import x509
 from firmware.config import InterfaceConfig
-from firmware.lab import mqtt_reach, x509
+from firmware.lab import mqtt_reach
 from firmware.lab.checks import Finding, Level
 
 NOWHERE = Ego(0, Position(), is_known=False)
@@ -85,19 +86,21 @@ def _tells_position(one: InterfaceConfig, shared: Shared) -> bool:
 
 
 def _in_force(subject: str, name: str, path: Path, now: datetime) -> Iterator[Finding]:
-    """Of a certificate and what has signed it the first end counts, of several authorities the last."""
     try:
-        ends = x509.ends(path.read_text(errors="replace"))
+        found = x509.validities(path.read_text(errors="replace"))
     except (StationError, OSError) as error:
         yield Finding(Level.WARNING, subject, f"{name} {path}: {error}", "`openssl x509 -text` may read it")
         return
-    if not ends:
+    if not found:
         return
-    end = max(ends) if name == "ca" else min(ends)
+    begin, end = x509.period(found, is_any=name == "ca")
     day, left = f"{end:%Y-%m-%d %H:%M} UTC", (end - now).days
     if end <= now:
         remedy = "renew it; or is this machine's clock wrong?"
         yield Finding(Level.PROBLEM, subject, f"{name} {path} has expired: {day}", remedy)
+    elif begin > now:
+        remedy = "wait for it; or is this machine's clock wrong?"
+        yield Finding(Level.PROBLEM, subject, f"{name} {path} is good from {begin:%Y-%m-%d %H:%M} UTC", remedy)
     elif left < SOON_DAYS:
         yield Finding(Level.WARNING, subject, f"{name} {path} expires in {left} days: {day}", "renew it")
     else:

@@ -1,7 +1,8 @@
 """An owner's files on a card."""
 
-from collections.abc import Callable
+import time
 from pathlib import Path
+from typing import Protocol
 
 import pytest
 
@@ -11,7 +12,12 @@ KEY = "ssh-ed25519 AAAAC3NzaC1lZDI1NTE5AAAAIG5QZ1u1f8oMAbrUoaqgzTVh2tFvWYAEBoCd2
 OVERLAY = Path(__file__).resolve().parents[3] / "image/overlay"
 
 Files = dict[str, str | bytes]
-Look = Callable[[Files], Verdict]
+
+
+class Look(Protocol):
+    """What a box says of files; is_box: false for the computer that checks a card. later_s: than now."""
+
+    def __call__(self, files: Files, /, is_box: bool = True, later_s: float = 0) -> Verdict: ...
 
 
 def write(folder: Path, files: Files) -> Path:
@@ -24,14 +30,13 @@ def write(folder: Path, files: Files) -> Path:
 
 @pytest.fixture
 def look(tmp_path: Path) -> Look:
-    """What a box says of files."""
-
-    def looked(files: Files) -> Verdict:
+    def looked(files: Files, /, is_box: bool = True, later_s: float = 0) -> Verdict:
         count = len(list(tmp_path.iterdir()))
         card, scratch = tmp_path / f"{count}-card", tmp_path / f"{count}-scratch"
         card.mkdir()
         scratch.mkdir()
-        return verdict(write(card, files), scratch, "none", str(OVERLAY / "etc/captain/captain.toml"))
+        defaults = str(OVERLAY / "etc/captain/captain.toml") if is_box else None
+        return verdict(write(card, files), scratch, "none", defaults, time.time() + later_s)
 
     return looked
 

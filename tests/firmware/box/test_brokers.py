@@ -66,6 +66,29 @@ def test_a_file_of_the_computer_that_checks_is_not_on_the_card(look: Look, files
         )
 
 
+DAY_S = 86_400
+
+
+def test_a_certificate_that_has_expired_is_told_and_refuses_nothing(look: Look, files: Files):
+    for is_box in (True, False):
+        found = look(own(files), is_box=is_box, later_s=3 * DAY_S)
+        assert found.is_accepted
+        certificate, ca = remarks(found)
+        assert certificate.startswith("captain.toml:5: interfaces.cloud.certificate: mqtt/box.pem has expired: 20")
+        assert certificate.endswith(" UTC; renew it: no connection comes about")
+        assert ca.startswith("captain.toml:4: interfaces.cloud.ca: mqtt/ca.pem has expired: 20")
+
+
+def test_one_that_is_not_good_yet_is_told_by_a_computer_and_not_by_a_box_whose_clock_was_never_set(
+    look: Look, files: Files
+):
+    certificate, ca = remarks(look(own(files), is_box=False, later_s=-365 * DAY_S))
+    assert certificate.startswith("captain.toml:5: interfaces.cloud.certificate: mqtt/box.pem is good from 20")
+    assert certificate.endswith(" UTC; no connection comes about before")
+    assert "mqtt/ca.pem is good from" in ca
+    assert remarks(look(own(files), later_s=-365 * DAY_S)) == []
+
+
 def test_what_is_no_certificate_is_named(look: Look, files: Files):
     said = only(look(own(files) | {"mqtt/ca.pem": "hello\n"}))
     assert said.startswith(

@@ -179,3 +179,28 @@ def test_any_text_is_read_or_named(text: str):
     imager = Imager()
     imager.read_user_data("user-data", text, notes)
     imager.read_network_config("network-config", text, notes)
+
+
+@pytest.mark.parametrize(
+    ("lines", "said"),
+    [
+        ("dhcp4: false", "dhcp4: false is not taken: without an address of its own the box asks by DHCP; give addresses: [192.168.1.20/24]"),
+        ("dhcp4: no", "dhcp4: false is not taken: without an address of its own the box asks by DHCP; give addresses: [192.168.1.20/24]"),
+        ("dhcp4: true\n      addresses: [10.0.0.2/24]", "dhcp4: true is not taken: with an address of its own the box asks nobody; leave one out"),
+        ("dhcp4: false\n      addresses: [10.0.0.2/24]", None),
+        ("dhcp4: true", None),
+        ("optional: true", None),
+    ],
+)  # fmt: skip
+def test_what_is_said_of_dhcp_and_not_done_is_told(look: Look, lines: str, said: str | None):
+    found = look({"network-config": f"version: 2\nethernets:\n    eth0:\n      {lines}\n", "authorized_keys": KEY})
+    assert remarks(found) == ([f"network-config:4: {said}"] if said else [])
+    assert found.is_accepted
+
+
+def test_wifi_without_dhcp_is_told(look: Look):
+    found = look({"network-config": NETWORK.replace("dhcp4: true", "dhcp4: false"), "authorized_keys": KEY})
+    assert remarks(found) == [
+        "network-config:5: dhcp4: false is not taken: without an address of its own the box asks by DHCP; that of wlan0 is "
+        "always given to it"
+    ]

@@ -175,3 +175,20 @@ def test_an_endpoint_that_nobody_can_reach_is_told_though_it_is_no_mistake(look:
         'captain.toml:2: endpoint.address: no station starts while the box does not have "192.168.77.7"; '
         "leave it out for all addresses"
     ]
+
+
+DEEP = ".".join(["a"] * 5000)
+
+
+@pytest.mark.parametrize("text", [f"{DEEP} = 1\n", f"[{DEEP}]\nx = 1\n", f"x = {{ {DEEP} = 1 }}\n", f"[[{DEEP}]]\n"])
+@pytest.mark.parametrize("name", ["box.toml", "captain.toml", "board.toml"])
+def test_a_key_of_thousands_of_parts_is_named_before_anybody_follows_it(look: Look, name: str, text: str):
+    assert only(look({name: f"# {name}\n{text}"})).startswith(f"{name}:2: is not TOML: a key has more than 64 parts")
+
+
+@pytest.mark.parametrize("name", ["box.toml", "captain.toml"])
+def test_of_thousands_of_mistakes_the_first_are_told_and_how_many_more_there_are(look: Look, name: str):
+    told = mistakes(look({name: "".join(f"key{number} = 1\n" for number in range(5_000))}))
+    assert told[0].startswith(f"{name}:1: key0: is not a known key")
+    assert told[-1] == f"{name}: further mistakes, not told here: 4950; is it the right file?"
+    assert len(told) == 51

@@ -13,9 +13,9 @@ from board.errors import ProtocolError
 from drivers.contract import Shared
 from drivers.mqtt_options import MqttOptions
 from drivers.zed_f9p import ZedF9p
-from firmware import cli
+from firmware import cli, x509
 from firmware.config import InterfaceConfig
-from firmware.lab import mqtt_checks, mqtt_reach, x509
+from firmware.lab import mqtt_checks, mqtt_reach
 from firmware.lab.checks import Finding, Level
 from firmware.tables import QueueOptions
 from tests.broker.mute import CONNACK, Mute
@@ -45,11 +45,12 @@ def said(one, now=None):
     return [(finding.level, finding.text, finding.remedy) for finding in found]
 
 
-def test_good_files_are_told_with_the_day_on_which_they_end(own):
-    (_, told, _), (_, authority, _) = found = said(v2n(**own), time.time() - 30 * DAY_S)
-    assert [level for level, _, _ in found] == [Level.OK, Level.OK]
-    assert told.startswith(f"certificate {own['certificate']} is good until 20")
-    assert authority.startswith(f"ca {own['ca']} is good until 20")
+def test_good_files_are_told_with_the_day_on_which_they_end(own, certificates):
+    certificate, key = certificates.authority.client("long", days=60)
+    ((level, told, _), (_, authority, _)) = said(v2n(**own | {"certificate": str(certificate), "key": str(key)}))
+    assert level is Level.OK
+    assert told.startswith(f"certificate {certificate} is good until 20")
+    assert authority.startswith(f"ca {own['ca']} expires in 1 days: 20")
 
 
 def test_a_certificate_that_ends_soon_is_a_warning_and_one_that_has_ended_a_problem(own):
@@ -59,6 +60,9 @@ def test_a_certificate_that_ends_soon_is_a_warning_and_one_that_has_ended_a_prob
     (over, told, remedy), *_ = said(v2n(**own), time.time() + 3 * DAY_S)
     assert (over, remedy) == (Level.PROBLEM, "renew it; or is this machine's clock wrong?")
     assert "has expired: 20" in told
+    (early, told, remedy), *_ = said(v2n(**own), time.time() - 365 * DAY_S)
+    assert (early, remedy) == (Level.PROBLEM, "wait for it; or is this machine's clock wrong?")
+    assert "is good from 20" in told
 
 
 def test_files_that_are_missing_or_that_others_may_read_are_problems_each_with_its_remedy(own, tmp_path):
@@ -244,15 +248,16 @@ def test_a_fault_of_a_file_is_told_once(own, capsys, monkeypatch, tmp_path, stan
 
 
 def test_the_end_of_a_certificate_is_what_it_was_made_for(certificates):
-    (end,) = x509.ends(certificates.client.certificate.read_text())
+    ((begin, end),) = x509.validities(certificates.client.certificate.read_text())
+    assert abs(begin - datetime.now(UTC)) < timedelta(hours=1)
     assert abs(end - datetime.now(UTC) - timedelta(days=2)) < timedelta(hours=1)
-    (past,) = x509.ends(certificates.expired_client.certificate.read_text())
-    assert past < datetime.now(UTC)
+    (past,) = x509.validities(certificates.expired_client.certificate.read_text())
+    assert past.end < datetime.now(UTC)
 
 
 def test_a_file_of_several_certificates_has_an_end_for_each(certificates):
     files = (certificates.client.certificate, certificates.expired_client.certificate)
-    assert len(x509.ends("\n".join(path.read_text() for path in files))) == 2
+    assert len(x509.validities("\n".join(path.read_text() for path in files))) == 2
 
 
 @given(cut=st.integers(0, 400), flips=st.lists(st.tuples(st.integers(0, 399), st.integers(0, 255)), max_size=4))
@@ -263,7 +268,7 @@ def test_a_damaged_certificate_has_an_end_or_is_refused(certificates, cut, flips
     for place, octet in flips:
         octets[place % len(octets)] = octet
     try:
-        found = x509.end(bytes(octets[: len(octets) - cut]))
+        found = x509.validity(bytes(octets[: len(octets) - cut]))
     except ProtocolError:
         return
-    assert found.tzinfo is UTC
+    assert found.begin.tzinfo is found.end.tzinfo is UTC

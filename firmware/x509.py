@@ -1,8 +1,9 @@
-"""Until when a certificate holds: as much of X.509 as that takes, from PEM or DER."""
+"""From when until when a certificate holds: as much of X.509 as that takes, from PEM or DER."""
 
 import re
 import ssl
 from datetime import UTC, datetime
+from typing import NamedTuple
 
 from board.errors import ProtocolError
 
@@ -13,16 +14,29 @@ SEQUENCE, UTC_TIME, GENERALIZED_TIME, VERSION = 0x30, 0x17, 0x18, 0xA0
 FORMATS = {UTC_TIME: "%y%m%d%H%M%SZ", GENERALIZED_TIME: "%Y%m%d%H%M%SZ"}
 
 
-def ends(pem: str) -> list[datetime]:
-    """The end of each certificate of a PEM file, in its order. Raises ProtocolError where one is damaged."""
+class Validity(NamedTuple):
+    """Of a certificate: notBefore and notAfter."""
+
+    begin: datetime
+    end: datetime
+
+
+def validities(pem: str) -> list[Validity]:
+    """Of each certificate of a PEM file, in its order. Raises ProtocolError where one is damaged."""
     try:
-        return [end(ssl.PEM_cert_to_DER_cert(block)) for block in BLOCK.findall(pem)]
+        return [validity(ssl.PEM_cert_to_DER_cert(block)) for block in BLOCK.findall(pem)]
     except ValueError as error:
         raise ProtocolError(f"a certificate is damaged: {error}") from error
 
 
-def end(certificate: bytes) -> datetime:
-    """notAfter of a certificate in DER. Raises ProtocolError.
+def period(found: list[Validity], is_any: bool) -> Validity:
+    """When several hold together: a certificate and what signed it; or any of them, as authorities do."""
+    begins, ends = [one.begin for one in found], [one.end for one in found]
+    return Validity(min(begins), max(ends)) if is_any else Validity(max(begins), min(ends))
+
+
+def validity(certificate: bytes) -> Validity:
+    """Of a certificate in DER. Raises ProtocolError.
 
     Source: RFC 5280, clauses 4.1 and 4.1.2.5.
     """
@@ -32,13 +46,17 @@ def end(certificate: bytes) -> datetime:
         _, _, rest = _take(rest)
     for _ in ("serialNumber", "signature", "issuer"):
         _, _, rest = _take(rest)
-    _, validity, _ = _take(rest, SEQUENCE)
-    _, _, after = _take(validity)
-    tag, text, _ = _take(after)
+    _, times, _ = _take(rest, SEQUENCE)
+    begin_tag, begin, after = _take(times)
+    end_tag, end, _ = _take(after)
+    return Validity(_moment("notBefore", begin_tag, begin), _moment("notAfter", end_tag, end))
+
+
+def _moment(name: str, tag: int, text: bytes) -> datetime:
     try:
         return datetime.strptime(text.decode("ascii"), FORMATS[tag]).replace(tzinfo=UTC)
     except (KeyError, ValueError) as error:
-        raise ProtocolError(f"its notAfter is no time: {text.hex()}") from error
+        raise ProtocolError(f"its {name} is no time: {text.hex()}") from error
 
 
 def _take(octets: bytes, wanted: int | None = None) -> tuple[int, bytes, bytes]:
