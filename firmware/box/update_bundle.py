@@ -115,7 +115,7 @@ _REASONS = (
     (r"self-signed certificate|unable to get (local )?issuer|unable to verify the first", "FOREIGN"),
     (r"certificate (is not yet valid|has expired)", "DATE"),
     # Whatever OpenSSL stumbles on, which depends on what was hit: the signer's name, a number's length, the signature.
-    (r"signature verification failed: (?!Verify error)|[Vv]erification failure|digest_verify", "CHANGED"),
+    (r"signature verification failed: (?!Verify error)|[Vv]erification failure|digest_verify|no valid CMS", "CHANGED"),
     (r"Invalid bundle|exceeds bundle size|Failed to (seek|read)|not a (RAUC )?bundle|short read", "TRUNCATED"),
     (r"ormat '?plain'? not allowed|ormat .* not (allowed|supported)", "FORM"),
 )  # fmt: skip

@@ -21,6 +21,7 @@ PROGRAM = "usr/lib/captain/captain"
 FAILS = "#!/bin/sh\necho 'this version does not work' >&2\nexit 1\n"
 CHUNK = 1 << 20
 SOUND = "sound"
+SIZE_OCTETS = 8  # of a bundle's end: how long the signature before it is
 SMALL = 200_000  # octets of contents that are never installed
 
 
@@ -120,7 +121,8 @@ def _spoiled(good: Path, folder: Path, own: keys.Keys, description: Description)
     signed("another signer", description.compatible, keys.development(folder / "foreign", 0))
     signed("another device tree", f"{description.compatible}-other", own)
     size = good.stat().st_size
-    for name, at in (("contents changed", size // 2), ("signature changed", size - 200)):
+    # The latter in the signature's own number: whatever else is hit, a name or a length, has words of its own.
+    for name, at in (("contents changed", size // 2), ("signature changed", size - SIZE_OCTETS - 8)):
         found[name] = folder / f"{name.replace(' ', '-')}.raucb"
         subprocess.run(["cp", good, found[name]], check=True)
         with found[name].open("r+b") as file:
