@@ -89,8 +89,8 @@ def _tell(folder: Path, described: description.Description, card: build.Card, to
 
 
 def _verified(made: build.Build, card: build.Card) -> int:
-    tools, secret = made.steps.folder / "tools", keys.secret(made.keys)
-    looked = verify.Card(made.description, card.image, tools, secret, card.bundle, card.checksums)
+    secret = keys.secret(made.keys)
+    looked = verify.Card(made.description, card.image, made.steps.folder, secret, card.bundle, card.checksums)
     rows: list[verify.Row] = []
     try:
         rows.extend(looked.rows())

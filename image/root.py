@@ -1,7 +1,6 @@
 """The root file system: Debian's userland by its own scripts, then what is ours, and nothing of where it was built."""
 
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -98,10 +97,10 @@ def compose(description: Description, parts: Parts, epoch: int, target: Path) ->
         tree.link("usr/bin/captain", "../lib/captain/captain")
         for path, octets in parts.documents.items():
             tree.write(f"{DOCUMENTS}/{path}", octets)
-        tree.add_folder(OVERLAY)
+        for laid in overlaid(description):
+            tree.write(*laid)
         for path, text in parts.written.items():
             tree.write(path, text)
-        _replace_words(tree, description)
         _name(tree, description.name)
         accounts.add(tree)
         _choose_units(tree)
@@ -133,8 +132,16 @@ def _add_unpacked(tree: Tree, kernel: Kernel, initrd: Path) -> None:
     tree.write("boot/initrd", initrd.read_bytes())
 
 
-def _replace_words(tree: Tree, description: Description) -> None:
-    """@WORD@ in the overlay's files."""
+class Laid(NamedTuple):
+    """A file of the overlay, with its words replaced."""
+
+    path: str
+    text: str
+    mode: int
+
+
+def overlaid(description: Description) -> Iterator[Laid]:
+    """The overlay's files: @WORD@ stands for what the description says."""
     disk = description.disk
     words = {
         "@BOOT@": disk.partuuid("boot"),
@@ -146,10 +153,10 @@ def _replace_words(tree: Tree, description: Description) -> None:
     }
     for source in sorted(path for path in OVERLAY.rglob("*") if path.is_file()):
         text = source.read_text()
-        if re.search("@[A-Z_]+@", text):
-            for word, value in words.items():
-                text = text.replace(word, value)
-            tree.write(source.relative_to(OVERLAY).as_posix(), text, 0o755 if source.stat().st_mode & 0o100 else 0o644)
+        for word, value in words.items():
+            text = text.replace(word, value)
+        mode = 0o755 if source.stat().st_mode & 0o100 else 0o644
+        yield Laid(source.relative_to(OVERLAY).as_posix(), text, mode)
 
 
 def _choose_units(tree: Tree) -> None:

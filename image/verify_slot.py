@@ -1,15 +1,25 @@
-"""What is looked at inside a slot: that captain is whole, and that what systemd starts is there."""
+"""What is looked at inside a slot: is captain whole, is there what systemd starts, is the rest as described?"""
 
 import re
-from collections.abc import Iterator
+import stat
+from collections.abc import Iterator, Mapping
 from typing import Protocol
 
-from image import archives, bytecode, layers
+from image import archives, bytecode, layers, root
+from image.description import Description
 from image.project import PROJECT
 
 PROGRAM = "usr/lib/captain"
 UNITS = "usr/lib/systemd/system"
 LICENCES = "usr/share/doc/captain/licences"
+SYSTEM = "etc/systemd/system"
+SSHD = "etc/ssh/sshd_config.d"  # of two files there that say something the first in the alphabet counts
+# Debian's, which make the one who runs them another user or group: passwd, util-linux, login, dbus, openssh, pam.
+RAISING = frozenset({
+    "usr/bin/chage", "usr/bin/chfn", "usr/bin/chsh", "usr/bin/expiry", "usr/bin/gpasswd", "usr/bin/mount",
+    "usr/bin/newgrp", "usr/bin/passwd", "usr/bin/ssh-agent", "usr/bin/su", "usr/bin/umount", "usr/sbin/unix_chkpwd",
+    "usr/lib/dbus-1.0/dbus-daemon-launch-helper", "usr/lib/openssh/ssh-keysign",
+})  # fmt: skip
 # systemd.service(5): what may stand before a program's path.
 _STARTED = re.compile(r"^Exec\w+=[-@:+!|]*(/\S+)", re.MULTILINE)
 
@@ -20,6 +30,7 @@ class Slot(Protocol):
     def paths(self) -> list[str]: ...
     def read(self, path: str) -> bytes: ...
     def size(self, path: str) -> int: ...
+    def mode(self, path: str) -> int: ...
     def target(self, path: str) -> str: ...
 
 
@@ -34,6 +45,43 @@ def checks(slot: Slot) -> Iterator[tuple[str, str]]:
     yield "licences of what captain carries", "" if licences else f"there is no {LICENCES}"
     yield "programs that units start", ", ".join(_programs(slot, there))
     yield "units that are started", ", ".join(_wanted(slot, there))
+
+
+def composed(slot: Slot, described: Description, octets: Mapping[str, bytes]) -> Iterator[tuple[str, str]]:
+    """What the description decides: whatever else is there was not meant.
+
+    octets  of files that come from elsewhere, by their paths.
+    """
+    there = set(slot.paths())
+    laid = {one.path: (one.text.encode(), one.mode) for one in root.overlaid(described)}
+    laid |= {path: (content, 0o644) for path, content in octets.items()}
+    other = [path for path, (content, mode) in sorted(laid.items())
+             if path not in there or slot.read(path) != content or stat.S_IMODE(slot.mode(path)) != mode]  # fmt: skip
+    yield "the box's own files", f"{other} are others, or not there" if other else ""
+    more = sorted(path for path in there if path.startswith(f"{SSHD}/") and path not in laid)
+    yield "what sshd is told", f"{more} are read, too" if more else ""
+    yield "units that are switched on", ", ".join(_switched(slot, there))
+    raising = sorted(path for path in there - RAISING if _raises(slot.mode(path)))
+    yield "who becomes another user", f"by {raising}" if raising else ""
+    users = [line.split(":") for line in slot.read("etc/passwd").decode().splitlines()]
+    roots = [row[0] for row in users if row[2] == "0"]
+    yield "root is the only one", f"{roots} are" if roots != ["root"] else ""
+
+
+def _raises(mode: int) -> bool:
+    return stat.S_ISREG(mode) and bool(mode & (stat.S_ISUID | stat.S_ISGID))
+
+
+def _switched(slot: Slot, there: set[str]) -> Iterator[str]:
+    """Units of the description that nobody starts, others that somebody does, and those that shall never be started."""
+    wanted = {f"{SYSTEM}/{target}.wants/{unit}" for target, units in root.WANTED.items() for unit in units}
+    found = {path for path in there if re.fullmatch(rf"{SYSTEM}/[^/]+\.(wants|requires)/[^/]+", path)}
+    yield from (f"{path} is not" for path in sorted(wanted - found))
+    yield from (f"{path} is" for path in sorted(found - wanted))
+    for unit in root.MASKED:
+        path = f"{SYSTEM}/{unit}"
+        if path not in there or slot.target(path) != "/dev/null":
+            yield f"{unit} may be"
 
 
 def _modules(slot: Slot) -> str:

@@ -2,7 +2,7 @@
 
 import re
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -10,7 +10,7 @@ import pytest
 from image import checksum, disk, state
 from image.description import read
 from image.errors import ImageError
-from image.verify import Card, inside
+from image.verify import Card, Row, inside
 
 OWN = read(Path(__file__).resolve().parents[2] / "image/image.toml")
 MIB = disk.MIB
@@ -79,7 +79,7 @@ def test_a_card_that_was_cut_short_is_told(tmp_path: Path):
     path = card(tmp_path / "card")
     with path.open("r+b") as file:
         file.truncate(100 * MIB)
-    assert [row.trouble for row in Card(OWN, path, tmp_path).rows()] == [
+    assert [row.trouble for row in Card(OWN, path, built(tmp_path / "built")).rows()] == [
         f"the image has {100 * MIB} octets, not 2048 MiB"
     ]
 
@@ -87,7 +87,15 @@ def test_a_card_that_was_cut_short_is_told(tmp_path: Path):
 def test_a_card_that_was_never_built_is_told_with_what_builds_it(tmp_path: Path):
     for path in (tmp_path / "card", card(tmp_path / "one")):  # without its tools a card cannot be looked at either
         with pytest.raises(ImageError, match=r"(?s)is not there.*make image builds it"):
-            list(Card(OWN, path, tmp_path / "tools").rows())
+            list(Card(OWN, path, tmp_path / "built").rows())
+
+
+def built(folder: Path) -> Path:
+    """As much of a build's folder as is asked for before anything is looked at."""
+    for name in ("tools", "kernel/tree", "early"):
+        (folder / name).mkdir(parents=True)
+    (folder / "early/initrd").touch()
+    return folder
 
 
 def test_a_card_that_was_changed_since_it_was_built_is_told(tmp_path: Path):
@@ -95,10 +103,38 @@ def test_a_card_that_was_changed_since_it_was_built_is_told(tmp_path: Path):
     sums.write_text(checksum.sums([path]))
     with path.open("r+b") as file:
         file.truncate(MIB)
-    looked = Card(OWN, path, tmp_path, checksums=sums)
+    looked = Card(OWN, path, built(tmp_path / "built"), checksums=sums)
     assert next(looked.rows()).trouble == f"{path}: is another one than was built"
     sums.write_text(checksum.sums([path]))
     assert next(looked.rows()).trouble == ""
+
+
+def test_what_cannot_be_read_is_told_and_the_rest_is_looked_at(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    def damaged(self: Card) -> Iterator[Row]:
+        yield Row("the first of it")
+        raise ImageError("mcopy -i card: ended with 1:\ninit :: non DOS media\nCannot initialize '::'")
+
+    def sound(self: Card) -> Iterator[Row]:
+        yield Row("what is sound")
+
+    def nothing(self: Card) -> Row:
+        return Row("nothing")
+
+    for name in ("_boot_partition", "_slot"):
+        monkeypatch.setattr(Card, name, damaged)
+    for name in ("_data", "_unwanted_words"):
+        monkeypatch.setattr(Card, name, sound)
+    monkeypatch.setattr(Card, "_same_slots", nothing)
+    rows = list(Card(OWN, card(tmp_path / "card"), built(tmp_path / "built")).rows())
+    said = "init :: non DOS media; Cannot initialize '::'"
+    assert rows[-6:] == [
+        Row("the first of it"),
+        Row("the boot partition can be read", said),
+        Row("the first of it"),
+        Row("the slot can be read", said),
+        Row("what is sound"),
+        Row("what is sound"),
+    ]
 
 
 def test_counters_of_a_card_that_was_used_are_told(tmp_path: Path):

@@ -1,0 +1,68 @@
+"""What is looked at on the boot partition: that it is what the description makes, octet for octet, and no more."""
+
+import re
+import tempfile
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+
+from image import boot, verify_tree
+from image.description import Description
+from image.kernel import Kernel
+from image.program import run
+
+# Source: U-Boot, include/image.h: struct legacy_img_hdr; a script's text has its length before it, and a 0.
+HEAD, BEFORE_TEXT = 64, 8
+MAGIC = bytes.fromhex("27051956")
+SCRIPT, CONFIG = "boot.scr", "config.txt"
+# A word that stands for a value, and was not replaced.
+WORD = re.compile(rb"@[A-Z_]{3,}@")
+
+
+def checks(described: Description, partition: str, kernel: Kernel) -> Iterator[tuple[str, str]]:
+    """Each check with its trouble, which is empty where it is well.
+
+    partition  FILE@@OFFSET, as mtools have it.
+    kernel     the packages that it was made from, unpacked.
+    """
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        run(["mcopy", "-n", "-s", "-Q", "-i", partition, "::*", folder], environment={"MTOOLS_SKIP_CHECK": "1"})
+        yield from compared(described, folder, kernel)
+
+
+def compared(described: Description, folder: Path, kernel: Kernel) -> Iterator[tuple[str, str]]:
+    """The same of the partition's files in a folder."""
+    there = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
+    packed = {name: kernel.folder / described.firmware.folder / name for name in described.firmware.files}
+    packed[boot.LOADER] = kernel.folder / described.loader.file
+    ours = {path.relative_to(boot.FILES).as_posix(): path for path in boot.FILES.rglob("*") if path.is_file()}
+    trees = described.device_tree.files
+    wanted = {*packed, *ours, *trees, SCRIPT, CONFIG}
+    missing, more = sorted(wanted - there), sorted(there - wanted)
+    yield "what the firmware needs", f"{missing} are not there" if missing else ""
+    yield "nothing else is on the boot partition", f"{more} are" if more else ""
+    for what, files in (("the firmware and the loader are the packages'", packed), ("what is for a person", ours)):
+        other = [name for name, path in sorted(files.items())
+                 if name in there and (folder / name).read_bytes() != path.read_bytes()]  # fmt: skip
+        yield what, f"{other} are others" if other else ""
+    for name, trouble in ((SCRIPT, _script), (CONFIG, _config)):
+        octets = (folder / name).read_bytes() if name in there else b""
+        found = WORD.findall(octets)
+        yield f"no word is left open in {name}", f"{found[0].decode()} is" if found else ""
+        yield f"{name} is that of the description", trouble(described, octets)
+    if described.device_tree.way == "dtc":  # else it is put together by the firmware
+        for name in trees:
+            get = verify_tree.reader(folder / name)
+            yield f"the device tree {name}", "; ".join(verify_tree.troubles(described, get))
+
+
+def _script(described: Description, octets: bytes) -> str:
+    head, body = octets[:HEAD], octets[HEAD:]
+    if head[:4] != MAGIC or zlib.crc32(body).to_bytes(4, "big") != head[24:28]:
+        return "U-Boot would not run it"
+    return "" if body[BEFORE_TEXT:] == boot.script(described).encode() else "its text is another"
+
+
+def _config(described: Description, octets: bytes) -> str:
+    return "" if octets == boot.config(described).encode() else "its text is another"
