@@ -1,8 +1,12 @@
 """What README and the card's README.txt tell an owner to write is taken."""
 
 import re
+from dataclasses import asdict
 from pathlib import Path
 
+from board import describe
+from board.toml import parse
+from firmware.tables import RecorderOptions
 from tests.firmware.box.conftest import KEY, Look
 
 PROJECT = Path(__file__).resolve().parents[3]
@@ -37,3 +41,17 @@ def test_both_say_who_may_use_the_box_without_being_asked():
     for text in (README, ON_CARD):
         assert re.search(r"reaches\s+ports 5555 to 5558", text)
         assert re.search(r"(?i)nobody\s+is\s+asked\s+who\s+he\s+is", text)
+
+
+def test_the_flight_recorder_is_switched_on_by_what_the_card_says(look: Look):
+    text = ON_CARD[ON_CARD.index("[recorder]") : ON_CARD.index("  board.toml ")]
+    found = look({"captain.toml": text, "authorized_keys": KEY})
+    assert [note.text for note in found.notes] == []
+
+
+def test_the_boxs_own_configuration_shows_the_recorder_as_it_is_by_default(look: Look):
+    text = (PROJECT / "image/overlay/etc/captain/captain.toml").read_text()
+    assert "recorder" not in parse(text)
+    sample = parse(re.sub("(?m)^# ?", "", text[text.index("# [recorder]") :]))["recorder"]
+    assert asdict(describe.read(RecorderOptions, sample, "")) == asdict(RecorderOptions(folder="ring"))
+    assert look({"captain.toml": re.sub("(?m)^# ?", "", text[text.index("# [recorder]") :])}).is_accepted
