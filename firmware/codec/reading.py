@@ -25,6 +25,8 @@ _SUFFIX = re.compile(r"\.[a-z][a-z0-9]{2,6}$", re.IGNORECASE)
 _HEX = re.compile(r"(0x)?[0-9a-fA-F: \t]*")
 # protocolVersion is small, so that the base64 of an ITS PDU begins with A; a slip in hexadecimal digits does not.
 _BASE64 = re.compile(r"A(?:[A-Za-z0-9+/]{4})*[A-Za-z0-9+/](?:[A-Za-z0-9+/]{2}|[A-Za-z0-9+/]=|==)")
+# A recorder gives files of its ring another name to keep them; the number behind it says when they were written.
+_KEPT = re.compile(r"^kept(?=-\d{8}-)")
 _OCTET = re.compile(r"[0-9a-fA-F]{2}")
 _ACCEPTED = (
     "accepted are hexadecimal digits, base64, JSON objects with `hex` or `base64`, and names of files that hold these, "
@@ -81,9 +83,7 @@ class Reader:
             if source == "-":
                 yield from self._stream(self._standard_input, STANDARD_INPUT)
             elif os.path.isdir(source):
-                for entry in sorted(Path(source).iterdir()):
-                    if entry.is_file():
-                        yield from self._file(entry)
+                yield from self._folder(Path(source))
             elif _is_file(source, self._form):
                 yield from self._file(Path(source))
             else:
@@ -94,6 +94,16 @@ class Reader:
             yield RequestError(f"an argument cannot be {self._form}", "write it to a file, or to standard input")
         else:
             yield from self._lines([text.encode(errors="surrogateescape")], "the argument", is_one=True)
+
+    def _folder(self, path: Path) -> Iterator[Item]:
+        try:
+            entries = sorted(path.iterdir(), key=lambda entry: (_KEPT.sub("ring", entry.name), entry.name))
+        except OSError as error:
+            yield RequestError(f"{path}: {error.strerror}")
+            return
+        for entry in entries:
+            if entry.is_file():
+                yield from self._file(entry)
 
     def _file(self, path: Path) -> Iterator[Item]:
         try:

@@ -58,15 +58,19 @@ class Launcher:
     def port(self) -> int:
         return self._ports.take()
 
+    def at_end(self, close: Callable[[], None]) -> None:
+        """To be done when all stations have ended."""
+        self._closing.append(close)
+
     def air(self, framing: str) -> Air:
         air = Air(framing, self._ports.take())
-        self._closing.append(air.close)
+        self.at_end(air.close)
         return air
 
     def user(self, station: Station) -> User:
         """A further user; not joined."""
         user = User(self._context, station)
-        self._closing.append(user.close)
+        self.at_end(user.close)
         return user
 
     def __call__(
@@ -95,7 +99,7 @@ class Launcher:
 
     def _reports(self, station: Station, user: User) -> Reports:
         reports = Reports(self._context, station)
-        self._closing.append(reports.close)
+        self.at_end(reports.close)
         return reports.join(user)
 
     def close(self) -> None:

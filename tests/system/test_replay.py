@@ -114,27 +114,6 @@ def test_a_recording_replayed_into_a_second_station_gives_byte_identical_indicat
     assert by_type(indications(second, len(expected))) == by_type(expected)
 
 
-@pytest.mark.parametrize("framing", ["pdu", "btp"])
-def test_what_came_in_no_frame_is_replayed_in_a_made_up_one(
-    launch: Launcher, vectors: list[dict[str, Any]], tmp_path: Path, framing: str
-):
-    first, second = launch(framing), launch("ethernet")
-    path = tmp_path / "drive.pcapng"
-    ports = {"cam": 2001, "denm": 2002, "mapem": 2003, "spatem": 2004, "ivim": 2006, "cpm": 2009, "vam": 2018}
-    with recorded(first, path, len(vectors)):
-        for row in vectors:
-            first.air.send(row["pdu"], ports[row["type"]])
-    first.air.send(last := mark())
-    expected = []
-    while (one := first.user.receive()).pdu != last:
-        expected.append((one.envelope, one.pdu))
-    assert len(expected) == len(vectors)
-    told = replay(str(path), "--udp", "{}:{}".format(*second.air.station))
-    assert told["sent"] == len(vectors)
-    found = [(envelope, pdu) for envelope, pdu, _ in indications(second, len(expected))]
-    assert sorted(found) == sorted(expected)
-
-
 def test_the_vectors_replayed_to_the_endpoint_leave_as_they_are(launch: Launcher, vectors: list[dict[str, Any]]):
     bench = launch("ethernet")
     folder = Path(capture.__file__).parents[1]

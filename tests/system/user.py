@@ -5,7 +5,7 @@ import json
 import re
 import time
 from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import zmq
 
@@ -38,6 +38,12 @@ class Received(NamedTuple):
         return decode(self.raw)
 
 
+class Sender(Protocol):
+    """A far end of some interface."""
+
+    def send(self, pdu: bytes, /) -> object: ...
+
+
 class User:
     """A PUB to 5555, a SUB to 5556 that takes everything, a PUSH to 5557.
 
@@ -67,7 +73,7 @@ class User:
         self.join_receiving(air)
         return self
 
-    def join_receiving(self, air: Air) -> None:
+    def join_receiving(self, air: Sender) -> None:
         """Until a probe arrives: what else does may lie here since an earlier subscription."""
         probes: set[bytes] = set()
         for probe in _probes():

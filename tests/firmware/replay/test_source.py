@@ -51,6 +51,23 @@ def test_the_same_comes_from_a_pipe(tmp_path):
     assert [(one.frame, one.octets) for one in piped] == [(one.frame, one.octets) for one in source(path)[0]]
 
 
+def test_what_a_ring_has_kept_comes_where_it_was_among_the_rest_of_the_ring(tmp_path):
+    names = ["ring-00000008-20261123T080000Z", "kept-00000009-20261123T080100Z-denm", "ring-00000010-20261123T080200Z"]
+    for at, name in enumerate(names):
+        pcap(tmp_path / f"{name}.pcapng", FRAMES[at])
+    assert [one.frame for one in source(tmp_path)[0]] == FRAMES[:3]
+
+
+def test_a_folder_that_is_not_to_be_read_is_told(tmp_path, monkeypatch):
+    def iterdir(self: Path) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "iterdir", iterdir)
+    (told,) = source(tmp_path)[0]
+    assert isinstance(told, RequestError)
+    assert told.message == f"{tmp_path}: Permission denied"
+
+
 def recording(path: Path) -> Path:
     with path.open("wb") as stream:
         one = Pcapng(stream, "test")
