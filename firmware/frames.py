@@ -5,22 +5,17 @@ frames shows them (drivers.contract.FrameWatch); of others one is made up of mes
 the same moment is told with its frame.
 """
 
-import json
-import struct
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from functools import lru_cache
 from typing import Protocol
 
 from board.loop import Loop
 from board.time import TimeQuality
-from drivers.message import ITS_HEADER, UNKNOWN_TIME, Confirm, Ego, Indication, MessageType, Outcome, Request
-from drivers.reason import MEANING, Reason
-from firmware import framing
+from drivers.message import Confirm, Ego, Indication, Outcome, Request
+from drivers.reason import Reason
 from firmware.drops import Drops
-from firmware.report import FRAME, digest_of, said_of
+from firmware.frame_told import Noted, Told
 
 # They are told so much later: a drop that belongs to a frame follows it in the same turn of the loop.
 LATER_S = 0.02
@@ -35,34 +30,6 @@ USERS = "users"  # stands for the interface of what got to none
 ETHERTYPE = b"\x89\x47"
 
 Publish = Callable[[bytes, bytes, bytes], None]  # topic, JSON, octets
-
-
-@dataclass(slots=True)
-class Noted:
-    """A frame, or a message without one, and what became of it.
-
-    missed   of its interface, between the one before and this.
-    frame    empty where one has to be made up.
-    confirm  of what went out, or was to; a beacon has none.
-    """
-
-    interface: str
-    missed: int
-    when_ns: int
-    quality: TimeQuality
-    frame: bytes
-    pdu: bytes
-    is_out: bool = False
-    indication: Indication | None = None
-    confirm: Confirm | None = None
-    reason: Reason | None = None
-    detail: str = ""
-
-    @property
-    def kind(self) -> MessageType | None:
-        if self.indication is not None:
-            return self.indication.kind
-        return None if self.confirm is None else self.confirm.request.kind
 
 
 class Counted(Protocol):
@@ -108,7 +75,6 @@ class Frames:
         self._loop = loop
         self._publish = publish
         self._station = station
-        self._mac = mac
         self._drops = drops
         self._attend = attend
         self._clock_ns = clock_ns
@@ -121,8 +87,7 @@ class Frames:
         self._missed: Counter[str] = Counter()
         self._just_missed = _NOTHING  # a drop of this very moment, whose confirm comes next
         self._counted: dict[str, int] | None = None  # by interface, when enough had come
-        self._sequence: dict[str, int] = {}
-        self._quality = UNKNOWN_TIME, json.dumps(said_of(UNKNOWN_TIME))
+        self._told = Told(mac)
         self._is_scheduled = False
 
     def forget(self) -> None:
@@ -274,57 +239,6 @@ class Frames:
         if part:
             now_ns, ego = self._clock_ns(), self._station.ego()
             for one in part:
-                self._tell(one, now_ns, ego)
+                self._publish(*self._told.of(one, now_ns, ego))
         if self._telling:
             self._loop.soon(self._go_on)
-
-    def _tell(self, one: Noted, now_ns: int, ego: Ego) -> None:
-        """One message. Its object is put together by hand: json.dumps() of the whole takes twice the time."""
-        interface, kind, confirm = one.interface, one.kind, one.confirm
-        self._sequence[interface] = sequence = self._sequence.get(interface, 0) + 1
-        said = (
-            f'{{"sequence": {sequence}, "missed": {one.missed}, "interface": {_quoted(interface)}, '
-            f'"direction": "{"out" if one.is_out else "in"}", "when_ns": {one.when_ns}, '
-            f'"quality": {self._in_words(one.quality)}, "is_made_up": {"false" if one.frame else "true"}'
-        )
-        if kind is not None:
-            pdu = one.pdu
-            said += (
-                f', "type": {_quoted(kind.name)}, "message_id": {pdu[1] if len(pdu) > 1 else "null"}, '
-                f'"station_id": {int.from_bytes(pdu[2:ITS_HEADER], "big")}, "digest": "{digest_of(pdu)}"'
-            )
-        if one.indication is not None and one.indication.rx.rssi_dbm is not None:
-            said += f', "rssi_dbm": {one.indication.rx.rssi_dbm}'
-        if confirm is not None:
-            said += (
-                f', "request": {confirm.request.number}, "queue_us": {confirm.queue_s * 1e6:.1f}, '
-                f'"send_us": {confirm.send_s * 1e6:.1f}'
-            )
-        if one.reason is not None:
-            said += (
-                f', "reason": "{one.reason}", "meaning": {_quoted(MEANING[one.reason])}, '
-                f'"detail": {json.dumps(one.detail)}'
-            )
-        octets = one.frame or self._made_up(one, now_ns, ego)
-        self._publish(b"%s%s." % (FRAME, interface.encode()), f"{said}}}".encode(), octets)
-
-    def _in_words(self, quality: TimeQuality) -> str:
-        """As JSON; most frames have that of the one before."""
-        if quality is not self._quality[0]:
-            self._quality = quality, json.dumps(said_of(quality))
-        return self._quality[1]
-
-    def _made_up(self, one: Noted, now_ns: int, ego: Ego) -> bytes:
-        try:
-            if one.indication is not None:
-                return framing.of_indication(one.indication, now_ns, ego)
-            if one.confirm is not None:
-                return framing.of_request(one.confirm.request, self._mac, ego)
-        except struct.error:  # a number that no header has room for: the interface took it, a frame does not
-            pass
-        return framing.of_octets(one.pdu)
-
-
-@lru_cache(maxsize=256)
-def _quoted(text: str) -> str:
-    return json.dumps(text)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from firmware.meter.age import Age, Gaps
 from firmware.meter.delay import link, one_way
-from firmware.meter.matching import Fate, Settled, Way
+from firmware.meter.fate import Fate, Settled, Way
 from firmware.meter.sample import MOST, Sample
 
 MOST_OF_ROW = 2048  # numbers kept of each measure of a row

@@ -9,11 +9,11 @@ import math
 from bisect import insort
 from collections import OrderedDict, deque
 from collections.abc import Sequence
-from enum import Enum
-from typing import Generic, NamedTuple, TypeVar
+from typing import Generic, TypeVar
 
 from firmware.meter.delay import link as link_delay
 from firmware.meter.event import Received, Sent
+from firmware.meter.fate import Fate, Settled, Way
 
 GRACE_S = 2.0
 # PDUs that are remembered after their fate is known, to tell what comes again from what was never sent: a minute of a
@@ -25,54 +25,6 @@ MOST_STRAYS = 16_384
 # A process may be put aside between reading one clock and the other: a stamp of its is then off by as much.
 SLACK_NS = 5_000_000
 LONE_SLACK_NS = 1_000_000_000
-
-
-class Way(NamedTuple):
-    """From an interface of one station to an interface of another, or of the same: a round trip."""
-
-    sender: str
-    out: str
-    receiver: str
-    into: str
-
-    def __str__(self) -> str:
-        names = self.out if self.out == self.into else f"{self.out} > {self.into}"
-        return f"{self.sender} > {self.receiver} {names}"
-
-    @property
-    def is_round_trip(self) -> bool:
-        return self.sender == self.receiver
-
-
-class Fate(Enum):
-    """Of what was sent, or of what was received."""
-
-    ARRIVED = "arrived"
-    LOST = "lost"
-    LATE = "late"  # it arrived, and was under way for longer than the grace
-    UNSEEN = "unseen"  # it did not arrive as far as the meter has heard, and the meter has not heard all
-    DUPLICATE = "duplicate"  # received once more than it was sent
-    STRANGE = "strange"  # received, and not sent on this way as far as the meter has heard
-
-
-class Settled(NamedTuple):
-    """A fate, and what it was taken for until now, where a late word corrects that.
-
-    copy          of its PDU on this way, from 0 on: the k-th by one way is the k-th by another.
-    is_reordered  something that was sent later arrived earlier (RFC 4737 clause 3.3); not told of repeats.
-    is_unheard    it was sent in a span of which not all was heard: what is known of such ones is no fair share.
-    is_repeat     several copies of its PDU may have been under way: which of them it was is a guess, its delay unknown.
-    """
-
-    way: Way
-    fate: Fate
-    sent: Sent | None
-    received: Received | None
-    copy: int = 0
-    is_reordered: bool = False
-    is_repeat: bool = False
-    was: Fate | None = None
-    is_unheard: bool = False
 
 
 class _Out:

@@ -5,9 +5,10 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
 from firmware.meter.event import PROBES, Received, Sent
+from firmware.meter.fate import Settled, Way
 from firmware.meter.figures import Figures, Rows
 from firmware.meter.inside import Inside
-from firmware.meter.matching import GRACE_S, Matching, Settled, Way
+from firmware.meter.matching import GRACE_S, Matching
 from firmware.meter.paths import Paths
 from firmware.meter.spots import Spots
 from firmware.meter.window import Windows

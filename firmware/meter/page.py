@@ -21,14 +21,15 @@ STYLES = ("uPlot.min.css", "page.css")
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; script-src 'unsafe-inline'; img-src data:"
 
 
+def paths(path: Path) -> tuple[Path, Path, Path]:
+    """Of the three files, the page first."""
+    return path, path.with_suffix(".json"), path.with_suffix(".geojson")
+
+
 def write(result: Object, path: Path) -> Iterator[Path]:
     """Write the three files; yields their paths. Raises StationError."""
-    for suffix, octets in (
-        (path.suffix, page(result)),
-        (".json", json.dumps(result, indent=1)),
-        (".geojson", json.dumps(geojson(result))),
-    ):
-        target = path.with_suffix(suffix)
+    written = (page(result), json.dumps(result, indent=1), json.dumps(geojson(result)))
+    for target, octets in zip(paths(path), written, strict=True):
         try:
             target.write_text(octets, encoding="utf-8")
         except OSError as error:

@@ -4,7 +4,8 @@ from collections import OrderedDict
 from typing import NamedTuple
 
 from firmware.meter.delay import one_way
-from firmware.meter.matching import LATEST_S, Fate, Settled, Way
+from firmware.meter.fate import Fate, Settled, Way
+from firmware.meter.matching import LATEST_S
 from firmware.meter.sample import Sample
 
 # Messages of which not all ways are known: some seconds of four interfaces with a full channel each.

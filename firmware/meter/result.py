@@ -7,9 +7,9 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 from firmware import VERSION
+from firmware.meter.fate import Fate, Way
 from firmware.meter.figures import OTHERS, Figures, Key
 from firmware.meter.inside import Inside
-from firmware.meter.matching import Fate, Way
 from firmware.meter.meter import Meter
 from firmware.meter.paths import Paths
 from firmware.meter.prober import Prober

@@ -10,7 +10,7 @@ from drivers.sim import drive
 from firmware.codec.library import load
 from firmware.lab.copies import Count
 from firmware.lab.laboratory import Bench, Link, bench, vectors
-from firmware.meter.matching import Fate
+from firmware.meter.fate import Fate
 from firmware.meter.meter import Meter
 from firmware.meter.probe import Probes
 from firmware.meter.result import About, result

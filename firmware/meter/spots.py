@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from drivers.message import Position
-from firmware.meter.matching import Fate, Settled, Way
+from firmware.meter.fate import Fate, Settled, Way
 
 MOST = 20_000
 MOST_PLACES = 65_536  # of messages whose fate is not known yet

@@ -4,7 +4,7 @@ from collections import OrderedDict
 from collections.abc import Iterator
 
 from firmware.meter.delay import one_way
-from firmware.meter.matching import Fate, Settled
+from firmware.meter.fate import Fate, Settled
 
 MOST = 7200  # intervals of a way: two hours of 1 s each
 

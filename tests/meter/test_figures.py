@@ -17,8 +17,8 @@ from firmware.lab.laboratory import Vector, vectors
 from firmware.meter.age import Age, Gaps
 from firmware.meter.delay import link, one_way
 from firmware.meter.event import NO_CLOCK, PROBES, Clock, Received, Sent
+from firmware.meter.fate import Fate
 from firmware.meter.figures import OTHERS, Figures, Rows
-from firmware.meter.matching import Fate
 from firmware.meter.meter import Ends, Meter
 from firmware.meter.place import place_of
 from firmware.meter.result import figures as figures_of

@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from firmware.meter.event import NO_CLOCK, Clock, Received, Sent
+from firmware.meter.fate import Fate, Settled, Way
 from firmware.meter.figures import Figures
-from firmware.meter.matching import Fate, Matching, Settled, Way
+from firmware.meter.matching import Matching
 from tests.meter.events import received, sent
 
 WAY = Way("A", "air", "B", "air")

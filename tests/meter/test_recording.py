@@ -11,7 +11,7 @@ from firmware import framing
 from firmware.codec import capture
 from firmware.codec.pcapng import Direction, Pcapng
 from firmware.meter import paths, recording
-from firmware.meter.matching import Fate, Way
+from firmware.meter.fate import Fate, Way
 from firmware.meter.meter import Meter
 
 START_NS = 1_795_182_426_000_000_000

@@ -11,7 +11,7 @@ import zmq
 from board.errors import StationError
 from drivers.message import NO_RX_INFO
 from drivers.wire import raw
-from firmware.meter.matching import Fate, Way
+from firmware.meter.fate import Fate, Way
 from firmware.meter.meter import Meter
 from firmware.meter.session import Session, TimeLine
 from firmware.meter.tap import GLANCE, Tap

@@ -16,7 +16,7 @@ from firmware.codec import capture, layers
 from firmware.lab import netns
 from firmware.lab.laboratory import Device, Seat, bench
 from firmware.meter.delay import link
-from firmware.meter.matching import Fate, Settled
+from firmware.meter.fate import Fate, Settled
 from firmware.meter.meter import Meter
 from firmware.meter.session import Session, TimeLine
 from firmware.report import digest_of
