@@ -15,13 +15,12 @@ from board.errors import ConfigurationError, RequestError, StationError, UsageEr
 from drivers.wire.impairment import Impairment
 from firmware.codec.reading import FORMS, Pdu
 from firmware.replay.arguments import add_impairments, impairments, told
-from firmware.replay.ends import Datagrams, Device, End, Station, Users
+from firmware.replay.ends import Datagrams, Device, End, Station, Users, station_lines
 from firmware.replay.player import Played, Player
 from firmware.replay.rewriting import Changes, Rewriting
 from firmware.replay.source import Choice, Source
 from firmware.replay.timing import Timing
-from firmware.user import client, sending
-from firmware.user.account import Account
+from firmware.user import client
 from firmware.user.arguments import HIGHEST_RATE, add_station, address, finite, integer, number, times
 from firmware.user.table import clean
 
@@ -130,7 +129,7 @@ def main(arguments: argparse.Namespace) -> int:
     rewriting = Rewriting(Changes(station_id, is_added, arguments.time == "now", *arguments.shift))
     way = Impairment[Pdu](impairments(arguments))
     with ExitStack() as ending:
-        end, outgoing = _end(arguments, ending)
+        end = _end(arguments, ending)
         player = Player(end, way, rewriting, timing, Unreadable())
         began = time.monotonic()
         try:
@@ -141,15 +140,15 @@ def main(arguments: argparse.Namespace) -> int:
                 if way.counts.taken == before:
                     break  # nothing of it goes: without an end this would go on in silence
             player.finish()
-            if outgoing is not None:
-                outgoing.wait(client.ANSWER_S)
+            if isinstance(end, Station):
+                end.finish()
         finally:
-            if outgoing is not None:
-                outgoing.give_up()
+            if isinstance(end, Station):
+                end.close()
             told_in = sys.stdout if arguments.json else sys.stderr
-            summary = Summary(player.played, way, source, outgoing, end, time.monotonic() - began)
+            summary = Summary(player.played, way, source, end, time.monotonic() - began)
             print(summary.json() if arguments.json else "\n".join(summary.lines()), file=told_in, flush=True)
-    return 0 if player.played.is_good and (outgoing is None or outgoing.all_sent) else 1
+    return 0 if player.played.is_good and (not isinstance(end, Station) or end.is_good) else 1
 
 
 def _rounds(count: int) -> Iterator[int]:
@@ -159,28 +158,23 @@ def _rounds(count: int) -> Iterator[int]:
         yield done
 
 
-def _end(arguments: argparse.Namespace, ending: ExitStack) -> tuple[End, sending.Sending | None]:
-    """Where it goes, and who hears the confirms."""
+def _end(arguments: argparse.Namespace, ending: ExitStack) -> End:
+    """Where it goes."""
     if arguments.udp is not None:
         datagrams = Datagrams(arguments.udp, arguments.framing)
         ending.callback(datagrams.close)
-        return datagrams, None
+        return datagrams
     if arguments.ethernet is not None:
         device = Device(arguments.ethernet)
         ending.callback(device.close)
-        return device, None
+        return device
     place = address(arguments)
     context = ending.enter_context(client.session())
     if arguments.publish:
         users = Users(context, place)
         ending.callback(users.close)
-        return users, None
-    account = Account(is_json=False, is_brief=True)
-    confirms = sending.confirms(context, place)
-    pusher = client.push(context, place)
-    label = f"captain-replay-{time.time_ns():x}"
-    outgoing = sending.Sending(pusher, confirms, label=label, options={}, interval=0.0, on_over=account.one)
-    return Station(outgoing, is_paced=arguments.rate != 0), outgoing
+        return users
+    return Station(context, place, "replay", is_paced=arguments.rate != 0)
 
 
 class Unreadable:
@@ -205,22 +199,21 @@ class Summary:
         played: Played,
         way: Impairment[Pdu],
         source: Source,
-        outgoing: sending.Sending | None,
         end: End,
         seconds: float,
     ) -> None:
         self._played = played
         self._way = way
         self._skipped = source.skipped
-        self._outcomes = dict(outgoing.flights.outcomes) if outgoing is not None else {}
+        self._station = end if isinstance(end, Station) else None
         self._unheard = end.unheard if isinstance(end, Datagrams) else 0
         self._seconds = seconds
 
     def lines(self) -> Iterator[str]:
         played = self._played
         yield f"captain: {played.sent} sent of {played.read} read in {self._seconds:.1f} s"
-        if self._outcomes:
-            yield f"captain: the station says: {', '.join(f'{n} {word}' for word, n in sorted(self._outcomes.items()))}"
+        if self._station is not None:
+            yield from (clean(f"captain: {line}") for line in station_lines(self._station))
         if self._unheard:
             yield f"captain: nobody listened to {self._unheard} of them"
         if way := told(self._way.counts):
@@ -250,7 +243,8 @@ class Summary:
                 "skipped": dict(self._skipped),
                 "unsent": dict(played.unsent),
                 "unheard": self._unheard,
-                "outcomes": self._outcomes,
+                "outcomes": self._station.outcomes if self._station is not None else {},
+                "fates": dict(self._station.fates) if self._station is not None else {},
                 "way": asdict(self._way.counts),
             }
         )

@@ -4,13 +4,12 @@ import argparse
 import json
 import resource
 import sys
+import time
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from random import Random
-
-import zmq
 
 from board.address import Address
 from board.address import address as udp_address
@@ -18,14 +17,15 @@ from board.errors import ConfigurationError, RequestError
 from drivers.message import Area, MessageType
 from drivers.sim.track import Point
 from firmware.codec.reading import Pdu
-from firmware.replay.ends import Datagrams, Device, End
+from firmware.replay.ends import Datagrams, Device, Station, station_lines
 from firmware.replay.reasons import count
 from firmware.swarm import tracks
 from firmware.swarm.messages import Writer
-from firmware.swarm.swarm import LATE_S, Out, Plan, Sent, Swarm
+from firmware.swarm.swarm import LATE_S, Plan, Sent, Swarm
 from firmware.swarm.vehicle import Vehicle, style
 from firmware.user import client
 from firmware.user.arguments import add_station, address, finite, integer, number, seconds
+from firmware.user.table import clean
 
 DESCRIPTION = """\
 Virtual stations drive around the blocks of a simulated town, faster and slower,
@@ -56,7 +56,7 @@ examples:
 
 exit codes:
   0    the duration is reached, and everything was taken: by the kernel, or by
-       the station's PULL; what a station did with it, `captain status` tells
+       the station's PULL, which has sent each by at least one interface
   1    something was not, no station answers, or there is no message library
   2    wrong usage
   130  Ctrl-C
@@ -64,8 +64,6 @@ exit codes:
 FIRST_STATION = 100_001
 MOST = 10_000
 DEFAULT_UDP = Address("127.0.0.1", 8947)  # of the simulated board
-ANY = Pdu(b"", "swarm")
-WAIT_MS = 3000  # for a station that takes nothing
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -104,14 +102,18 @@ def main(arguments: argparse.Namespace) -> int:
     plan = Plan(arguments.rate, arguments.cpm, arguments.denm, arguments.seed)
     with ExitStack() as ending:
         out = Air(arguments, ending)
-        swarm = Swarm(vehicles, plan, writer, out)
+        swarm = Swarm(vehicles, plan, writer, out, sleep=out.sleep)
         try:
             for _ in swarm.run(arguments.duration):
                 if sys.stderr.isatty() and not arguments.json:
                     print(f"\r{swarm.sent.seconds:.0f} s: {_told(swarm.sent)}", end="", file=sys.stderr, flush=True)
+            if out.station is not None:
+                out.station.finish()
         finally:
+            if out.station is not None:
+                out.station.close()
             print(_json(swarm.sent, out) if arguments.json else "\n".join(_lines(swarm.sent, out)), flush=True)
-    return 1 if out.unheard or out.refused else 0
+    return 0 if out.is_good else 1
 
 
 def _vehicles(arguments: argparse.Namespace, writer: Writer) -> Iterator[Vehicle]:
@@ -127,54 +129,40 @@ class Air:
     def __init__(self, arguments: argparse.Namespace, ending: ExitStack) -> None:
         self.refused = 0
         self.why: Counter[str] = Counter()
-        self._end: End | None = None
+        self.end: Station | Device | Datagrams
         if arguments.endpoint:
             context = ending.enter_context(client.session())
-            self._pusher = client.push(context, address(arguments))
-            self._send: Out = self._to_endpoint
-            ending.callback(lambda: self._pusher.close(linger=WAIT_MS))
+            self.end = Station(context, address(arguments), "swarm", is_paced=True)
             return
-        end = Device(arguments.ethernet) if arguments.ethernet else Datagrams(arguments.udp, "ethernet")
-        ending.callback(end.close)
-        self._end = end
-        self._send = self._to_link
+        self.end = Device(arguments.ethernet) if arguments.ethernet else Datagrams(arguments.udp, "ethernet")
+        ending.callback(self.end.close)
 
     @property
     def unheard(self) -> int:
         """Datagrams of which the peer said that nobody listens there."""
-        return self._end.unheard if isinstance(self._end, Datagrams) else 0
+        return self.end.unheard if isinstance(self.end, Datagrams) else 0
+
+    @property
+    def station(self) -> Station | None:
+        return self.end if isinstance(self.end, Station) else None
+
+    @property
+    def is_good(self) -> bool:
+        return not self.unheard and not self.refused and (self.station is None or self.station.is_good)
 
     def __call__(
         self, vehicle: Vehicle, kind: MessageType, pdu: bytes, now: float, its_ms: int, area: Area | None
     ) -> None:
-        self._send(vehicle, kind, pdu, now, its_ms, area)
-
-    def _to_link(
-        self, vehicle: Vehicle, kind: MessageType, pdu: bytes, now: float, its_ms: int, area: Area | None
-    ) -> None:
-        assert self._end is not None
+        frame = vehicle.frame(kind, pdu, now, its_ms, area)
+        one = Pdu(pdu, f"station {vehicle.station_id}", kind.btp_port, frame=frame)
         try:
-            self._end.send(vehicle.frame(kind, pdu, now, its_ms, area), ANY)
+            self.end.send(self.end.octets(one), one)
         except RequestError as error:
             self.refused += 1
-            count(self.why, error.message.removeprefix(f"{ANY.origin}: "))
+            count(self.why, error.message.removeprefix(f"{one.origin}: "))
 
-    def _to_endpoint(
-        self, vehicle: Vehicle, kind: MessageType, pdu: bytes, now: float, its_ms: int, area: Area | None
-    ) -> None:
-        frames = [f"v2x.{kind.name}.".encode(), pdu]
-        if area is not None:
-            latitude, longitude = area.centre.latitude / 1e7, area.centre.longitude / 1e7
-            shape = {"shape": "circle", "latitude": latitude, "longitude": longitude, "distance_a": area.distance_a}
-            frames.append(json.dumps({"area": shape}).encode())
-        try:
-            self._pusher.send_multipart(frames, zmq.DONTWAIT)
-        except zmq.Again:
-            if not self._pusher.poll(WAIT_MS, zmq.POLLOUT):
-                self.refused += 1
-                count(self.why, "the station takes no more")
-                return
-            self._pusher.send_multipart(frames, zmq.DONTWAIT)
+    def sleep(self, left: float) -> None:
+        self.end.wait(time.monotonic() + left)
 
 
 def _told(sent: Sent) -> str:
@@ -192,6 +180,8 @@ def _lines(sent: Sent, out: Air) -> Iterator[str]:
         yield f"nobody listened to {out.unheard} of them"
     for why, times in sorted(out.why.items()):
         yield f"not taken: {times}: {why}"
+    if out.station is not None:
+        yield from map(clean, station_lines(out.station))
 
 
 def _json(sent: Sent, out: Air) -> str:
@@ -209,6 +199,8 @@ def _json(sent: Sent, out: Air) -> str:
             "unheard": out.unheard,
             "refused": out.refused,
             "why": dict(out.why),
+            "outcomes": out.station.outcomes if out.station is not None else {},
+            "fates": dict(out.station.fates) if out.station is not None else {},
             "cpu_s": _cpu_s(),
         }
     )

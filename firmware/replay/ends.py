@@ -3,7 +3,8 @@
 import json
 import socket
 import time
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from typing import Protocol
 
@@ -18,9 +19,11 @@ from drivers.wire.geonet_header import BasicNext, HeaderType
 from drivers.wire.geonet_packet import GeoArea
 from firmware.codec.reading import Pdu
 from firmware.codec.writing import framed
-from firmware.user import client
+from firmware.replay.reasons import count
+from firmware.user import client, sending
+from firmware.user.account import fate
+from firmware.user.flights import Flight
 from firmware.user.payload import Payload
-from firmware.user.sending import Sending
 
 SEND_BUFFER = 1 << 20  # octets: a burst at full speed waits in the kernel
 GEO_BROADCASTS = range(HeaderType.GBC_CIRCLE, HeaderType.GBC_ELLIPSE + 1)
@@ -40,11 +43,32 @@ class End(Protocol):
 
 
 class Station:
-    """The PULL of a station, which confirms each message."""
+    """The PULL of a station, which confirms each message.
 
-    def __init__(self, sending: Sending, is_paced: bool) -> None:
-        self._sending = sending
+    fates     of those that no interface has sent, by why. firsts: where the first of each stood.
+    is_paced  somebody else says when the next goes; otherwise so many are on their way at once.
+
+    Raises StationError where none is, and where one takes or confirms nothing any more.
+    """
+
+    def __init__(self, context: client.Context, place: client.Address, program: str, is_paced: bool) -> None:
+        self.fates: Counter[str] = Counter()
+        self.firsts: dict[str, str] = {}
+        confirms = sending.confirms(context, place)
+        label = f"captain-{program}-{time.time_ns():x}"
+        self._sending = sending.Sending(
+            client.push(context, place), confirms, label=label, options={}, interval=0.0, on_over=self._over
+        )
         self._is_paced = is_paced
+
+    @property
+    def outcomes(self) -> dict[str, int]:
+        return dict(self._sending.flights.outcomes)
+
+    @property
+    def is_good(self) -> bool:
+        """Whether each was sent by an interface at least."""
+        return self._sending.all_sent
 
     def octets(self, one: Pdu) -> bytes:
         return _pdu(one)
@@ -53,9 +77,22 @@ class Station:
         if not self._is_paced:
             self._sending.make_room()
         self._sending.depart(Payload(octets, "", one.origin), "", wishes(one))
+        self._sending.hear(time.monotonic())  # also where nobody ever waits: else some would be lost
 
     def wait(self, until: float) -> None:
         self._sending.hear(until)
+
+    def finish(self) -> None:
+        """Wait a little for the last confirms."""
+        self._sending.wait(client.ANSWER_S)
+
+    def close(self) -> None:
+        """What is not confirmed by now stays so."""
+        self._sending.give_up()
+
+    def _over(self, flight: Flight) -> None:
+        if flight.outcome != "sent":
+            self.firsts.setdefault(count(self.fates, fate(flight)), flight.origin)
 
 
 class Pull:
@@ -166,6 +203,14 @@ class Device:
 
     def close(self) -> None:
         self._socket.close()
+
+
+def station_lines(end: Station) -> Iterator[str]:
+    """What a station says of all that it was given."""
+    if end.outcomes:
+        yield f"the station says: {', '.join(f'{times} {word}' for word, times in sorted(end.outcomes.items()))}"
+    for why, times in sorted(end.fates.items()):
+        yield f"not sent: {times}: {why} (first {end.firsts[why]})"
 
 
 def raw_socket(device: str, ethertype: int) -> socket.socket:

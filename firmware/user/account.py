@@ -22,7 +22,7 @@ class Account:
         if self._is_json:
             print(json.dumps(record(flight)), flush=True)
         elif not self._is_brief or flight.outcome != "sent":
-            print(clean(f"{flight.origin}: {_described(flight)}: {_fate(flight)}"), flush=True)
+            print(clean(f"{flight.origin}: {_described(flight)}: {fate(flight)}"), flush=True)
 
     def all(self, outgoing: Sending) -> None:
         """The end: how many of each outcome, and how each interface did."""
@@ -61,7 +61,7 @@ def _described(flight: Flight) -> str:
     return f"{flight.type} {octets}" if flight.type else octets
 
 
-def _fate(flight: Flight) -> str:
+def fate(flight: Flight) -> str:
     """What became of one message, in words."""
     parts = []
     for hop in flight.hops:

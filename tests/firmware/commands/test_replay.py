@@ -81,7 +81,18 @@ def test_an_end_before_the_beginning_is_refused(drive, capsys):
 def test_a_refusal_of_the_station_is_told_and_makes_it_fail(drive, capsys):
     with FakeStation(answer=refused) as station:
         assert cli.main(["replay", drive[0], *station.options, "--rate", "0"]) == 1
-    assert "2 refused" in capsys.readouterr().err
+    said = capsys.readouterr()
+    assert "2 refused" in said.err
+    assert f"not sent: 2: refused: short-pdu (too short) (first {drive[0]}: frame 1)" in said.err
+    assert said.out == ""
+
+
+def test_what_the_station_did_not_send_is_counted_by_why_in_the_summary_alone(drive, capsys):
+    with FakeStation(answer=refused) as station:
+        assert cli.main(["replay", drive[0], *station.options, "--rate", "0", "--json"]) == 1
+    told = json.loads(capsys.readouterr().out)
+    assert told["outcomes"] == {"refused": 2}
+    assert told["fates"] == {"refused: short-pdu (too short)": 2}
 
 
 def test_a_link_is_given_whole_frames_broken_ones_and_beacons_among_them(drive, capsys):

@@ -9,6 +9,7 @@ from pathlib import Path
 from drivers.wire import frame
 from firmware import cli
 from tests.firmware.commands.fake import FakeStation
+from tests.firmware.commands.test_send import confirm, sent_by
 
 
 def test_frames_come_to_whom_they_are_sent(capsys):
@@ -23,12 +24,32 @@ def test_frames_come_to_whom_they_are_sent(capsys):
     assert len({one.source for one in heard if isinstance(one, frame.Ethernet)}) == 20
 
 
-def test_messages_come_to_a_stations_pull(capsys):
-    with FakeStation() as station:
-        assert cli.main(["swarm", "3", "--rate", "10", "--duration", "0.5", "--endpoint", *station.options]) == 0
-        assert "15 messages of 3 stations" in capsys.readouterr().out
-    assert {frames[0] for frames in station.requests} == {b"v2x.cam."}
+def test_messages_come_to_a_stations_pull_which_confirms_each(capsys):
+    with FakeStation(answer=sent_by("g5")) as station:
+        command = ["swarm", "3", "--rate", "10", "--duration", "0.5", "--denm", "20", "--endpoint", *station.options]
+        assert cli.main([*command, "--json"]) == 0
+        told = json.loads(capsys.readouterr().out)
+    assert told["types"]["cam"] == 15
+    assert told["outcomes"] == {"sent": told["sent"]}
     assert len({frames[1][2:6] for frames in station.requests}) == 3
+    wishes = [(frames[1][1], json.loads(frames[2])) for frames in station.requests]
+    assert {one["btp_port"] for number, one in wishes if number == 2} == {2001}
+    assert {one["area"]["distance_a"] for number, one in wishes if number == 1} == {500}
+
+
+def every_third_too_many(options: dict[str, object], number: int) -> list[dict[str, object]]:
+    if number % 3:
+        return sent_by("g5")(options, number)
+    full = confirm(options, "dropped", interface="g5", reason="queue-full", meaning="its queue is full")
+    return [confirm(options, "accepted", interfaces=["g5"]), full]
+
+
+def test_what_a_station_took_and_did_not_send_is_told_and_makes_it_fail(capsys):
+    with FakeStation(answer=every_third_too_many) as station:
+        assert cli.main(["swarm", "3", "--rate", "10", "--duration", "0.5", "--endpoint", *station.options]) == 1
+    said = capsys.readouterr().out
+    assert "the station says: 5 dropped, 10 sent" in said
+    assert "not sent: 5: dropped by g5: queue-full (its queue is full)" in said
 
 
 def test_nobody_there_is_told(capsys):
