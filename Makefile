@@ -83,6 +83,7 @@ lab: setup-test ## ten messages at 10 Hz for 60 s between two stations: UDP, raw
 
 meter: setup-test ## the link meter and the paper's tables: measured beside what was injected; pages in build/meter-*.html
 	@mkdir -p build
+	@rm -f build/meter-table[13].*
 	@.venv/bin/captain meter table1 --report build/meter-table1.html $(ARGS)
 	@.venv/bin/captain meter table3 --report build/meter-table3.html $(ARGS)
 

@@ -6,14 +6,15 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from types import FrameType
 from typing import NamedTuple
 
 from board.errors import UsageError
 from firmware.codec.library import load
-from firmware.meter import recording, shows, told
+from firmware.meter import page, recording, shows, told
 from firmware.meter.event import PROBES
 from firmware.meter.matching import GRACE_S
 from firmware.meter.meter import Ends, Meter
@@ -63,14 +64,26 @@ examples:
   captain meter a.pcapng b.pcapng
                               two recordings
   captain meter table1        ten messages between two stations of this machine
+  captain meter table2        12,000 messages through two ROS 2 gateways: says how
   captain meter table3        10 Hz CAM, T = 1 s, round a block of houses, by
                               simulated radios; the loss is that of the radios
 
+Ctrl-C or SIGTERM ends it, and what was measured is told, once all that was
+under way has arrived or is given up; the second one does not wait for that.
+
 exit codes:
-  0    measured; tables: and the loss is that which was injected
+  0    measured, whoever ended it; tables: and the loss is that which was injected
   1    no station answers, or a table's loss is not what was injected
   2    wrong usage
+  130  ended before all stations were heard
 """
+
+
+RATE_HZ = 10.0
+CUT = "It was ended before all was judged: what was under way then is in no figure."
+ENDING = (signal.SIGINT, signal.SIGTERM)
+# Options by their names in the program, of what they are; what they go with is in _check_together().
+OF_PROBES = ("probe", "sender", "rate", "size", "count", "interface", "round_trip", "reflect")
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -104,7 +117,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--from", metavar="NAME", dest="sender", help="the station that sends them (default the first)"
     )
     probing.add_argument(
-        "--rate", metavar="HZ", type=number("probes a second", HIGHEST_RATE), default=10.0, help="default 10"
+        "--rate", metavar="HZ", type=number("probes a second", HIGHEST_RATE), help=f"default {RATE_HZ:g}"
     )
     probing.add_argument("--size", metavar="OCTETS", type=integer(1, 1500), help="at least so many each")
     probing.add_argument("--count", metavar="N", type=times, help="end after so many")
@@ -146,7 +159,7 @@ def _ends(given: str) -> Ends:
 def main(arguments: argparse.Namespace) -> int:
     _check(arguments)
     # What was measured until then is told, whoever ends it; a shell's background has SIGINT ignored.
-    for one in (signal.SIGINT, signal.SIGTERM):
+    for one in ENDING:
         signal.signal(one, signal.default_int_handler)
     if arguments.reflect:
         return _reflect(arguments)
@@ -161,6 +174,10 @@ def main(arguments: argparse.Namespace) -> int:
 
 def _check(arguments: argparse.Namespace) -> None:
     what, at = arguments.what, arguments.at
+    _check_together(arguments)
+    if what == ["table2"]:
+        how = "make ros2 ARGS='--only gateway', in the project's sources, builds that and has the meter beside it"
+        raise UsageError("table2 goes through two ROS 2 gateways, and ROS 2 is no part of this program", how)
     if what and what[0] in shows.SHOWS:
         if len(what) > 1 or at:
             raise UsageError(f"{what[0]} starts its own stations", f"captain meter {what[0]}")
@@ -175,12 +192,31 @@ def _check(arguments: argparse.Namespace) -> None:
         raise UsageError("--reflect is for one station", "captain meter --reflect --at HOST")
     if arguments.sender is not None and arguments.sender not in [one.name for one in at]:
         raise UsageError(f"--from {arguments.sender}: no --at has that name")
-    if not arguments.probe and not arguments.reflect and (arguments.round_trip or arguments.count or arguments.size):
-        raise UsageError("--round-trip, --count and --size are of probes", "add --probe cam")
     if arguments.report is not None and arguments.report.suffix.lower() not in (".html", ".htm"):
         raise UsageError(f"--report: {arguments.report} is no name of a page", "name it FILE.html")
     if arguments.report is not None and not os.access(arguments.report.parent, os.W_OK | os.X_OK):
         raise UsageError(f"--report: nothing can be written into {arguments.report.parent}", "name a folder of yours")
+    if there := [path for path in page.paths(arguments.report) if path.exists()] if arguments.report else []:
+        raise UsageError(f"--report: {there[0]} is there already", "name another, or remove it")
+
+
+def _check_together(arguments: argparse.Namespace) -> None:
+    """What would not be looked at is refused."""
+    probing = set(OF_PROBES)
+    if arguments.what and arguments.what[0] in shows.SHOWS:
+        what, strange = arguments.what[0], probing | {"between"}
+    elif arguments.what:
+        what, strange = "a measurement of recordings", probing | {"duration"}
+    elif arguments.reflect:
+        what, strange = "--reflect", probing - {"reflect", "interface"} | {"between", "report"}
+    elif not arguments.probe:
+        what, strange = "a measurement without --probe", probing
+    else:
+        return
+    given = [name for name in sorted(strange) if getattr(arguments, name) not in (None, False, [])]
+    if given:
+        option = "--from" if given[0] == "sender" else f"--{given[0].replace('_', '-')}"
+        raise UsageError(f"{option} is nothing to {what}", "leave it out; captain meter --help has what goes together")
 
 
 # -- over the network
@@ -201,15 +237,41 @@ def _live(arguments: argparse.Namespace) -> dict[str, object]:
         if arguments.probe:
             session.prober = _prober(arguments, context, session.watches)
         began_s = line()
-        print(f"captain: heard: {', '.join(one.name for one in arguments.at)}", file=sys.stderr, flush=True)
+        heard = f"captain: heard: {', '.join(one.name for one in arguments.at)}"
         with Screen(sys.stderr if arguments.json else None) as screen:
 
             def idle() -> None:
                 if screen.is_terminal and not arguments.json:
                     screen.show(tables(result(meter, _about(session, began_s), session.prober, is_glance=True)))
 
-            session.run(arguments.duration, idle)
-        return result(meter, _about(session, began_s), session.prober)
+            is_cut = True
+            with _told_of_waiting(session), suppress(KeyboardInterrupt):
+                print(heard, file=sys.stderr, flush=True)
+                session.run(arguments.duration, idle)
+                is_cut = False
+        about = _about(session, began_s)
+        if is_cut:
+            about = about._replace(notes=(*about.notes, CUT))
+        return result(meter, about, session.prober)
+
+
+@contextmanager
+def _told_of_waiting(session: Session) -> Iterator[None]:
+    """Whoever ends it is told that it waits, and what a second time does."""
+
+    def end(number: int, frame: FrameType | None) -> None:
+        if session.ended_s is None:
+            wait_s = 2 * session.meter.grace_s
+            words = f"what is under way is waited for, for {wait_s:g} s at most; once more Ctrl-C: not"
+            print(f"captain: {words}", file=sys.stderr, flush=True)
+        signal.default_int_handler(number, frame)
+
+    before = {one: signal.signal(one, end) for one in ENDING}
+    try:
+        yield
+    finally:
+        for one, handler in before.items():
+            signal.signal(one, handler)
 
 
 def _check_ends(meter: Meter) -> None:
@@ -229,7 +291,7 @@ def _prober(arguments: argparse.Namespace, context: client.Context, watches: Seq
         context,
         watch.place,
         probes,
-        rate=arguments.rate,
+        rate=arguments.rate or RATE_HZ,
         most=arguments.count,
         options={} if arguments.interface is None else {"interfaces": arguments.interface},
     )
@@ -303,7 +365,5 @@ def _tell(measured: Mapping[str, object], arguments: argparse.Namespace) -> None
     else:
         print("\n\n".join("\n".join(lines_for(table, sys.stdout)) for table in tables(measured)), flush=True)
     if arguments.report is not None:
-        from firmware.meter import page
-
         for path in page.write(measured, arguments.report):
             print(f"captain: {path}", file=sys.stderr)

@@ -15,6 +15,8 @@ METRES = 111_320.0  # of a degree of latitude
 STRENGTHS = ((-95.0, "#fde725"), (-85.0, "#7ad151"), (-75.0, "#22a884"), (-65.0, "#2a788e"), (-55.0, "#414487"))
 LOST, HEARD = "#b3261e", "#5a6472"
 MAP_WIDTH, MAP_HEIGHT = 640, 480
+BAR_WIDTH = 200  # at most
+BARS_M = [factor * 10**power for power in range(7) for factor in (1, 2, 5)]
 STILL_M = 20.0  # of a receiver that stands: its fixes wander
 
 
@@ -130,10 +132,10 @@ def mapped(spots: Sequence[Mapping[str, Any]]) -> str:
             parts.append(f'<path d="M{x - 3:.1f} {y - 3:.1f}l6 6m-6 0l6-6" stroke="{LOST}" stroke-width="1.5"/>')
         else:
             parts.append(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="2.5" fill="{strength(spot["rssi_dbm"])}"/>')
-    size = next(size for size in (5000, 2000, 1000, 500, 200, 100, 50, 20, 10, 5, 1) if size * scale < 200 or size == 1)
+    size = next(size for size in reversed(BARS_M) if size * scale <= BAR_WIDTH)
     left, bottom = 16, MAP_HEIGHT - 16
     parts.append(f'<path d="M{left} {bottom - 6}v6h{size * scale:.1f}v-6" fill="none" stroke="#1c2430"/>')
-    parts.append(f'<text x="{left + 6}" y="{bottom - 8}">{size} m</text>')
+    parts.append(f'<text x="{left + 6}" y="{bottom - 8}">{f"{size} m" if size < 1000 else f"{size // 1000} km"}</text>')
     parts.append(f'<text x="{MAP_WIDTH - 24}" y="24">N</text><path d="M{MAP_WIDTH - 20} 46v-16l-4 6m4-6l4 6" ')
     parts.append('fill="none" stroke="#1c2430"/>')
     return f'<svg viewBox="0 0 {MAP_WIDTH} {MAP_HEIGHT}" role="img" aria-label="map">{"".join(parts)}</svg>'

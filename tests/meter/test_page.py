@@ -198,6 +198,18 @@ def test_a_map_is_of_the_end_that_moves() -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("degrees", "expected"),
+    [(0.0001, "5 m"), (0.001, "50 m"), (0.01, "500 m"), (0.1, "5 km"), (1.0, "50 km"), (60.0, "2000 km")],
+)
+def test_a_map_of_any_extent_has_a_bar_of_a_length_that_is_read_off(degrees: float, expected: str) -> None:
+    drive = [{"sender": [48 + at, 11.0], "receiver": None, "is_lost": False, "rssi_dbm": None} for at in (0.0, degrees)]
+    (bar,) = re.findall(r'<text x="22"[^>]*>([^<]*)</text>', mapped(drive))
+    assert bar == expected
+    (length,) = re.findall(r"v6h([0-9.]+)v-6", mapped(drive))
+    assert 40 < float(length) <= 200
+
+
 def test_a_strength_has_a_colour_and_none_is_grey() -> None:
     assert len({strength(rssi) for rssi in (-100, -90, -80, -70, -60, -50, None)}) == 6
 

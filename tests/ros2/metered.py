@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from firmware.meter.page import paths
 from tests.ros2.rows import Row
 from tests.system.station import ENDPOINTS, PROGRAM, Station
 
@@ -17,6 +18,8 @@ WAIT_S = 60.0
 @contextmanager
 def metered(stations: Mapping[str, Station], page: Path) -> Iterator[dict[str, Any]]:
     """Measures meanwhile; the result is there afterwards, and in a page."""
+    for old in paths(page):
+        old.unlink(missing_ok=True)
     command = [*PROGRAM, "meter", "--json", "--report", str(page)]
     for name, station in stations.items():
         ports = ",".join(str(station.ports[end]) for end in ENDPOINTS)

@@ -2,6 +2,7 @@
 
 import json
 import select
+import signal
 import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -124,10 +125,49 @@ def test_a_station_that_is_not_there_is_told() -> None:
         ("--at", "A=127.0.0.1", "--report", "/nowhere/page.html"),
         ("--at", "A=127.0.0.1", "--between", "A:g5"),
         ("--at", "A=127.0.0.1:1,2,3"),
+        ("one.pcapng", "two.pcapng", "--probe", "cam"),
+        ("one.pcapng", "two.pcapng", "--interface", "zzz"),
+        ("one.pcapng", "two.pcapng", "--duration", "3"),
+        ("table1", "--rate", "20"),
+        ("table2",),
+        ("--reflect", "--probe", "cam"),
+        ("--reflect", "--report", "page.html"),
+        ("--at", "A=127.0.0.1", "--rate", "20"),
     ],
 )
 def test_what_does_not_go_together_is_wrong_usage(arguments: tuple[str, ...]) -> None:
     assert meter(*arguments).returncode == 2
+
+
+def test_of_table_2_it_is_said_what_measures_it() -> None:
+    assert "make ros2" in meter("table2").stderr
+
+
+@pytest.mark.parametrize("suffix", [".html", ".json", ".geojson"])
+def test_a_page_of_before_is_not_written_over(tmp_path: Path, suffix: str) -> None:
+    """Before anything is measured: nobody measures for an hour to be told then."""
+    old = tmp_path / f"drive{suffix}"
+    old.write_text("of before")
+    done = meter("--at", "A=127.0.0.1:1", "--report", str(tmp_path / "drive.html"))
+    assert done.returncode == 2
+    assert f"--report: {old} is there already" in done.stderr
+    assert old.read_text() == "of before"
+
+
+def test_the_second_signal_ends_a_meter_that_waits_for_what_is_under_way(seats: tuple[Seat, Seat]) -> None:
+    a, b = seats
+    command = [*PROGRAM, "meter", *at(a), *at(b), "--grace", "60", "--json"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stderr is not None
+        assert "heard" in process.stderr.readline()
+        process.send_signal(signal.SIGINT)
+        said = process.stderr.readline()
+        assert "for 120 s at most" in said
+        assert "Ctrl-C" in said
+        process.send_signal(signal.SIGINT)
+        told = json.loads(process.communicate(timeout=30)[0])
+    assert process.returncode == 0
+    assert any("ended before" in note for note in told["notes"])
 
 
 def test_table_1_loses_nothing_and_the_meter_says_so() -> None:
