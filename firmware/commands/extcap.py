@@ -60,6 +60,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def main(arguments: argparse.Namespace) -> int:
     if arguments.install is not None:
         return _install(arguments.install)
+    if arguments.extcap_interface not in (None, NAME):
+        raise UsageError(f"--extcap-interface: there is no {arguments.extcap_interface}", f"it is called {NAME}")
     if arguments.extcap_interfaces:
         print(INTERFACES)
     elif arguments.extcap_dlts:

@@ -69,6 +69,7 @@ def test_tshark_captures_from_a_station(folder):
 @pytest.mark.parametrize(
     ("options", "status", "words"),
     [
+        (["--extcap-interface", "eth0", "--extcap-dlts"], 2, "there is no eth0"),
         (["--capture"], 2, "--fifo is missing"),
         (["--capture", "--fifo", "x", "--extcap-capture-filter", "tcp"], 2, "take a display filter"),
         (["--capture", "--fifo", "/nowhere/x"], 1, "/nowhere/x: No such file or directory"),
