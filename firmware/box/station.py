@@ -17,6 +17,7 @@ from firmware.box.toml_lines import line_of, syntax_hint
 
 OPEN_PORTS = range(5555, 5559)  # of the box's nftables.conf
 PORTS = ("from_users", "to_users", "pull", "report")
+STATE = "/var/lib/captain/"  # STATE_DIRECTORY and ReadWritePaths of the image's captain.service
 IMAGES = "/etc/ssl/certs/"  # authorities of the image, which may be named as they are
 OWN, BOARD = "captain.toml", "board.toml"
 
@@ -56,6 +57,7 @@ def look_at_station(given: StationFiles, notes: list[Note]) -> None:
         found = _loaded(given, notes)
         if found is not None:
             _look_at_endpoint(found, given, notes)
+            _look_at_recorder(found, given, notes)
             _look_at_brokers(found, given, notes)
 
 
@@ -99,6 +101,14 @@ def _look_at_endpoint(found: config.Config, given: StationFiles, notes: list[Not
     elif "address" in said and endpoint.address not in ("0.0.0.0", "::", "*"):
         what = f'endpoint.address: no station starts while the box does not have "{endpoint.address}"'
         notes.append(remark(given.at(OWN, "endpoint.address"), what, "leave it out for all addresses"))
+
+
+def _look_at_recorder(found: config.Config, given: StationFiles, notes: list[Note]) -> None:
+    """The service lets the station write in one place, whatever that is called elsewhere."""
+    folder = os.path.normpath(found.tables.recorder.folder)
+    if folder.startswith(("/", "..")) and not folder.startswith(STATE):
+        what = f"recorder.folder: the station cannot write {folder} on a box"
+        notes.append(remark(given.at(OWN, "recorder.folder"), what, 'write folder = "ring": it is in /data/captain'))
 
 
 def _look_at_brokers(found: config.Config, given: StationFiles, notes: list[Note]) -> None:

@@ -4,8 +4,11 @@ import re
 from dataclasses import asdict
 from pathlib import Path
 
+import pytest
+
 from board import describe
 from board.toml import parse
+from firmware.box.station import STATE
 from firmware.tables import RecorderOptions
 from tests.firmware.box.conftest import KEY, Look
 
@@ -55,3 +58,22 @@ def test_the_boxs_own_configuration_shows_the_recorder_as_it_is_by_default(look:
     sample = parse(re.sub("(?m)^# ?", "", text[text.index("# [recorder]") :]))["recorder"]
     assert asdict(describe.read(RecorderOptions, sample, "")) == asdict(RecorderOptions(folder="ring"))
     assert look({"captain.toml": re.sub("(?m)^# ?", "", text[text.index("# [recorder]") :])}).is_accepted
+
+
+@pytest.mark.parametrize("folder", ["/data/captain/ring", "/media/usb", "../ring", "/var/lib/captain/../x"])
+def test_a_folder_that_the_service_keeps_the_station_from_is_told(look: Look, folder: str):
+    found = look({"captain.toml": f'[recorder]\nfolder = "{folder}"\n', "authorized_keys": KEY})
+    (note,) = found.notes
+    assert note.text.startswith("captain.toml:2: recorder.folder: the station cannot write ")
+    assert found.is_accepted
+
+
+@pytest.mark.parametrize("folder", ["ring", "rings/one", "/var/lib/captain/ring", ""])
+def test_one_that_it_may_write_is_taken_without_a_word(look: Look, folder: str):
+    assert look({"captain.toml": f'[recorder]\nfolder = "{folder}"\n', "authorized_keys": KEY}).notes == []
+
+
+def test_where_the_station_may_write_is_what_its_service_says():
+    service = (PROJECT / "image/overlay/usr/lib/systemd/system/captain.service").read_text()
+    assert f"ReadWritePaths={STATE.rstrip('/')} " in service
+    assert f"STATE_DIRECTORY={STATE.rstrip('/')}\n" in service
