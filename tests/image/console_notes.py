@@ -3,7 +3,7 @@
 import os
 import re
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from tests.image.login import Key, said, wait_for_ssh
@@ -30,6 +30,11 @@ def notes(guest: Guest) -> str:
 def told(shown: str, what: str, words: str) -> Row:
     is_there = "".join(words.split()) in "".join(shown.split())
     return Row(what, words[:40] if is_there else "not on the serial console", "told", is_there)
+
+
+def all_told(shown: str, wanted: Mapping[str, str]) -> Iterator[Row]:
+    """Words by what they are about."""
+    return (told(shown, what, words) for what, words in wanted.items())
 
 
 def reachable(guest: Guest, key: Key, name: str, when: str) -> Iterator[Row]:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from firmware.lab.certificates import Authority
 from tests.image import led, owner_imager, owner_page
-from tests.image.console_notes import notes, reachable, taken_away, told
+from tests.image.console_notes import all_told, notes, reachable, taken_away
 from tests.image.login import Key, new_key, said
 from tests.image.machine import Guest, powered, put
 from tests.image.rows import Options, Row
@@ -39,21 +39,17 @@ def _first_set_with_mistakes(card: Path, folder: Path, key: Key) -> Iterator[Row
     })  # fmt: skip
     with powered(card, folder, machine=led.machine(folder)) as guest:
         shown = notes(guest)
-        yield told(
-            shown, "nothing is taken", "the owner's files are NOT taken, for 8 mistakes; the box runs as it was made"
-        )
-        yield told(
-            shown, "a key that nobody knows", "captain.toml:1: statoin: is not a known key; did you mean station?"
-        )
-        yield told(shown, "a number out of range", "captain.toml:4: endpoint.pull: 66000 is out of range")
-        yield told(shown, "a host name that is none", 'box.toml:1: host_name: "captain_7" is no host name')
-        yield told(
-            shown, "a country that is none", 'box.toml:3: wifi.country: "UK" is no country; the United Kingdom is GB'
-        )
-        yield told(shown, "text without quotes", "box.toml:5: wifi.password: is no text; write it in quotes")
-        yield told(shown, "half a line of a key", "authorized_keys:2: the key")
-        yield told(shown, "a board file with a hole", "board.toml:3: identity.bus: 'main' is not declared")
-        yield told(shown, "a tab in YAML", "user-data:3: is not YAML: found character")
+        yield from all_told(shown, {
+            "nothing is taken": "the owner's files are NOT taken, for 8 mistakes; the box runs as it was made",
+            "a key that nobody knows": "captain.toml:1: statoin: is not a known key; did you mean station?",
+            "a number out of range": "captain.toml:4: endpoint.pull: 66000 is out of range",
+            "a host name that is none": 'box.toml:1: host_name: "captain_7" is no host name',
+            "a country that is none": 'box.toml:3: wifi.country: "UK" is no country; the United Kingdom is GB',
+            "text without quotes": "box.toml:5: wifi.password: is no text; write it in quotes",
+            "half a line of a key": "authorized_keys:2: the key",
+            "a board file with a hole": "board.toml:3: identity.bus: 'main' is not declared",
+            "a tab in YAML": "user-data:3: is not YAML: found character",
+        })  # fmt: skip
         yield Row(
             "the Wi-Fi's password",
             "not shown" if "12345678" not in shown else "shown",
@@ -87,22 +83,14 @@ def _later_set_with_mistakes(card: Path, folder: Path, key: Key) -> Iterator[Row
     put(card, files)
     with powered(card, folder) as guest:
         shown = notes(guest)
-        yield told(
-            shown,
-            "what was taken stays",
-            "the owner's files are NOT taken, for 4 mistakes; those of before stay in force",
-        )
-        yield told(
-            shown,
-            "a key of another certificate",
-            "captain.toml:6: interfaces.cloud.key mqtt/box.key: is not the key of",
-        )
-        yield told(
-            shown, "two files that differ", "captain.toml: is there beside captain.toml.txt, which says something else"
-        )
-        yield told(shown, "letters that are not UTF-8", "box.toml:1: octet 0xfc is not UTF-8; save it as UTF-8")
-        yield told(shown, "a slip in a file's name", "authorised_keys: is not read; rename it to authorized_keys")
-        yield told(shown, "a script", "firstrun.sh: is not read here; nothing here is ever run")
+        yield from all_told(shown, {
+            "what was taken stays": "the owner's files are NOT taken, for 4 mistakes; those of before stay in force",
+            "a key of another certificate": "captain.toml:6: interfaces.cloud.key mqtt/box.key: is not the key of",
+            "two files that differ": "captain.toml: is there beside captain.toml.txt, which says something else",
+            "letters that are not UTF-8": "box.toml:1: octet 0xfc is not UTF-8; save it as UTF-8",
+            "a slip in a file's name": "authorised_keys: is not read; rename it to authorized_keys",
+            "a script": "firstrun.sh: is not read here; nothing here is ever run",
+        })  # fmt: skip
         yield from reachable(guest, key, "captain-7", "later files refused")
 
 

@@ -3,50 +3,21 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from tests.image.console_notes import notes, reachable, taken_away, told
+from tests.firmware.box.conftest import KEY
+from tests.firmware.box.imager_card import CMDLINE, NETWORK, USER_DATA
+from tests.image.console_notes import all_told, notes, reachable, taken_away
 from tests.image.login import Key, said
 from tests.image.machine import powered, put
 from tests.image.rows import Row
 
-IMAGER = {
-    "user-data": """\
-#cloud-config
-hostname: depot-3
-manage_etc_hosts: true
-packages:
-- avahi-daemon
-timezone: Europe/Berlin
-keyboard:
-  model: pc105
-  layout: "de"
-enable_ssh: true
-users:
-- name: pi
-  groups: users,adm,sudo
-  shell: /bin/bash
-  lock_passwd: false
-  passwd: $5$ABCDEFGH$0123456789
-  ssh_authorized_keys:
-    - {key}
-  sudo: ALL=(ALL) NOPASSWD:ALL
-""",
-    "network-config": """\
-network:
-  version: 2
-  wifis:
-    wlan0:
-      dhcp4: true
-      regulatory-domain: "DE"
-      access-points:
-        "depot":
-          password: "0123456789abcdef0123456789abcdef0123456789abcdef0123456789abcdef"
-      optional: true
-""",
+FILES = {
+    "user-data": USER_DATA.replace("captain-7", "depot-3"),  # another name than it had
+    "network-config": NETWORK,
     "meta-data": "instance-id: rpi-imager-1784124660514\n",
-    "cmdline.txt": " cfg80211.ieee80211_regdom=DE ds=nocloud;i=rpi-imager-1784124660514",
+    "cmdline.txt": CMDLINE,
     "firstrun.sh": "#!/bin/sh\ntouch /data/firstrun\n",
-    "box.toml": "[console]\nshell = false\n",
-}  # what Raspberry Pi Imager writes, and one file beside it
+    "box.toml": "[console]\nshell = false\n",  # beside them
+}
 
 
 def rows(card: Path, folder: Path, key: Key) -> Iterator[Row]:
@@ -60,17 +31,17 @@ def rows(card: Path, folder: Path, key: Key) -> Iterator[Row]:
         "mqtt/box.pem",
         "mqtt/box.key",
     )
-    put(card, {name: text.replace("{key}", key.line.strip()) for name, text in IMAGER.items()})
+    put(card, {name: text.replace(KEY, key.line.strip()) for name, text in FILES.items()})
     with powered(card, folder) as guest:
         guest.stop_loader("modules_load=mac80211_hwsim")  # a Wi-Fi device of the kernel's own
         shown = notes(guest)
-        yield told(
-            shown, "Imager's settings", "the owner's files are in force: box.toml, network-config, user-data; 1 ssh key"
-        )
-        yield told(shown, "a password", "user-data:16: passwd is refused: no password exists on this box")
-        yield told(shown, "another user", 'user-data:12: no user "pi" is made; its ssh keys are operator')
-        yield told(shown, "packages", "user-data:4: packages is not taken: nothing is run or installed")
-        yield told(shown, "a keyboard", "user-data: not taken: keyboard (line 7)")
+        yield from all_told(shown, {
+            "Imager's settings": "the owner's files are in force: box.toml, network-config, user-data; 1 ssh key",
+            "packages": "user-data:4: packages is not taken: nothing is run or installed",
+            "a password": "user-data:21: passwd is refused: no password exists on this box",
+            "another user": 'user-data:17: no user "pi" is made; its ssh keys are operator',
+            "a keyboard": "user-data: not taken: keyboard (line 12)",
+        })  # fmt: skip
         yield Row(
             "console.shell = false", "a key" if "s shell" in shown else "no key", "no key", "s shell" not in shown
         )

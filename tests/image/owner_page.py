@@ -22,6 +22,16 @@ BLOCKS = {
 # Where a desktop mounts the card, and the box's name, which this machine's network does not tell: QEMU forwards ports.
 MOUNTED, NAME = "/media/$USER/BOOT", "captain-7.local"
 HEARTBEAT = "[b'hb.counter'"
+# Nobody is near, but what leaves is recorded, too: a beacon every three seconds.
+RECORDER = """
+[recorder]
+folder = "ring"
+[interfaces.near]
+driver = "udp"
+listen = "127.0.0.1:9001"
+peers = ["127.0.0.1:9002"]
+"""
+RING = "/data/captain/ring/ring-*.pcapng"
 
 
 def rows(card: Path, folder: Path, key: Key) -> Iterator[Row]:
@@ -33,7 +43,7 @@ def rows(card: Path, folder: Path, key: Key) -> Iterator[Row]:
         shutil.copy(folder / name, home / ".ssh" / name)  # with its mode: ssh takes no key that others may read
     # With all of it, that is left out too.
     (desk / "box.toml").write_text(re.sub(r"(?m)^# (?=\w+ = |\[)", "", BLOCKS["toml"][0]))
-    (desk / "captain.toml").write_text('[station]\nname = "captain-7"\n')
+    (desk / "captain.toml").write_text(f'[station]\nname = "captain-7"\n{RECORDER}')
     prepare, connect = BLOCKS["sh"]
     done = _run(prepare.replace(MOUNTED, str(mounted)), desk, home)
     verdict = (done.stdout.strip().splitlines() or [done.stderr])[-1]
@@ -53,6 +63,7 @@ def rows(card: Path, folder: Path, key: Key) -> Iterator[Row]:
         found = _run(_local(heartbeat, guest.ports), desk, home).stdout.split(",")[:1]
         yield Row("README: a heartbeat by pyzmq", found[0] if found else "nothing", HEARTBEAT, found == [HEARTBEAT])
         yield from _as_written(guest, key)
+        yield _recorded(guest, key)
 
 
 def _as_written(guest: Guest, key: Key) -> Iterator[Row]:
@@ -68,6 +79,18 @@ def _as_written(guest: Guest, key: Key) -> Iterator[Row]:
     ):
         found = said(guest, key, command)
         yield Row(f"box.toml: {what}", found[:40], goal, found == goal)
+
+
+def _recorded(guest: Guest, key: Key) -> Row:
+    """A section, and a block of an interface at least, as operator reads it. Source: pcapng, section header block."""
+    wait = f"for _ in $(seq 60); do [ $(cat {RING} 2>/dev/null | wc -c) -gt 200 ] && break; sleep 1; done"
+    found = said(guest, key, f"{wait}; cat {RING} | head -c 4 | od -An -tx1", 600).strip()
+    return Row(
+        "the flight recorder's ring, as operator reads it",
+        found[:40] or "nothing",
+        "0a 0d 0d 0a",
+        found == "0a 0d 0d 0a",
+    )
 
 
 def _run(script: str, folder: Path, home: Path, ports: Ports | None = None) -> "subprocess.CompletedProcess[str]":
