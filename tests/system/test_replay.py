@@ -14,8 +14,10 @@ import pytest
 from board.errors import ProtocolError
 from firmware.codec import capture
 from firmware.codec.pcapng import Direction
+from tests.system.air import GEONETWORKING, NEIGHBOUR
 from tests.system.conftest import Bench, Launcher
-from tests.system.station import BETWEEN, PATIENCE, PROGRAM
+from tests.system.recordings import tshark_opens
+from tests.system.station import BETWEEN, PATIENCE, PROGRAM, ROOT
 from tests.system.user import Received, mark
 
 NOT_OF_THE_MESSAGE = ("sec", "usec")  # of reception: it is another moment
@@ -112,6 +114,44 @@ def test_a_recording_replayed_into_a_second_station_gives_byte_identical_indicat
     assert told["read"] == told["sent"] == len(on_air)
     # Types have lanes: what came first of two types may be delivered after the other.
     assert by_type(indications(second, len(expected))) == by_type(expected)
+
+
+# What the CAMs of captures/air.json begin with, and where their stations were.
+REAL = {
+    "02029c6bc793": (535505166, 99353789),
+    "0202bb4301ae": (0x1C7F0B41, 0x07C7FF4B),
+    "020200c39035": (0x1C7F7BB8, 0x07D72553),
+}
+
+
+@pytest.fixture
+def real(tmp_path: Path) -> Path:
+    """Captures of what real stations sent, of each link a file: radiotap, and Ethernet around bare packets."""
+    rows = json.loads((ROOT / "tests" / "captures" / "air.json").read_text())["frames"]
+    around = b"\xff" * 6 + NEIGHBOUR + GEONETWORKING.to_bytes(2)
+    files: dict[int, list[bytes]] = {}
+    for row in rows:
+        octets = bytes.fromhex(row["hex"])
+        files.setdefault(row["link"] or capture.ETHERNET, []).append(octets if row["link"] else around + octets)
+    folder = tmp_path / "real"
+    folder.mkdir()
+    for link, frames in files.items():
+        written = capture.header()[:-4] + link.to_bytes(4, "little")
+        written += b"".join(capture.record(one, 10**18 + at) for at, one in enumerate(frames))
+        (folder / f"{link}.pcap").write_bytes(written)
+    return folder
+
+
+def test_what_real_stations_sent_is_replayed_recorded_and_replayed_again(launch: Launcher, real: Path, tmp_path: Path):
+    first, second = (launch("ethernet", reception={"unverified": "deliver"}) for _ in range(2))
+    path = tmp_path / "drive.pcapng"
+    with recorded(first, path, 4):
+        assert replay(str(real), "--udp", "{}:{}".format(*first.air.station))["sent"] == 4
+    expected = indications(first, 3)
+    assert {pdu[:6].hex(): (known["latitude"], known["longitude"]) for _, pdu, known in expected} == REAL
+    tshark_opens(path, made_up=())
+    replay(str(path), "--udp", "{}:{}".format(*second.air.station))
+    assert indications(second, 3) == expected
 
 
 def test_the_vectors_replayed_to_the_endpoint_leave_as_they_are(launch: Launcher, vectors: list[dict[str, Any]]):

@@ -70,6 +70,19 @@ def test_a_pipe_is_read_by_tshark_while_it_comes():
     assert shown.stdout.splitlines() == ["cam of station 1337; time locked +-1.2 us\t"] * 2
 
 
+def test_live_what_wireshark_captures_from_is_a_recording_and_it_ends_with_wireshark(tmp_path, monkeypatch):
+    # tshark captures as Wireshark does with these options: by dumpcap, from its standard input.
+    (tmp_path / "wireshark").write_text(
+        f'#!/bin/sh\ntest "$*" = "-k -i -" && exec tshark -n -l -i - -c 2 -T fields -e frame.interface_name '
+        f"-e frame.comment -e _ws.malformed >{tmp_path}/shown\n"
+    )
+    (tmp_path / "wireshark").chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    with FakeStation(reports=[message(1), message(2)]) as station:
+        assert cli.main(["record", "--live", *station.options]) == 0
+    assert (tmp_path / "shown").read_text().splitlines() == ["air\tcam of station 1337; time locked +-1.2 us\t"] * 2
+
+
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 0)])
 def test_a_signal_leaves_the_file_whole(tmp_path, monkeypatch, number, status):
     monkeypatch.setattr("firmware.recorder.scribe.Scribe.add", lambda scribe, told: os.kill(os.getpid(), number))
