@@ -5,7 +5,7 @@ random numbers of its own: with a delay added, the same frames are lost.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from heapq import heappop, heappush
 from math import log, log1p
 from random import Random
@@ -71,14 +71,6 @@ class Impairments:
         for name in TIMES:
             if not 0.0 <= getattr(self, name) <= 3600.0:
                 raise ConfigurationError(f"{name}: {getattr(self, name):g} s is not in 0 ... 3600")
-
-    @property
-    def is_none(self) -> bool:
-        """Whether they leave everything as it is."""
-        return all(getattr(self, one.name) == one.default for one in fields(self) if one.name not in _NO_TROUBLE)
-
-
-_NO_TROUBLE = ("reorder_s", "seed")  # of themselves
 
 
 @dataclass

@@ -30,7 +30,9 @@ same again. A side is
                     :PORT of this machine
   ethernet:DEVICE   hears and sends frames of GeoNetworking on a network device
   station:HOST[:PORT]
-                    hears what a station's users receive, and gives to its PULL
+                    hears what a station's users receive, and gives to its PULL,
+                    of which `captain status` tells what left; a user of it that
+                    fell behind is told
 
 Between two stations with udp interfaces, each has this program as its peer:
 LISTEN is what the station sends to, PEER where it listens. Frames become
@@ -91,17 +93,19 @@ def main(arguments: argparse.Namespace) -> int:
         try:
             bridge.run(arguments.duration)
         finally:
-            print(_json(ways) if arguments.json else "\n".join(_lines(ways)), flush=True)
+            print(as_json(ways) if arguments.json else "\n".join(lines(ways)), flush=True)
     if signal.SIGINT in came:
         raise KeyboardInterrupt
     return 0
 
 
-def _lines(ways: list[Way]) -> Iterator[str]:
+def lines(ways: list[Way]) -> Iterator[str]:
     for way in ways:
         yield f"{way.source.name} to {way.to.name}: {way.heard} heard, {way.sent} sent"
         if way.source.ear.missed:
             yield f"  {way.source.ear.missed} not heard: this machine is too slow"
+        if behind := _behind(way):
+            yield f"  a user of the station fell behind {behind} times: what it lost meanwhile is not counted here"
         if unheard := _unheard(way):
             yield f"  nobody listened to {unheard} of them"
         if words := told(way.impairment.counts):
@@ -110,7 +114,7 @@ def _lines(ways: list[Way]) -> Iterator[str]:
             yield clean(f"  left out: {count}: {why}")
 
 
-def _json(ways: list[Way]) -> str:
+def as_json(ways: list[Way]) -> str:
     return json.dumps(
         {
             "ways": [
@@ -119,6 +123,7 @@ def _json(ways: list[Way]) -> str:
                     "to": way.to.name,
                     "heard": way.heard,
                     "missed": way.source.ear.missed,
+                    "fell_behind": _behind(way),
                     "sent": way.sent,
                     "unheard": _unheard(way),
                     "left_out": dict(way.left_out),
@@ -129,6 +134,11 @@ def _json(ways: list[Way]) -> str:
             ]
         }
     )
+
+
+def _behind(way: Way) -> int:
+    """Of a station's users, of which this program is one."""
+    return way.source.ear.fell_behind() if isinstance(way.source.ear, ears.Station) else 0
 
 
 def _unheard(way: Way) -> int:

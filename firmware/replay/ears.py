@@ -6,6 +6,8 @@ import struct
 from collections.abc import Iterator
 from typing import Protocol
 
+import zmq
+
 from board.address import Address
 from board.errors import ProtocolError, StationError
 from drivers.intake import KernelDrops, enlarge
@@ -15,6 +17,7 @@ from firmware.codec.reading import Pdu
 from firmware.replay.ends import raw_socket
 from firmware.user import client
 from firmware.user.received import Pairing
+from firmware.user.untrusted import number, within
 
 BATCH = 64  # taken in one turn
 LONGEST = 65536
@@ -96,14 +99,28 @@ class Device:
 class Station:
     """What a station's users receive. Raises StationError where none is.
 
-    What it would publish faster than this program reads, nobody counts here: the station says that a user is slow.
+    What it publishes faster than this program reads, nobody counts: the station says how often a user fell behind.
     """
 
     missed = 0
 
     def __init__(self, context: client.Context, place: client.Address) -> None:
         self.polled = client.subscribe(context, place, place.to_users, "raw.", "v2x.")
+        self._reports = client.subscribe(context, place, place.report)
         self._pairing = Pairing()
+        self._slow_before = self._slow_count()
+
+    def fell_behind(self) -> int:
+        """How often a user of it did, this program or another one, since this one listens."""
+        return max(0, self._slow_count() - self._slow_before)
+
+    def _slow_count(self) -> int:
+        for _ in client.waiting(self._reports):  # a status of before
+            pass
+        self._reports.setsockopt(zmq.SUBSCRIBE, b"status.")
+        status = client.next_report(self._reports, "status.") or {}
+        self._reports.setsockopt(zmq.UNSUBSCRIBE, b"status.")
+        return int(number(within(status, "endpoint"), "slow_count"))
 
     def hear(self) -> Iterator[Pdu]:
         for frames in client.waiting(self.polled, BATCH):
@@ -113,6 +130,7 @@ class Station:
 
     def close(self) -> None:
         self.polled.close(linger=0)
+        self._reports.close(linger=0)
 
 
 def framed(octets: bytes) -> Pdu:

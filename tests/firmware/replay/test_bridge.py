@@ -14,10 +14,12 @@ import pytest
 from board.address import Address
 from drivers.wire.impairment import Burst, Impairment, Impairments
 from firmware.codec.reading import Pdu
+from firmware.commands import impair
 from firmware.lab.laboratory import vectors
 from firmware.replay import ears, ends
 from firmware.replay.bridge import Bridge, Side, Way
 from firmware.user import client
+from tests.firmware.commands import fake
 from tests.firmware.commands.fake import FakeStation
 from tests.firmware.replay.test_rewriting import frame_of
 
@@ -154,6 +156,31 @@ def test_messages_of_a_station_become_frames_of_a_link_and_the_other_way_round(p
         assert json.loads(options) == {"btp_port": 2004, "traffic_class": 1}
         for one in (a.ear, a.end, b.ear, b.end):
             one.close()  # type: ignore[attr-defined]
+
+
+def test_how_often_a_user_of_a_station_fell_behind_meanwhile_is_what_it_says(monkeypatch):
+    endpoint = dict(fake.STATUS["endpoint"], slow_count=3)
+    monkeypatch.setitem(fake.STATUS, "endpoint", endpoint)
+    with FakeStation() as station, client.session() as context:
+        ear = ears.Station(context, client.Address(HOST, *station.ports))
+        assert ear.fell_behind() == 0
+        endpoint["slow_count"] = 5
+        assert ear.fell_behind() == 2
+        ear.close()
+
+
+def test_it_is_told_with_what_else_became_of_the_way(peers, capsys, monkeypatch):
+    monkeypatch.setattr(ears.Station, "fell_behind", lambda ear: 2)
+    station = FakeStation([(b"v2x.cam.", PDUS[1])])
+    place = client.Address(HOST, *station.ports)
+    with station, client.session() as context:
+        a, b = Side("a", ears.Station(context, place), ends.Pull(context, place)), udp_side("b", peers[1])
+        way = Way(a, b, Impairment[Pdu](Impairments()))
+        said = "\n".join(impair.lines([way]))
+        assert json.loads(impair.as_json([way]))["ways"][0]["fell_behind"] == 2
+        for one in (a.ear, a.end, b.ear, b.end):
+            one.close()  # type: ignore[attr-defined]
+    assert "a user of the station fell behind 2 times: what it lost meanwhile is not counted here" in said
 
 
 @pytest.mark.parametrize(
