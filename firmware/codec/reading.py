@@ -97,13 +97,14 @@ class Reader:
 
     def _folder(self, path: Path) -> Iterator[Item]:
         try:
-            entries = sorted(path.iterdir(), key=lambda entry: (_KEPT.sub("ring", entry.name), entry.name))
+            files = [entry for entry in path.iterdir() if entry.is_file()]
         except OSError as error:
             yield RequestError(f"{path}: {error.strerror}")
             return
-        for entry in entries:
-            if entry.is_file():
-                yield from self._file(entry)
+        if not files:
+            yield RequestError(f"{path}: it holds no file")
+        for file in sorted(files, key=lambda file: (_KEPT.sub("ring", file.name), file.name)):
+            yield from self._file(file)
 
     def _file(self, path: Path) -> Iterator[Item]:
         try:

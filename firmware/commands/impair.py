@@ -7,10 +7,11 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import asdict, replace
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
+from board.address import Address
 from board.address import address as udp_address
-from board.errors import ConfigurationError
+from board.errors import ConfigurationError, UsageError
 from drivers.wire.impairment import Impairment
 from firmware.codec.reading import Pdu
 from firmware.replay import ears, ends
@@ -75,8 +76,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(arguments: argparse.Namespace) -> int:
     wanted = impairments(arguments)
+    _check(arguments.a, arguments.b)
     with ExitStack() as ending:
-        a, b = (Side(name, *opening(arguments, ending)) for name, opening in (arguments.a, arguments.b))
+        a, b = (Side(one.name, *one.opening(arguments, ending)) for one in (arguments.a, arguments.b))
         ways = [Way(a, b, Impairment[Pdu](wanted))]
         if not arguments.one_way:
             # The other direction has chances of its own.
@@ -149,7 +151,35 @@ def _unheard(way: Way) -> int:
 # -- sides
 
 
-def side(text: str) -> tuple[str, Opening]:
+class Named(NamedTuple):
+    """A side as it is written: where it hears and where it sends, and how it is opened."""
+
+    name: str
+    hears: object
+    sends: object
+    opening: Opening
+
+
+def _check(a: Named, b: Named) -> None:
+    """Raises UsageError where one of them hears what either sends: that would go round for ever."""
+    ways = [(one, other) for one in (a, b) for other in (a, b) if isinstance(one.hears, Address)]
+    for one, other in ways or [(a, b)]:
+        if one.hears == other.sends or (_is_any(one.hears) and _port(one.hears) == _port(other.sends)):
+            raise UsageError(
+                f"{one.name} would hear what this program sends to {other.name}",
+                "of udp:LISTEN,PEER: LISTEN is what the station sends to, PEER where it listens",
+            )
+
+
+def _is_any(place: object) -> bool:
+    return isinstance(place, Address) and place.host == "0.0.0.0"
+
+
+def _port(place: object) -> int | None:
+    return place.port if isinstance(place, Address) else None
+
+
+def side(text: str) -> Named:
     """What a side is, and how it is opened."""
     kind, _, rest = text.partition(":")
     make = {"udp": _udp, "ethernet": _ethernet, "station": _station}.get(kind)
@@ -157,10 +187,10 @@ def side(text: str) -> tuple[str, Opening]:
         raise argparse.ArgumentTypeError(
             f"{text!r} is no side; write udp:LISTEN,PEER or ethernet:DEVICE or station:HOST[:PORT]"
         )
-    return text, make(rest)
+    return Named(text, *make(rest))
 
 
-def _udp(text: str) -> Opening:
+def _udp(text: str) -> tuple[object, object, Opening]:
     try:
         listen, peer = (udp_address(f"{HOST}{part}" if part.startswith(":") else part) for part in text.split(","))
     except ConfigurationError as error:
@@ -174,20 +204,20 @@ def _udp(text: str) -> Opening:
         ending.callback(end.close)
         return ear, end
 
-    return opening
+    return listen, peer, opening
 
 
-def _ethernet(device: str) -> Opening:
+def _ethernet(device: str) -> tuple[object, object, Opening]:
     def opening(_arguments: argparse.Namespace, ending: ExitStack) -> tuple[ears.Ear, ends.End]:
         ear, end = ears.Device(device), ends.Device(device)
         ending.callback(ear.close)
         ending.callback(end.close)
         return ear, end
 
-    return opening
+    return device, device, opening
 
 
-def _station(text: str) -> Opening:
+def _station(text: str) -> tuple[object, object, Opening]:
     host, first = station(text)
     place = client.Address(host, first, first + 1, first + 2, first + 3)
 
@@ -198,4 +228,4 @@ def _station(text: str) -> Opening:
         ending.callback(end.close)
         return ear, end
 
-    return opening
+    return place, place, opening

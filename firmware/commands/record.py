@@ -64,7 +64,7 @@ examples:
                                             of a station elsewhere
 
 exit codes:
-  0    the count or the duration is reached, or SIGTERM
+  0    the count or the duration is reached, SIGTERM, or a terminal that is gone
   1    no station answers, there is no message library, or the file cannot be
        written
   2    wrong usage

@@ -15,6 +15,7 @@ from board.errors import ConfigurationError, RequestError, StationError, UsageEr
 from drivers.wire.impairment import Impairment
 from firmware.codec.reading import FORMS, Pdu
 from firmware.replay.arguments import add_impairments, impairments, told
+from firmware.replay.ending import until_sigterm
 from firmware.replay.ends import Datagrams, Device, End, Station, Users, station_lines
 from firmware.replay.player import Played, Player
 from firmware.replay.rewriting import Changes, Rewriting
@@ -51,8 +52,9 @@ examples:
                                           what one station hears, another hears
 
 exit codes:
-  0    everything was read, and sent (by a station: by at least one interface)
-  1    something was not, or no station answers
+  0    everything was read, or SIGTERM, and sent (by a station: by at least one
+       interface)
+  1    something was not, nobody listened, or no station answers
   2    wrong usage
   130  Ctrl-C
 """
@@ -133,13 +135,14 @@ def main(arguments: argparse.Namespace) -> int:
         player = Player(end, way, rewriting, timing, Unreadable())
         began = time.monotonic()
         try:
-            for _ in _rounds(arguments.loop):
-                before = way.counts.taken
-                for _ in player.play(source.items(what)):
-                    pass
-                if way.counts.taken == before:
-                    break  # nothing of it goes: without an end this would go on in silence
-            player.finish()
+            with until_sigterm():
+                for _ in _rounds(arguments.loop):
+                    before = way.counts.taken
+                    for _ in player.play(source.items(what)):
+                        pass
+                    if way.counts.taken == before:
+                        break  # nothing of it goes: without an end this would go on in silence
+                player.finish()
             if isinstance(end, Station):
                 end.finish()
         finally:
@@ -148,7 +151,18 @@ def main(arguments: argparse.Namespace) -> int:
             told_in = sys.stdout if arguments.json else sys.stderr
             summary = Summary(player.played, way, source, end, time.monotonic() - began)
             print(summary.json() if arguments.json else "\n".join(summary.lines()), file=told_in, flush=True)
-    return 0 if player.played.is_good and (not isinstance(end, Station) or end.is_good) else 1
+    return 0 if player.played.is_good and _is_good(end) else 1
+
+
+def _is_good(end: End) -> bool:
+    """Whether it has gone to somebody, as far as the end knows."""
+    match end:
+        case Station():
+            return end.is_good
+        case Datagrams():
+            return not end.unheard
+        case _:
+            return True
 
 
 def _rounds(count: int) -> Iterator[int]:

@@ -17,6 +17,7 @@ from board.errors import ConfigurationError, RequestError
 from drivers.message import Area, MessageType
 from drivers.sim.track import Point
 from firmware.codec.reading import Pdu
+from firmware.replay.ending import until_sigterm
 from firmware.replay.ends import Datagrams, Device, Station, station_lines
 from firmware.replay.reasons import count
 from firmware.swarm import tracks
@@ -55,8 +56,9 @@ examples:
                                             LATITUDE,LONGITUDE
 
 exit codes:
-  0    the duration is reached, and everything was taken: by the kernel, or by
-       the station's PULL, which has sent each by at least one interface
+  0    the duration is reached, or SIGTERM, and everything was taken: by the
+       kernel, or by the station's PULL, which has sent each by at least one
+       interface
   1    something was not, no station answers, or there is no message library
   2    wrong usage
   130  Ctrl-C
@@ -103,16 +105,23 @@ def main(arguments: argparse.Namespace) -> int:
     with ExitStack() as ending:
         out = Air(arguments, ending)
         swarm = Swarm(vehicles, plan, writer, out, sleep=out.sleep)
+        before_s = _cpu_s()
         try:
-            for _ in swarm.run(arguments.duration):
-                if sys.stderr.isatty() and not arguments.json:
-                    print(f"\r{swarm.sent.seconds:.0f} s: {_told(swarm.sent)}", end="", file=sys.stderr, flush=True)
+            with until_sigterm():
+                for _ in swarm.run(arguments.duration):
+                    if sys.stderr.isatty() and not arguments.json:
+                        print(f"\r{swarm.sent.seconds:.0f} s: {_told(swarm.sent)}", end="", file=sys.stderr, flush=True)
             if out.station is not None:
                 out.station.finish()
         finally:
             if out.station is not None:
                 out.station.close()
-            print(_json(swarm.sent, out) if arguments.json else "\n".join(_lines(swarm.sent, out)), flush=True)
+            print(
+                _json(swarm.sent, out, _cpu_s() - before_s)
+                if arguments.json
+                else "\n".join(_lines(swarm.sent, out, _cpu_s() - before_s)),
+                flush=True,
+            )
     return 0 if out.is_good else 1
 
 
@@ -169,11 +178,11 @@ def _told(sent: Sent) -> str:
     return ", ".join(f"{times} {kind.upper()}" for kind, times in sorted(sent.types.items())) or "nothing yet"
 
 
-def _lines(sent: Sent, out: Air) -> Iterator[str]:
+def _lines(sent: Sent, out: Air, cpu_s: float) -> Iterator[str]:
     rate = sent.total / sent.seconds if sent.seconds else 0.0
     stations = len({station for _, station in sent.stations})
     yield f"{sent.total} messages of {stations} stations in {sent.seconds:.1f} s: {rate:.1f} a second: {_told(sent)}"
-    yield f"processor: {_cpu_s() / sent.seconds:.1%} of one core" if sent.seconds else ""
+    yield f"processor: {cpu_s / sent.seconds:.1%} of one core" if sent.seconds else ""
     if sent.late:
         yield f"{sent.late} were more than {LATE_S:g} s late, up to {sent.latest_s:.2f} s: this machine is too slow"
     if out.unheard:
@@ -184,7 +193,7 @@ def _lines(sent: Sent, out: Air) -> Iterator[str]:
         yield from map(clean, station_lines(out.station))
 
 
-def _json(sent: Sent, out: Air) -> str:
+def _json(sent: Sent, out: Air, cpu_s: float) -> str:
     stations: dict[str, dict[int, int]] = {}
     for (kind, station), times in sorted(sent.stations.items()):
         stations.setdefault(kind, {})[station] = times
@@ -201,7 +210,7 @@ def _json(sent: Sent, out: Air) -> str:
             "why": dict(out.why),
             "outcomes": out.station.outcomes if out.station is not None else {},
             "fates": dict(out.station.fates) if out.station is not None else {},
-            "cpu_s": _cpu_s(),
+            "cpu_s": cpu_s,
         }
     )
 

@@ -6,7 +6,9 @@ from typing import Self
 
 
 class Ending:
-    """Ctrl-C and SIGTERM, which end a recording between two records: what is half written would not be read.
+    """Ctrl-C, SIGTERM, and SIGHUP of a terminal that is gone: they end a recording between two records.
+
+    What is half written would not be read.
 
     check() raises what the signal stands for, KeyboardInterrupt or SystemExit; so does leaving it. SIGUSR1 is an
     operator who wants something kept.
@@ -15,7 +17,10 @@ class Ending:
     def __init__(self) -> None:
         self._number = 0
         self._is_asked = False
-        self._before = {one: signal.signal(one, self._note) for one in (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1)}
+        heard = [signal.SIGINT, signal.SIGTERM, signal.SIGUSR1]
+        if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # as nohup has it
+            heard.append(signal.SIGHUP)
+        self._before = {one: signal.signal(one, self._note) for one in heard}
 
     def __enter__(self) -> Self:
         return self

@@ -99,11 +99,11 @@ class Sending:
         label = f"{self._label}/{self.count}"
         envelope = f"v2x.{kind}." if kind else "v2x."
         frames = [envelope.encode(), one.pdu, json.dumps({**self._options, **(more or {}), "label": label}).encode()]
+        # It is known before it goes: a signal may end this at any time.
+        lost = None if self._confirms is None else self.flights.depart(label, one.origin, len(one.pdu))
         self._pusher.send_multipart(frames, zmq.DONTWAIT)
-        if self._confirms is not None:
-            lost = self.flights.depart(label, one.origin, len(one.pdu))
-            if lost is not None:
-                self._on_over(lost)
+        if lost is not None:
+            self._on_over(lost)
 
     def _hear_until_due(self) -> None:
         """Wait for the next message's time; or, without a pace, for a place in the window."""

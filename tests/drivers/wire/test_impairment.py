@@ -84,6 +84,12 @@ def test_wrong_bits_are_counted_to_the_bit(wanted: Impairments, frames: list[byt
     assert (way.counts.wrong, way.counts.wrong_bits) == (wrong, bits)
 
 
+def test_nothing_asked_changes_nothing():
+    way, order = passed(Impairments(), [FRAME] * 1000)
+    assert order == list(range(1000))
+    assert way.counts.lost == way.counts.wrong == way.counts.duplicated == 0
+
+
 def test_a_loss_of_a_tenth_loses_a_tenth():
     way, _ = passed(Impairments(loss=0.1), [b""] * 100_000)
     assert way.counts.lost == 10_021  # of this seed; three standard deviations are 285

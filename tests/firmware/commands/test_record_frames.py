@@ -83,7 +83,7 @@ def test_live_what_wireshark_captures_from_is_a_recording_and_it_ends_with_wires
     assert (tmp_path / "shown").read_text().splitlines() == ["air\tcam of station 1337; time locked +-1.2 us\t"] * 2
 
 
-@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 0)])
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 0), (signal.SIGHUP, 0)])
 def test_a_signal_leaves_the_file_whole(tmp_path, monkeypatch, number, status):
     monkeypatch.setattr("firmware.recorder.scribe.Scribe.add", lambda scribe, told: os.kill(os.getpid(), number))
     with FakeStation(reports=[message(1)]) as station:

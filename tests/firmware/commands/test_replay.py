@@ -1,6 +1,8 @@
 """captain replay: what goes where, and what it says of the rest."""
 
 import json
+import os
+import signal
 import socket
 
 import pytest
@@ -161,6 +163,31 @@ def test_wrong_usage_is_told_as_such(words, capsys):
         status = int(ended.code or 0)
     assert status == 2
     assert capsys.readouterr().err
+
+
+def test_datagrams_that_nobody_listens_to_make_it_fail(tmp_path, capsys):
+    path = tmp_path / "a.hex"
+    path.write_text("\n".join([PDUS[1].hex()] * 3))
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as holder:
+        holder.bind(("127.0.0.1", 0))
+        to = "{}:{}".format(*holder.getsockname())
+    assert cli.main(["replay", str(path), "--udp", to, "--rate", "0"]) == 1
+    assert "nobody listened to" in capsys.readouterr().err
+
+
+def test_a_folder_without_a_file_is_told(tmp_path, capsys):
+    (tmp_path / "inner").mkdir()
+    assert cli.main(["replay", str(tmp_path), "--udp", "127.0.0.1:9"]) == 1
+    assert f"captain: {tmp_path}: it holds no file" in capsys.readouterr().err
+
+
+def test_sigterm_ends_it_with_its_summary(tmp_path, capsys):
+    path = tmp_path / "a.hex"
+    path.write_text(PDUS[1].hex())
+    with FakeStation(answer=sent_by("g5")) as station:
+        station.on_request = lambda: os.kill(os.getpid(), signal.SIGTERM)
+        assert cli.main(["replay", str(path), *station.options, "--loop"]) == 0
+    assert "captain: the station says: 1 sent" in capsys.readouterr().err
 
 
 def test_a_loop_of_nothing_ends(tmp_path, capsys):

@@ -1,6 +1,8 @@
 """captain swarm, for a second."""
 
 import json
+import os
+import signal
 import socket
 import subprocess
 import sys
@@ -50,6 +52,13 @@ def test_what_a_station_took_and_did_not_send_is_told_and_makes_it_fail(capsys):
     said = capsys.readouterr().out
     assert "the station says: 5 dropped, 10 sent" in said
     assert "not sent: 5: dropped by g5: queue-full (its queue is full)" in said
+
+
+def test_sigterm_ends_it_with_its_summary(capsys):
+    with FakeStation(answer=sent_by("g5")) as station:
+        station.on_request = lambda: os.kill(os.getpid(), signal.SIGTERM)
+        assert cli.main(["swarm", "1", "--rate", "10", "--endpoint", *station.options]) == 0
+    assert "messages of 1 stations" in capsys.readouterr().out
 
 
 def test_nobody_there_is_told(capsys):

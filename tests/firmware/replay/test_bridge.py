@@ -13,6 +13,7 @@ import pytest
 
 from board.address import Address
 from drivers.wire.impairment import Burst, Impairment, Impairments
+from firmware import cli
 from firmware.codec.reading import Pdu
 from firmware.commands import impair
 from firmware.lab.laboratory import vectors
@@ -184,6 +185,22 @@ def test_it_is_told_with_what_else_became_of_the_way(peers, capsys, monkeypatch)
 
 
 @pytest.mark.parametrize(
+    ("a", "b"),
+    [
+        ("udp::29001,:29001", "udp::29002,:29003"),
+        ("udp::29001,:29002", "udp::29002,:29003"),
+        ("udp::29001,:29002", "udp::29003,:29001"),
+        ("udp:0.0.0.0:29001,:29001", "udp::29002,:29003"),
+        ("ethernet:lo", "ethernet:lo"),
+        ("station:127.0.0.1:29001", "station::29001"),
+    ],
+)
+def test_a_way_that_would_carry_its_own_frames_for_ever_is_refused(a, b, capsys):
+    assert cli.main(["impair", a, b, "--duration", "0.1"]) == 2
+    assert "would hear what this program sends" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
     ("text", "told"),
     [
         ("wire:a", "no side"),
@@ -194,8 +211,6 @@ def test_it_is_told_with_what_else_became_of_the_way(peers, capsys, monkeypatch)
     ],
 )
 def test_a_side_that_is_none_says_how_to_write_it(text, told, capsys):
-    from firmware import cli
-
     with pytest.raises(SystemExit):
         cli.main(["impair", text, "ethernet:lo"])
     assert told in capsys.readouterr().err
