@@ -1,10 +1,10 @@
 """From the endpoint of a station to a subscriber of rclpy, through the gateway: median, 99th percentile, processor.
 
-    .venv/bin/python -m tests.bench.gateway [--duration 10]
+    .venv/bin/python -m tests.bench.gateway [--duration 10] [--rate 100]
 
 A station's socket is played by this process, which sends each CAM as a station does: RawRxMessage, PDU, indication. In
 the same run a publisher of rclpy sends the same octets itself: what remains is what the gateway takes. Needs message
-packages that are built: `make ros2`.
+packages that are built, `make ros2 ARGS=--short`; the gateway's own are built here where they are missing.
 """
 
 import argparse
@@ -23,7 +23,7 @@ import zmq
 from drivers.message import RxInfo
 from drivers.wire import raw
 from tests.gateway.real import CAM
-from tests.ros2 import codec, ros, stations
+from tests.ros2 import codec, gateway, ros, stations
 from tests.system.ports import Ports
 
 RATES = (10, 100, 1000)
@@ -88,18 +88,22 @@ class Found(NamedTuple):
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.bench.gateway", description=__doc__)
     parser.add_argument("--duration", type=float, default=10.0, help="seconds at each rate; default: %(default)g")
+    parser.add_argument("--rate", type=int, action="append", metavar="HZ", help="at this one; again for more")
     parser.add_argument("--prefix", type=Path, default=ros.INSTALLED, help="where message packages are installed")
     parser.add_argument("--codec", type=Path, help="a message library with ROS; default: that of make ros2")
     arguments = parser.parse_args()
-    if not (arguments.prefix / "share" / "captain_gateway_msgs").exists():
-        print("gateway: not measured: needs message packages: make ros2 ARGS=--short")
+    installed = arguments.prefix / "share"
+    if not (installed / "etsi_its_cam_msgs").exists():
+        print(f"gateway: not measured: there is no etsi_its_cam_msgs in {installed}; make ros2 ARGS=--short builds it")
         return 0
+    if not (installed / gateway.OWN).exists():
+        print(gateway.own_messages(arguments.prefix), flush=True)
     library = arguments.codec or codec.made()
     cdr = stations.load(library).find("cam-1.4.1").to_cdr(CAM)[0]
     print(f"CAM of {len(CAM)} octets, {len(cdr)} as CDR; {arguments.duration:g} s at each rate")
     print(f"{'':34}{'median':>12}{'99 %':>12}{'lost':>6}{'gateway':>10}")
     is_lost = False
-    for rate in RATES:
+    for rate in arguments.rate or RATES:
         count = round(rate * arguments.duration)
         for kind in ("raw", "typed"):
             plain = _plain(cdr, kind, rate, count, library, arguments.prefix)

@@ -19,6 +19,7 @@ from tests.ros2.ros import RosError
 from tests.ros2.rows import Row
 
 SOURCE = ros.ROOT / "firmware" / "gateway"
+OWN = "captain_gateway_msgs"
 FOLDERS = ros.INSIDE / "folders.cmake"
 CAPTAIN = ros.ROOT / ".venv" / "bin" / "captain"
 OTHER = ros.MADE / "other"  # where another definition of CAM is installed
@@ -80,20 +81,29 @@ def build(prefix: Path) -> list[Row]:
     """Both packages of the gateway by colcon, with what they need that no package index has."""
     rows = []
     for place, base in (
-        (SOURCE / "captain_gateway_msgs", prefix),
+        (SOURCE / OWN, prefix),
         (SOURCE / "captain_gateway", prefix),
         (ros.INSIDE / "tf2_msgs", prefix),
         (ros.INSIDE / "other_cam", OTHER),
     ):
-        began = time.monotonic()
-        _colcon(place, base)
-        rows.append(Row(f"{place.name} built", f"{time.monotonic() - began:.0f} s"))
+        rows.append(_built(place, base))
     program = prefix / "lib" / "captain_gateway" / "captain_gateway"
     config = prefix / "share" / "captain_gateway" / "config" / "v2x_gw.yaml"
     absent = [str(path) for path in (program, config) if not path.exists()]
     rows.append(_of_python("3.10"))
     rows.append(Row("captain_gateway installed", "program, parameter files", f"no {absent}" if absent else ""))
     return rows
+
+
+def own_messages(prefix: Path) -> Row:
+    """The gateway's own messages alone, for whoever runs it from its sources. Raises RosError."""
+    return _built(SOURCE / OWN, prefix)
+
+
+def _built(place: Path, base: Path) -> Row:
+    began = time.monotonic()
+    _colcon(place, base)
+    return Row(f"{place.name} built", f"{time.monotonic() - began:.0f} s")
 
 
 def _of_python(version: str) -> Row:

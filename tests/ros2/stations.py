@@ -120,6 +120,8 @@ class Node:
 
     def __init__(self, words: list[str | Path], environment: Mapping[str, str], log: Path) -> None:
         self.log = log
+        if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # in a shell's background; a child would do the same
+            signal.signal(signal.SIGINT, signal.default_int_handler)
         with log.open("wb") as said:
             self._child = subprocess.Popen(
                 [str(word) for word in words], env=dict(environment), stdout=said, stderr=said
