@@ -116,12 +116,8 @@ def main(arguments: argparse.Namespace) -> int:
         finally:
             if out.station is not None:
                 out.station.close()
-            print(
-                _json(swarm.sent, out, _cpu_s() - before_s)
-                if arguments.json
-                else "\n".join(_lines(swarm.sent, out, _cpu_s() - before_s)),
-                flush=True,
-            )
+            told = swarm.sent, out, _cpu_s() - before_s
+            print(_json(*told) if arguments.json else "\n".join(_lines(*told)), flush=True)
     return 0 if out.is_good else 1
 
 
@@ -171,7 +167,10 @@ class Air:
             count(self.why, error.message.removeprefix(f"{one.origin}: "))
 
     def sleep(self, left: float) -> None:
-        self.end.wait(time.monotonic() + left)
+        """For so many seconds, whatever comes back meanwhile."""
+        until = time.monotonic() + left
+        while time.monotonic() < until:
+            self.end.wait(until)
 
 
 def _told(sent: Sent) -> str:

@@ -59,13 +59,12 @@ class FakeStation:
     received  what it publishes to users as soon as one has subscribed to `v2x.` or to everything.
     reports   what it publishes on its report port when one has subscribed to `status.`, after a status.
     answer    the confirms about a request.
-    requests  what came to PULL; on_request is called after each, when it has been answered.
+    requests  what came to PULL.
     """
 
     def __init__(self, received: Sequence[Frames] = (), reports: Sequence[Frames] = (), answer: Answer | None = None):
         self.requests: list[list[bytes]] = []
         self.is_silent = False
-        self.on_request: Callable[[], None] = lambda: None
         self._received = received
         self._reports = reports
         self._answer = answer
@@ -112,7 +111,6 @@ class FakeStation:
         if self._answer is not None:
             said = self._answer(json.loads(frames[2]), len(self.requests))
             self._publish(self._report, [(b"confirm.cam.", json.dumps(one).encode()) for one in said])
-        self.on_request()
 
     def _publish(self, publisher: "zmq.Socket[bytes]", messages: Sequence[Frames]) -> None:
         for frames in messages:

@@ -11,6 +11,7 @@ from drivers.message import Area, Position, Shape
 from firmware import cli
 from firmware.codec import capture
 from firmware.lab.laboratory import vectors
+from firmware.replay.ends import Station
 from tests.firmware.commands.fake import FakeStation
 from tests.firmware.commands.test_send import refused, sent_by
 from tests.firmware.replay.test_rewriting import frame_of
@@ -181,13 +182,24 @@ def test_a_folder_without_a_file_is_told(tmp_path, capsys):
     assert f"captain: {tmp_path}: it holds no file" in capsys.readouterr().err
 
 
-def test_sigterm_ends_it_with_its_summary(tmp_path, capsys):
+def test_sigterm_ends_it_with_its_summary(tmp_path, capsys, monkeypatch):
     path = tmp_path / "a.hex"
     path.write_text(PDUS[1].hex())
+    end_when_one_is_confirmed(monkeypatch)
     with FakeStation(answer=sent_by("g5")) as station:
-        station.on_request = lambda: os.kill(os.getpid(), signal.SIGTERM)
         assert cli.main(["replay", str(path), *station.options, "--loop"]) == 0
     assert "captain: the station says: 1 sent" in capsys.readouterr().err
+
+
+def end_when_one_is_confirmed(monkeypatch: pytest.MonkeyPatch) -> None:
+    wait = Station.wait
+
+    def waited(end: Station, until: float) -> None:
+        if end.outcomes:
+            os.kill(os.getpid(), signal.SIGTERM)
+        wait(end, until)
+
+    monkeypatch.setattr(Station, "wait", waited)
 
 
 def test_a_loop_of_nothing_ends(tmp_path, capsys):

@@ -1,8 +1,6 @@
 """captain swarm, for a second."""
 
 import json
-import os
-import signal
 import socket
 import subprocess
 import sys
@@ -11,6 +9,7 @@ from pathlib import Path
 from drivers.wire import frame
 from firmware import cli
 from tests.firmware.commands.fake import FakeStation
+from tests.firmware.commands.test_replay import end_when_one_is_confirmed
 from tests.firmware.commands.test_send import confirm, sent_by
 
 
@@ -39,6 +38,16 @@ def test_messages_come_to_a_stations_pull_which_confirms_each(capsys):
     assert {one["area"]["distance_a"] for number, one in wishes if number == 1} == {500}
 
 
+def test_what_a_station_confirms_makes_nothing_earlier(capsys):
+    with FakeStation(answer=sent_by("g5")) as station:
+        assert (
+            cli.main(["swarm", "1", "--rate", "10", "--duration", "0.5", "--endpoint", *station.options, "--json"]) == 0
+        )
+    told = json.loads(capsys.readouterr().out)
+    assert told["sent"] == 5
+    assert told["seconds"] >= 0.4
+
+
 def every_third_too_many(options: dict[str, object], number: int) -> list[dict[str, object]]:
     if number % 3:
         return sent_by("g5")(options, number)
@@ -54,11 +63,11 @@ def test_what_a_station_took_and_did_not_send_is_told_and_makes_it_fail(capsys):
     assert "not sent: 5: dropped by g5: queue-full (its queue is full)" in said
 
 
-def test_sigterm_ends_it_with_its_summary(capsys):
+def test_sigterm_ends_it_with_its_summary(capsys, monkeypatch):
+    end_when_one_is_confirmed(monkeypatch)
     with FakeStation(answer=sent_by("g5")) as station:
-        station.on_request = lambda: os.kill(os.getpid(), signal.SIGTERM)
         assert cli.main(["swarm", "1", "--rate", "10", "--endpoint", *station.options]) == 0
-    assert "messages of 1 stations" in capsys.readouterr().out
+    assert "the station says: 1 sent" in capsys.readouterr().out
 
 
 def test_nobody_there_is_told(capsys):
