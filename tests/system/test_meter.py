@@ -92,13 +92,19 @@ def test_stations_under_load_are_joined_without_a_loss(seats: tuple[Seat, Seat])
     a, b = seats
     command = [*PROGRAM, "meter", *at(a), *at(b), "--grace", "0.4", "--json"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        number = 0
-        while number < 1000 and process.poll() is None:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        number, last, heeded = 0, None, [process.stdout, process.stderr]
+        while number < 10_000 and process.poll() is None:
             number += 1
             a.send_pdu(bytes([2, 2]) + number.to_bytes(12))
-            if process.stdout is not None and select.select([process.stdout], [], [], 0.004)[0]:
+            ready = select.select(heeded, [], [], 0.004)[0]
+            if process.stdout in ready:
                 break
-            if number == 400:
+            if last is None and process.stderr in ready:
+                assert "heard" in process.stderr.readline()
+                last, heeded = number + 200, [process.stdout]
+            if number == last:
                 process.terminate()
         told = json.loads(process.communicate(timeout=30)[0])
     (way,) = told["ways"]
