@@ -56,7 +56,7 @@ def _messages(records: Iterator[tuple[int, bytes]], skipped: Counter[str]) -> It
             one, _, when_ns = struct.unpack_from("<HIQ", content)
             kind, topic = channels.get(one, ("", f"channel {one}"))
             if kind != reception.TYPE:
-                skipped[f"of topic {topic}"] += 1
+                skipped[f"of topic {topic}, which has no octets of PDUs"] += 1
                 continue
             number += 1
             yield _received(number, when_ns, content[22:])

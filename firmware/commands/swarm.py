@@ -181,7 +181,8 @@ def _lines(sent: Sent, out: Air, cpu_s: float) -> Iterator[str]:
     rate = sent.total / sent.seconds if sent.seconds else 0.0
     stations = len({station for _, station in sent.stations})
     yield f"{sent.total} messages of {stations} stations in {sent.seconds:.1f} s: {rate:.1f} a second: {_told(sent)}"
-    yield f"processor: {cpu_s / sent.seconds:.1%} of one core" if sent.seconds else ""
+    if sent.seconds:
+        yield f"processor: {cpu_s / sent.seconds:.1%} of one core"
     if sent.late:
         yield f"{sent.late} were more than {LATE_S:g} s late, up to {sent.latest_s:.2f} s: this machine is too slow"
     if out.unheard:

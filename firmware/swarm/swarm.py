@@ -113,6 +113,12 @@ class Swarm:
     def run(self, duration: float | None) -> Iterator[None]:
         """Until nothing more is due within so many seconds; yields once a second."""
         start = self._clock()
+        try:
+            yield from self._run(start, duration)
+        finally:
+            self.sent.seconds = self._clock() - start
+
+    def _run(self, start: float, duration: float | None) -> Iterator[None]:
         told = start + 1.0
         while duration is None or self._due[0][0] < duration:
             due, _, call = heappop(self._due)
@@ -124,7 +130,6 @@ class Swarm:
                 told += 1.0
                 self.sent.seconds = self._clock() - start
                 yield
-        self.sent.seconds = self._clock() - start
 
     def _wait(self, due: float) -> None:
         left = due - self._clock()

@@ -1,6 +1,8 @@
 """A swarm on a clock that jumps: what it sends, and that others can read it."""
 
 import json
+from contextlib import suppress
+from math import inf
 
 import captain_messages
 import pytest
@@ -21,10 +23,11 @@ NOWHERE = Ego(0, Position(), is_known=False)
 
 
 class Run:
-    """A swarm that has driven so many seconds; sent: seconds, vehicle, type, PDU and area of each."""
+    """A swarm that has driven so many seconds, or been ended before; sent: seconds, vehicle, type, PDU and area of each."""
 
-    def __init__(self, count: int, plan: Plan, duration: float, swing: float = 5.0) -> None:
+    def __init__(self, count: int, plan: Plan, duration: float, swing: float = 5.0, ends_at: float = inf) -> None:
         self.now = 50.0
+        self._end = 50.0 + ends_at
         self.sent: list[tuple[float, Vehicle, str, bytes, Area | None]] = []
         self.frames: list[bytes] = []
         writer = Writer()
@@ -33,8 +36,11 @@ class Run:
             Vehicle(at, 1000 + at, way, Style(10.0, swing, 20.0, at * 37.0), writer) for at, way in enumerate(ways)
         ]
         swarm = Swarm(self.vehicles, plan, writer, self._out, lambda: self.now, self._wall, self._sleep)
-        self.seconds = sum(1 for _ in swarm.run(duration))
         self.told = swarm.sent
+        self.seconds = 0
+        with suppress(KeyboardInterrupt):
+            for _ in swarm.run(duration):
+                self.seconds += 1
 
     def _out(self, vehicle, kind, pdu, now, its_ms, area):
         self.sent.append((self.now - 50.0, vehicle, kind.name, pdu, area))
@@ -45,6 +51,8 @@ class Run:
 
     def _sleep(self, seconds: float) -> None:
         self.now += seconds
+        if self.now >= self._end:
+            raise KeyboardInterrupt
 
     def of(self, kind: str) -> list[tuple[float, bytes]]:
         return [(when, pdu) for when, _, name, pdu, _ in self.sent if name == kind]
@@ -62,6 +70,11 @@ def test_a_fixed_rate_is_kept_to_the_message_and_spread_over_its_period():
     assert set(run.told.stations.values()) == {50}
     assert [when for when, *_ in run.sent] == pytest.approx([at * 0.005 for at in range(1000)])
     assert (run.told.late, run.told.latest_s) == (0, pytest.approx(0, abs=1e-6))
+
+
+def test_what_ends_it_between_two_seconds_leaves_the_right_duration():
+    run = Run(1, Plan(cam_hz=10.0), 5.0, ends_at=1.5)
+    assert run.told.seconds == pytest.approx(1.5)
 
 
 def test_by_the_rules_each_sends_between_one_and_ten_a_second():
