@@ -25,7 +25,9 @@ BLOCK = 4096
 # for one where they come in small pieces: 2 MiB an hour are ten years.
 MOST_MIB_PER_HOUR = 2.0
 SEEN_S = 90.0  # the station looks every ten seconds
-SETTLED_S, REST_S, SHORT_REST_S = 60.0, 600.0, 60.0
+# Until then modules that are not there are powered three times and given up, each time with a line in the journal.
+SETTLED_S = 300.0
+REST_S, SHORT_REST_S = 600.0, 60.0
 
 
 class Trouble(NamedTuple):
