@@ -9,7 +9,7 @@ from firmware.user import client
 from firmware.user.received import Message, Pairing
 
 # Messages of a second: all of a quiet channel. Each costs the station another copy, and this program its reading.
-GLANCE = 200
+GLANCE = 100
 HEARTBEAT, ALL = "hb.counter", ""
 
 

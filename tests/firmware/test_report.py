@@ -11,7 +11,7 @@ import pytest
 from board.time import Lock, TimeQuality
 from drivers.message import NO_RX_INFO, Confirm, Indication, Outcome, RxInfo
 from drivers.reason import MEANING, Reason
-from firmware.report import AT_ONCE_S, BUDGET, MOST, Report, memory_kb, process_status
+from firmware.report import AT_ONCE_S, BUDGET, LATER_S, MOST, SOON_S, Report, memory_kb, process_status
 from firmware.topics import Topics
 from tests.firmware.doubles import CAM_PDU, NotingStation, interface_of, request_of
 from tests.virtual import VirtualLoop
@@ -45,7 +45,7 @@ class Bench:
 
     def told(self) -> list[tuple[bytes, dict[str, object]]]:
         """After the turns in which all that waits is told."""
-        self.loop.run_for(0.1)
+        self.loop.run_for(1.5 * LATER_S)
         return self.publisher.said
 
 
@@ -156,6 +156,17 @@ def test_what_is_told_waits_for_the_message_itself(bench: Bench) -> None:
     bench.report.confirm(Confirm(request_of(), Outcome.ACCEPTED), ())
     assert bench.publisher.said == []
     assert [topic for topic, _ in bench.told()] == [b"indication.cam.", b"confirm.cam."]
+
+
+def test_who_gave_a_label_hears_of_it_soon_and_of_all_before_it(bench: Bench) -> None:
+    bench.report.observe(indications_of(CAM_PDU))
+    bench.loop.run_for(1.5 * SOON_S)
+    assert bench.publisher.said == []
+    bench.report.confirm(Confirm(request_of()._replace(label="mine"), Outcome.SENT, "g5"), ())
+    bench.report.observe(indications_of(CAM_PDU))
+    bench.loop.run_for(1.5 * SOON_S)
+    assert [said["sequence"] for _, said in bench.publisher.said] == [1, 1, 2]
+    assert len(bench.told()) == 3
 
 
 def test_what_waits_is_told_before_the_station_ends(bench: Bench) -> None:
