@@ -41,7 +41,8 @@ etsi_its_messages where it has the edition. For each type there are two topics:
 
 What no edition of the message library takes is on the second topic alone. That
 file is not compressed; one that was not closed, because the power failed, ends
-within its last two seconds, and `mcap recover` mends it.
+within its last two seconds, and `mcap recover` mends it. A disk that is full
+ends it as well.
 
 --ring keeps the last octets and seconds in files of a folder, and what was
 before an event under a name that says why: --on denm (a DENM that passed), loss
@@ -49,8 +50,8 @@ before an event under a name that says why: --on denm (a DENM that passed), loss
 station does that by itself where captain.toml has [recorder]; --trigger tells
 it to keep what was.
 
-A disk that is full or gone costs frames, which are counted: recording goes on
-when it is back. A cut of power costs the last second.
+Of frames, a disk that is full or gone costs some, which are counted: recording
+goes on when it is back. A cut of power costs the last second.
 """
 EPILOG = """\
 examples:
@@ -143,6 +144,18 @@ def _live(arguments: argparse.Namespace) -> int:
 
 
 def _mcap(arguments: argparse.Namespace) -> int:
+    try:
+        _messages(arguments)
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise RequestError(
+            f"{arguments.mcap}: {error.strerror}", "what it holds until there, `mcap recover` makes whole"
+        ) from error
+    return 0
+
+
+def _messages(arguments: argparse.Namespace) -> None:
     library = load()
     place = address(arguments)
     with (
@@ -166,9 +179,10 @@ def _mcap(arguments: argparse.Namespace) -> int:
             arguments.mcap.unlink(missing_ok=True)  # it is of no station
             raise
         finally:
-            recording.close()
-            print(f"captain: {arguments.mcap}: {recording.summary()}", file=sys.stderr)
-    return 0
+            try:
+                recording.close()
+            finally:
+                say(f"{arguments.mcap}: {recording.summary()}")
 
 
 class Silence:

@@ -1,6 +1,8 @@
 """captain record: from a station's messages to a file."""
 
+import errno
 import math
+import os
 import signal
 import struct
 
@@ -14,6 +16,7 @@ from firmware.commands import record
 from firmware.lab.laboratory import vectors
 from firmware.recorder import mcap_recording
 from firmware.user import reception
+from firmware.user.mcap import Mcap
 from firmware.user.received import Message
 from tests.firmware.commands.fake import FakeStation
 from tests.firmware.user.mcap_file import read
@@ -44,6 +47,22 @@ def test_a_message_is_recorded_as_that_of_ros_2_with_what_is_known_of_it_beside(
     assert struct.unpack_from("<BBI", cdr, 4)[:2] == (CAM[0], CAM[1])
     assert metadata.endswith(CAM)
     assert "1 cam-1.4.1" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EIO])
+def test_a_disk_that_takes_no_more_is_named_with_what_was_recorded(tmp_path, capsys, monkeypatch, number):
+    def flush(mcap: Mcap) -> None:
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr("firmware.user.mcap.CHUNK_OCTETS", 1)
+    monkeypatch.setattr(Mcap, "flush", flush)
+    path = tmp_path / "a.mcap"
+    with FakeStation(on_air("cam", CAM)) as station:
+        assert cli.main(["record", "--mcap", str(path), *station.options, "--count", "1"]) == 1
+    told = capsys.readouterr().err
+    assert f"captain: {path}: 1 cam-1.4.1" in told
+    assert f"captain: {path}: {os.strerror(number)}\n" in told
+    assert "mcap recover" in told
 
 
 def test_no_topic_says_a_quality_of_service_that_rosbag2_would_not_read(tmp_path):
