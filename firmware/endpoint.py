@@ -14,7 +14,7 @@ from firmware.drops import Drops
 from firmware.inlet import Inlet
 from firmware.publisher import Publisher
 from firmware.question import Commands
-from firmware.report import CONFIRM, FRAME, INDICATION, STATUS, TIME, TOPICS, Report
+from firmware.report import CONFIRM, FRAME, INDICATION, SOON, STATUS, TIME, TOPICS, Report
 from firmware.router import Router
 from firmware.tables import EndpointOptions
 from firmware.topics import Topics
@@ -71,7 +71,7 @@ class Endpoint:
         try:
             self.users = Users(loop, self.context, at(options.to_users), topics, drops, local)
             self._reports = Publisher(
-                loop, self.context, at(options.report), "report", drops, TOPICS, self._interest, costly=(FRAME,)
+                loop, self.context, at(options.report), "report", drops, TOPICS, self._interest, costly=(FRAME, SOON)
             )
             self.report = Report(loop, self._reports, status, refresh, time_status, router.quality_now)
             self.inlets = [
@@ -137,6 +137,8 @@ class Endpoint:
             self.report.status_interest(is_wanted)
         elif topic == TIME:
             self.report.time_interest(is_wanted)
+        elif topic == SOON:
+            self.report.is_hurried = is_wanted
         elif topic == FRAME:
             if is_wanted is not was_wanted:
                 self._look_at_frames(is_wanted)

@@ -1,7 +1,7 @@
 """What the station says about itself, as JSON.
 
 `status.` and `time.` once a second, `confirm.<type>.` for every request, `indication.<type>.` for every message that an
-interface has brought.
+interface has brought. Nothing is said of `soon.`: who subscribes to it, too, has confirms and indications at once.
 """
 
 import json
@@ -27,7 +27,8 @@ STATUS = b"status."
 TIME = b"time."
 INDICATION = b"indication."
 FRAME = b"frame."  # see firmware.frames
-TOPICS = (CONFIRM, STATUS, TIME, INDICATION, FRAME)
+SOON = b"soon."
+TOPICS = (CONFIRM, STATUS, TIME, INDICATION, FRAME, SOON)
 PERIOD_S = 1.0
 # Confirms and indications told in a PERIOD_S, 10 us each: two channels at their ceiling, 4 % of a core.
 BUDGET = 4_000
@@ -53,6 +54,8 @@ class Report:
     Confirms and indications are numbered, all types together: who has subscribed to all of them sees what it missed.
     Routing goes first: they are told together, a moment after the message, and in a flood those beyond BUDGET in a
     second are numbered only. What did not leave, and what has a label, is told in any case.
+
+    is_hurried  somebody puts messages together with their indications: they are told in the next turn.
     """
 
     def __init__(
@@ -71,6 +74,7 @@ class Report:
         self._time_status = time_status
         self._quality = quality
         self.confirms = self.indications = 0
+        self.is_hurried = False
         self._told = 0
         self._waiting: deque[Callable[[], tuple[bytes, bytes]]] = deque()  # what makes topic and body
         self._due = math.inf  # when they are told
@@ -129,6 +133,8 @@ class Report:
         """Tell it when so much time has gone by at the latest; what has come before it is told before it."""
         self._told += 1
         self._waiting.append(make)
+        if self.is_hurried:
+            wait_s = 0.0
         if (due := self._loop.clock() + wait_s) < self._due:
             self._due = due
             self._loop.after(wait_s, self._tell)

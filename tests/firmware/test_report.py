@@ -169,6 +169,14 @@ def test_who_gave_a_label_hears_of_it_soon_and_of_all_before_it(bench: Bench) ->
     assert len(bench.told()) == 3
 
 
+def test_who_is_in_a_hurry_hears_of_it_in_the_next_turn(bench: Bench) -> None:
+    bench.report.is_hurried = True
+    bench.report.observe(indications_of(CAM_PDU))
+    assert bench.publisher.said == []
+    bench.loop.run_for(0.0)
+    assert len(bench.publisher.said) == 1
+
+
 def test_what_waits_is_told_before_the_station_ends(bench: Bench) -> None:
     bench.report.observe(indications_of(CAM_PDU))
     bench.report.finish()

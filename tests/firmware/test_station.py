@@ -3,7 +3,7 @@
 import json
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
 
@@ -76,6 +76,37 @@ def port_of(station: Station) -> int:
     import zmq
 
     return int(station.endpoint.inlets[0]._socket.get(zmq.LAST_ENDPOINT).rstrip(b"\0").decode().rpartition(":")[2])
+
+
+def test_who_asks_for_it_is_told_of_messages_at_once_and_a_subscription_to_everything_asks_for_nothing(
+    folder: Folder, loop: Loop
+) -> None:
+    with closing(folder.station(loop)) as station, zmq.Context() as context, context.socket(zmq.SUB) as subscriber:
+        station.start()
+        report = station.endpoint.report
+        subscriber.connect(station.endpoint._reports._socket.get(zmq.LAST_ENDPOINT).rstrip(b"\0").decode())
+        subscriber.subscribe(b"")
+        _turn_until(loop, lambda: station.router.is_confirm_wanted)
+        assert not report.is_hurried
+        subscriber.subscribe(b"soon.")
+        _turn_until(loop, lambda: report.is_hurried)
+        subscriber.unsubscribe(b"soon.")
+        _turn_until(loop, lambda: not report.is_hurried)
+
+
+def _turn_until(loop: Loop, holds: Callable[[], bool]) -> None:
+    """Fails after five seconds."""
+    is_late = False
+
+    def end() -> None:
+        nonlocal is_late
+        is_late = True
+
+    timer = loop.after(5.0, end)
+    while not holds():
+        assert not is_late, "it never came to hold"
+        loop.turn()
+    timer.cancel()
 
 
 @pytest.mark.parametrize("key", ["from_users", "to_users", "pull", "report"])

@@ -64,10 +64,11 @@ class Station:
         self.address = Address(HOST, ports[0], ports[2], 0, ports[1])
 
     def wait_for_subscriptions(self) -> None:
-        for socket, count in ((self.users, 1), (self.report, 4)):
-            for _ in range(count):
-                assert socket.poll(PATIENCE_S * 1000)
-                socket.recv()
+        topics = b"soon.", b"indication.", b"confirm.", b"status.", b"time."
+        for socket, wanted in ((self.users, {b""}), (self.report, set(topics))):
+            while wanted:
+                assert socket.poll(PATIENCE_S * 1000), f"not subscribed to: {wanted}"
+                wanted.remove(socket.recv()[1:])
 
 
 @pytest.fixture

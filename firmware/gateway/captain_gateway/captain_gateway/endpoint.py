@@ -82,7 +82,8 @@ class Receiving(threading.Thread):
         users = self._subscriber(self._address.to_users, b"")
         sockets = {users: self._user_message}
         if self._address.report:
-            topics = (b"indication.", b"confirm.", b"status.", b"time.")
+            # By "soon." a station tells of a message at once: it waits here for its indication.
+            topics = (b"soon.", b"indication.", b"confirm.", b"status.", b"time.")
             sockets[self._subscriber(self._address.report, *topics)] = self._report
         try:
             self._listen(users, sockets)

@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 from .errors import GatewayError
 from .told import table
 
-# An indication comes within a millisecond of its message; on a machine that is late, with what else has piled up.
+# Asked for soon, an indication comes within a millisecond of its message; on a machine that is late, with what else has
+# piled up.
 LATEST_S = 0.05
 # Indications of messages that never come: of duplicates that the station has suppressed.
 MOST = 1024
