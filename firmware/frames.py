@@ -19,10 +19,10 @@ from firmware.frame_told import Noted, Told
 
 # They are told so much later, together: what routes stays in the processor's caches. A drop that belongs to a frame
 # follows it in the same turn of the loop.
-LATER_S = 0.1
+LATER_S = 0.05
 # What is noted until it is told: 4,000 frames a second, two channels at their ceiling. Of a flood the rest is
 # counted, and not even looked at: routing goes first.
-MOST = 400
+MOST = 200
 SLICE = 16  # told in one turn: a message that comes meanwhile waits for 0.2 ms
 MADE = 4096  # requests whose frames wait for their confirm: as many as the queues of some interfaces hold
 
