@@ -93,7 +93,8 @@ class Libraries:
 def pack(library: Path) -> None:
     """The freezer leaves it as large as it is: more than half of it is saved, and read from a slow card."""
     with zipfile.ZipFile(library) as file:
-        contents = {name: file.read(name) for name in file.namelist()}
+        # The freezer's order is not always the same.
+        contents = {name: file.read(name) for name in sorted(file.namelist())}
     with zipfile.ZipFile(library, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as file:
         for name, octets in contents.items():
             file.writestr(zipfile.ZipInfo(name), octets, zipfile.ZIP_DEFLATED)  # of no date

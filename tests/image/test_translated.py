@@ -94,6 +94,18 @@ def test_what_the_interpreter_begins_with_is_packed_and_says_the_same(tmp_path: 
         assert file.read("os.pyc") == b"os" * 5000
 
 
+def test_it_is_the_same_in_whatever_order_the_freezer_has_written_it(tmp_path: Path):
+    kept = []
+    for names in (("os.pyc", "re/_parser.pyc", "locale.pyc"), ("locale.pyc", "os.pyc", "re/_parser.pyc")):
+        library = tmp_path / "base_library.zip"
+        with zipfile.ZipFile(library, "w") as file:
+            for name in names:
+                file.writestr(name, name * 100)
+        translated.pack(library)
+        kept.append(library.read_bytes())
+    assert kept[0] == kept[1]
+
+
 def test_it_stays_unpacked_where_the_interpreter_would_have_to_load_what_unpacks_it(tmp_path: Path, other: Path):
     made = frozen(tmp_path / "made")
     (made / "_internal/zlib.cpython-313-x86_64-linux-gnu.so").write_text(ELF)
