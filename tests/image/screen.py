@@ -58,7 +58,7 @@ class Screen:
         self.type(f"{command}\r")
         found = self.wait(pattern, limit_s)
         self.wait(PROMPT, limit_s)
-        return found
+        return re.search(pattern, self.text) or found  # a part of the line may have come first
 
     def forget(self) -> None:
         """Begin with an empty screen."""
