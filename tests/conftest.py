@@ -2,6 +2,7 @@
 
 import os
 import select
+import signal
 from collections.abc import Callable, Iterator
 from contextlib import closing
 
@@ -10,6 +11,10 @@ from hypothesis import HealthCheck, settings
 from hypothesis.configuration import set_hypothesis_home_dir
 
 from tests.virtual import VirtualLoop
+
+# nohup ignores SIGHUP, and a shell SIGINT of what it runs in the background: here as in what is started they end.
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 set_hypothesis_home_dir("build/hypothesis")
 
