@@ -18,18 +18,23 @@ SHOWN = 20  # of what differs; a card that differs at all differs in few files
 
 
 class Compared(NamedTuple):
-    """A step's results, compared. files: how many there are; differing: paths."""
+    """A step's results, compared.
+
+    files  how many there are. differing: paths. is_left_out: those are not in the card.
+    """
 
     what: str
     files: int
     differing: list[str]
+    is_left_out: bool = False
 
     def __str__(self) -> str:
         if not self.differing:
             return f"same    {self.what}: {self.files} files"
         shown = "".join(f"\n          {path}" for path in self.differing[:SHOWN])
         more = "" if len(self.differing) <= SHOWN else f"\n          and {len(self.differing) - SHOWN} more"
-        return f"DIFFER  {self.what}: {len(self.differing)} of {self.files} files{shown}{more}"
+        left_out = ", left out of the card" if self.is_left_out else ""
+        return f"DIFFER  {self.what}: {len(self.differing)} of {self.files} files{left_out}{shown}{more}"
 
 
 def again(first: Path, description: Description) -> tuple[Path, dict[str, float]]:
@@ -58,8 +63,12 @@ def compared(first: Path, card: Path, second: Path) -> Iterator[Compared]:
         ("parts", "boot/**/*"),
     ):
         yield _compared(f"{name}/{files}", _digests(first / name, files), _digests(second / name, files))
-    for tar in ("userland/root.tar", "parts/root.tar"):
-        yield _compared(f"{tar}, its files", _members(first / tar), _members(second / tar))
+    userland, slot = (
+        _compared(f"{tar}, its files", _members(first / tar), _members(second / tar))
+        for tar in ("userland/root.tar", "parts/root.tar")
+    )
+    yield userland._replace(is_left_out=not slot.differing)  # the second is made of the first
+    yield slot
     yield _compared("the card", {card.name: checksum.sha256(card)}, {card.name: checksum.sha256(second / CARD)})
 
 

@@ -49,6 +49,15 @@ def test_another_mode_is_another_file(tmp_path: Path):
     assert found == {"userland/root.tar, its files": ["etc/x"], "parts/root.tar, its files": ["etc/x"]}
 
 
+def test_what_is_left_out_of_the_card_may_differ(tmp_path: Path):
+    one, other = made(tmp_path / "one", b"x"), made(tmp_path / "two", b"x")
+    with tarfile.open(other / "userland/root.tar", "w"):
+        pass  # nothing of it
+    (userland,) = (row for row in twice.compared(one, one / twice.CARD, other) if row.differing)
+    assert userland.is_left_out
+    assert str(userland).startswith("DIFFER  userland/root.tar, its files: 2 of 2 files, left out of the card\n")
+
+
 def test_a_row_shows_the_first_of_many_and_says_how_many_there_are():
     assert str(twice.Compared("x", 3, [])) == "same    x: 3 files"
     said = str(twice.Compared("x", 30, [f"f{number}" for number in range(25)]))
