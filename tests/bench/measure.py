@@ -18,7 +18,7 @@ Flow = dict[str, Any]
 LATE_MS = 20.0
 PROBE_S = 0.4
 LOWEST, HIGHEST = 2_000.0, 400_000.0
-RESOLUTION = 1.06
+RESOLUTION = 1.03  # the last step is at most 4.5 %
 TRIES = 5  # what else runs on the machine spoils some of them, for the floor as for the station
 
 
