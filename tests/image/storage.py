@@ -25,9 +25,10 @@ BLOCK = 4096
 # for one where they come in small pieces: 2 MiB an hour are ten years.
 MOST_MIB_PER_HOUR = 2.0
 SEEN_S = 90.0  # the station looks every ten seconds
-# Until then modules that are not there are powered three times and given up, each time with a line in the journal.
-SETTLED_S = 300.0
-REST_S, SHORT_REST_S = 600.0, 60.0
+# What is done once: modules that are not there are powered three times and given up; after a quarter of an hour systemd
+# clears old temporary files. Then the measure is as long as what is done again and again: the time is kept so often.
+SETTLED_S, SHORT_SETTLED_S = 1200.0, 300.0
+REST_S, SHORT_REST_S = 900.0, 60.0
 
 
 class Trouble(NamedTuple):
@@ -137,7 +138,7 @@ def rows(card: Path, folder: Path, options: Options) -> Iterator[Row]:
         if not options.is_short or trouble.what in SHORT:
             yield _repaired(card, folder, trouble)
     yield from _told(card, folder)
-    yield from _at_rest(card, folder, SHORT_REST_S if options.is_short else REST_S)
+    yield from _at_rest(card, folder, *((SHORT_SETTLED_S, SHORT_REST_S) if options.is_short else (SETTLED_S, REST_S)))
 
 
 def _repaired(card: Path, folder: Path, trouble: Trouble) -> Row:
@@ -218,14 +219,14 @@ def _state(shell: RootShell, ports: Ports, what: str, state: str, refusal: str) 
     return Row(f"station: {what}", seen, f"answers, {state}, {refusal or 'a hint' if state != 'kept' else ''}", is_ok)
 
 
-def _at_rest(card: Path, folder: Path, rest_s: float) -> Iterator[Row]:
+def _at_rest(card: Path, folder: Path, settled_s: float, rest_s: float) -> Iterator[Row]:
     """What a station that does nothing writes to its card."""
     its = folder / "rest"
     its.mkdir()
     power = Power(card, its, SEED)
     try:
         look = power.look_full()
-        _pass(SETTLED_S)
+        _pass(settled_s)
         before, flushes = power.octets("data"), power.drive.requests[FLUSH]
         began = time.monotonic()
         _pass(rest_s)
