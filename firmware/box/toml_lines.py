@@ -5,7 +5,8 @@ import tomllib
 from functools import lru_cache
 
 HEADER = re.compile(r"\s*\[(\[)?(.*?)\]\]?\s*(?:#.*)?$")
-KEY = re.compile(r"""\s*((?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*'|\s*\.\s*)+?)\s*=""")
+_PART = r"""(?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*')"""
+KEY = re.compile(rf"\s*({_PART}(?:\s*\.\s*{_PART})*)\s*=")
 INDEX = re.compile(r"\[(\d+)\]")
 
 Keys = tuple[str, ...]

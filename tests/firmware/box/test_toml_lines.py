@@ -44,3 +44,8 @@ def test_a_key_stands_in_its_line_and_one_that_is_missing_in_that_of_its_table(p
 def test_any_text_and_any_path_give_a_line_of_the_text_or_none(text: str, path: str):
     found = line_of(text, path)
     assert found is None or 1 <= found <= text.count("\n") + 1
+
+
+def test_a_long_word_of_a_text_is_passed_over():
+    # A pattern that takes a word apart in every way would not end within a lifetime.
+    assert line_of(f'a = """\n{"x" * 100}\n{". " * 100}\n"""\nb = 1\n', "b") == 5
