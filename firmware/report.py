@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator
 from functools import cache, partial
 from pathlib import Path
 
-from board.loop import Loop
+from board.loop import Loop, Timer
 from board.time import TimeQuality
 from drivers.message import ITS_HEADER, NO_MAC, UNKNOWN_TIME, Confirm, Indication
 from drivers.reason import MEANING
@@ -77,7 +77,7 @@ class Report:
         self.is_hurried = False
         self._told = 0
         self._waiting: deque[Callable[[], tuple[bytes, bytes]]] = deque()  # what makes topic and body
-        self._due = math.inf  # when they are told
+        self._due, self._timer = math.inf, Timer(math.inf, self._tell)  # when they are told
         self._is_status_wanted = False
         self._is_time_wanted = False
         self._said = loop.clock()
@@ -97,7 +97,7 @@ class Report:
 
     def finish(self) -> None:
         """Tell what still waits."""
-        self._publisher.publish_all(make() for make in self._taken(len(self._waiting)))
+        self._publish(len(self._waiting))
 
     def _tick(self) -> None:
         self._told = 0
@@ -136,16 +136,21 @@ class Report:
         if self.is_hurried:
             wait_s = 0.0
         if (due := self._loop.clock() + wait_s) < self._due:
-            self._due = due
-            self._loop.after(wait_s, self._tell)
+            self._timer.cancel()
+            self._due, self._timer = due, self._loop.after(wait_s, self._tell)
         if len(self._waiting) > MOST:
-            self._tell()
+            self._publish(SLICE)
 
     def _tell(self) -> None:
+        """A part of what waits; the rest in the turns that follow, with what comes meanwhile."""
+        self._publish(SLICE)
         self._due = math.inf
-        self._publisher.publish_all(make() for make in self._taken(SLICE))
         if self._waiting:
+            self._due = -math.inf
             self._loop.soon(self._tell)
+
+    def _publish(self, most: int) -> None:
+        self._publisher.publish_all(make() for make in self._taken(most))
 
     def _taken(self, most: int) -> Iterator[Callable[[], tuple[bytes, bytes]]]:
         for _ in range(min(most, len(self._waiting))):

@@ -169,6 +169,17 @@ def test_who_gave_a_label_hears_of_it_soon_and_of_all_before_it(bench: Bench) ->
     assert len(bench.told()) == 3
 
 
+def test_labels_among_the_rest_have_all_of_it_told_no_more_often(bench: Bench) -> None:
+    times = 0
+    for _ in range(1000):
+        before = len(bench.publisher.said)
+        bench.report.observe(indications_of(CAM_PDU))
+        bench.report.confirm(Confirm(request_of()._replace(label="mine"), Outcome.SENT, "g5"), ())
+        bench.loop.run_for(0.001)
+        times += len(bench.publisher.said) > before
+    assert times <= 1.0 / SOON_S
+
+
 def test_who_is_in_a_hurry_hears_of_it_in_the_next_turn(bench: Bench) -> None:
     bench.report.is_hurried = True
     bench.report.observe(indications_of(CAM_PDU))
