@@ -23,6 +23,8 @@ LATER_S = 0.05
 # What is noted until it is told: 4,000 frames a second, two channels at their ceiling. Of a flood the rest is
 # counted, and not even looked at: routing goes first.
 MOST = 200
+# Ten times as many are no recording of a channel any more, whatever is told of them: still less of it is.
+FLOOD, OF_FLOOD = 10 * MOST, MOST // 4
 SLICE = 16  # told in one turn: a message that comes meanwhile waits for 0.2 ms
 MADE = 4096  # requests whose frames wait for their confirm: as many as the queues of some interfaces hold
 
@@ -89,6 +91,7 @@ class Frames:
         self._just_missed = _NOTHING  # a drop of this very moment, whose confirm comes next
         self._counted: dict[str, int] | None = None  # by interface, when enough had come
         self._told = Told(mac)
+        self._most = MOST
         self._is_scheduled = False
 
     def forget(self) -> None:
@@ -122,7 +125,7 @@ class Frames:
             interface, pdu = indication.interface, indication.pdu
             if interface in self._has_frames:
                 one = self._by_octets.get((interface, id(pdu)))
-            elif len(self._noted) >= MOST:  # as _note() has it; of a flood this is what most comes to
+            elif len(self._noted) >= self._most:  # as _note() has it; of a flood this is what most comes to
                 self._missed[interface] += 1
                 continue
             else:
@@ -131,7 +134,7 @@ class Frames:
             if one is not None:
                 one.indication = indication
                 one.quality = indication.quality
-        if len(self._noted) >= MOST:
+        if len(self._noted) >= self._most:
             self._look_away()
 
     def confirm(self, confirm: Confirm, targets: object = ()) -> None:
@@ -144,7 +147,7 @@ class Frames:
         if (one := self._note(interface, self._clock_ns(), frame, request.pdu)) is not None:
             one.is_out = True
             one.confirm, one.reason, one.detail = confirm, confirm.reason, confirm.detail
-        if len(self._noted) >= MOST:
+        if len(self._noted) >= self._most:
             self._look_away()
 
     def drop(self, where: str, reason: Reason, sample: bytes, count: int, detail: str) -> None:
@@ -155,7 +158,7 @@ class Frames:
             one.reason, one.detail = reason, detail
         elif self._counted is not None:
             return  # it is in the counters
-        elif sample and len(self._noted) + len(self._dropped) < MOST:
+        elif sample and len(self._noted) + len(self._dropped) < self._most:
             one = self._new(where, self._clock_ns(), self._whole(where, sample), sample)
             one.reason, one.detail = reason, detail
             self._dropped[where, id(sample)] = one
@@ -179,7 +182,7 @@ class Frames:
         return sample if where in self._has_frames and sample[12:14] == ETHERTYPE else b""
 
     def _note(self, interface: str, when_ns: int, frame: bytes, pdu: bytes) -> Noted | None:
-        if len(self._noted) >= MOST:
+        if len(self._noted) >= self._most:
             self._missed[interface] += 1
             return None
         one = self._new(interface, when_ns, frame, pdu)
@@ -203,11 +206,14 @@ class Frames:
 
     def _look_again(self) -> None:
         before, self._counted = self._counted, None
+        self._most = MOST
         if before is not None:
             self._station.flush()  # what is counted already is not to be noted as well
             self._made.clear()  # their confirms may have come meanwhile
-            for name, count in self._counts().items():
-                self._missed[name] += count - before.get(name, 0)
+            missed = {name: count - before.get(name, 0) for name, count in self._counts().items()}
+            self._missed.update(missed)
+            if sum(missed.values()) > FLOOD:
+                self._most = OF_FLOOD
             self._attend(True)
 
     def _counts(self) -> dict[str, int]:

@@ -32,6 +32,8 @@ TOPICS = (CONFIRM, STATUS, TIME, INDICATION, FRAME, SOON)
 PERIOD_S = 1.0
 # Confirms and indications told in a PERIOD_S, 10 us each: two channels at their ceiling, 4 % of a core.
 BUDGET = 4_000
+# After a second of ten times as many it is less: routing has the rest.
+FLOOD, OF_FLOOD = 10 * BUDGET, BUDGET // 4
 # They are told: ten times a second libzmq's thread and the subscribers wake, and what routes stays in the processor's
 # caches. Who has given a label waits for the word; so may who asks why.
 LATER_S, SOON_S = 0.1, 0.01
@@ -53,7 +55,7 @@ class Report:
 
     Confirms and indications are numbered, all types together: who has subscribed to all of them sees what it missed.
     Routing goes first: they are told together, a moment after the message, and in a flood those beyond BUDGET in a
-    second are numbered only. What did not leave, and what has a label, is told in any case.
+    second, or beyond OF_FLOOD, are numbered only. What did not leave, and what has a label, is told in any case.
 
     is_hurried  somebody puts messages together with their indications: they are told in the next turn.
     """
@@ -75,7 +77,8 @@ class Report:
         self._quality = quality
         self.confirms = self.indications = 0
         self.is_hurried = False
-        self._told = 0
+        self._budget = BUDGET
+        self._told = self._numbered = 0  # in this second, and before it
         self._waiting: deque[Callable[[], tuple[bytes, bytes]]] = deque()  # what makes topic and body
         self._due, self._timer = math.inf, Timer(math.inf, self._tell)  # when they are told
         self._is_status_wanted = False
@@ -100,6 +103,8 @@ class Report:
         self._publish(len(self._waiting))
 
     def _tick(self) -> None:
+        before, self._numbered = self._numbered, self.confirms + self.indications
+        self._budget = OF_FLOOD if self._numbered - before > FLOOD else BUDGET
         self._told = 0
         self._refresh()
         if self._is_time_wanted:
@@ -118,7 +123,7 @@ class Report:
         """Tell soon what became of a request; targets are the interfaces of an accepted one."""
         self.confirms += 1
         is_awaited = confirm.reason is not None or bool(confirm.request.label)
-        if self._told < BUDGET or is_awaited:
+        if self._told < self._budget or is_awaited:
             made = partial(self._confirm_of, self.confirms, time.time(), confirm, targets)
             self._later(made, SOON_S if is_awaited else LATER_S)
 
@@ -126,7 +131,7 @@ class Report:
         """Tell soon what is known of messages as interfaces have brought them: those that came twice, twice."""
         for one in indications:
             self.indications += 1
-            if self._told < BUDGET:
+            if self._told < self._budget:
                 self._later(partial(self._indication_of, self.indications, one), LATER_S)
 
     def _later(self, make: Callable[[], tuple[bytes, bytes]], wait_s: float) -> None:

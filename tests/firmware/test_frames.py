@@ -28,7 +28,7 @@ from drivers.message import (
 from drivers.reason import MEANING, Reason
 from firmware.codec.layers import Carried, NoMessage, open_frame
 from firmware.drops import Drops
-from firmware.frames import LATER_S, MOST, Frames
+from firmware.frames import FLOOD, LATER_S, MOST, OF_FLOOD, Frames
 from firmware.report import digest_of
 from firmware.topics import Topics
 from tests.drivers.host import SHARED, Host
@@ -404,6 +404,17 @@ def test_in_a_flood_it_looks_away_and_looks_again(bench: Bench) -> None:
         bench.loop.run_for(LATER_S * 1.5)
         assert bench.is_shown
     assert len(bench.told) == 10 * MOST
+
+
+def test_the_more_comes_the_less_of_it_is_told(bench: Bench) -> None:
+    counts = (FLOOD + MOST, FLOOD + MOST + 1, FLOOD + OF_FLOOD + 1, FLOOD, MOST, 1)
+    told = []
+    for count in counts:
+        for number in range(count):
+            bench.indicate(pdu_of(2, number), "wire")
+        told.append(bench.later())
+    assert [len(some) for some in told] == [MOST, MOST, OF_FLOOD, OF_FLOOD, MOST, 1]
+    assert sum(1 + one["missed"] for some in told for one in some) == sum(counts)
 
 
 def test_drops_that_no_confirm_follows_are_missed_for_good(bench: Bench) -> None:

@@ -11,7 +11,7 @@ import pytest
 from board.time import Lock, TimeQuality
 from drivers.message import NO_RX_INFO, Confirm, Indication, Outcome, RxInfo
 from drivers.reason import MEANING, Reason
-from firmware.report import AT_ONCE_S, BUDGET, LATER_S, MOST, SOON_S, Report, memory_kb, process_status
+from firmware.report import AT_ONCE_S, BUDGET, FLOOD, LATER_S, MOST, OF_FLOOD, SOON_S, Report, memory_kb, process_status
 from firmware.topics import Topics
 from tests.firmware.doubles import CAM_PDU, NotingStation, interface_of, request_of
 from tests.virtual import VirtualLoop
@@ -218,6 +218,18 @@ def test_in_a_flood_indications_are_numbered_and_not_all_told(bench: Bench) -> N
     bench.report.observe(indications_of(CAM_PDU))
     assert len(bench.told()) == BUDGET + 1
     assert bench.told()[-1][1]["sequence"] == BUDGET + 3
+
+
+def test_after_a_second_of_ten_times_as_many_fewer_are_told(bench: Bench) -> None:
+    bench.report.start()
+    told = []
+    for count in (FLOOD, FLOOD + 1, FLOOD, BUDGET):
+        bench.publisher.said.clear()
+        bench.report.observe(indications_of(*[CAM_PDU] * (count - 1)))
+        bench.report.confirm(Confirm(request_of(), Outcome.SENT, "g5"), ())
+        bench.loop.run_for(1.0)
+        told.append(len(bench.told()))
+    assert told == [BUDGET, BUDGET, OF_FLOOD, BUDGET]
 
 
 @pytest.mark.parametrize("size", range(6))
