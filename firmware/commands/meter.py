@@ -244,29 +244,25 @@ def _live(arguments: argparse.Namespace) -> dict[str, object]:
                 if screen.is_terminal and not arguments.json:
                     screen.show(tables(result(meter, _about(session, began_s), session.prober, is_glance=True)))
 
-            is_cut = True
-            with _told_of_waiting(session), suppress(KeyboardInterrupt):
+            def waits() -> None:
+                words = f"what is under way is waited for, for {session.longest_end_s:g} s at most"
+                print(f"captain: {words}; once more Ctrl-C: not", file=sys.stderr, flush=True)
+
+            with _stopped_by_signals(session):
                 print(heard, file=sys.stderr, flush=True)
-                session.run(arguments.duration, idle)
-                is_cut = False
+                session.run(arguments.duration, idle, waits)
         about = _about(session, began_s)
-        if is_cut:
+        if session.is_cut:
             about = about._replace(notes=(*about.notes, CUT))
         return result(meter, about, session.prober)
 
 
 @contextmanager
-def _told_of_waiting(session: Session) -> Iterator[None]:
-    """Whoever ends it is told that it waits, and what a second time does."""
+def _stopped_by_signals(session: Session) -> Iterator[None]:
+    def stop(_number: int, _frame: FrameType | None) -> None:
+        session.stop()
 
-    def end(number: int, frame: FrameType | None) -> None:
-        if session.ended_s is None:
-            wait_s = 2 * session.meter.grace_s
-            words = f"what is under way is waited for, for {wait_s:g} s at most; once more Ctrl-C: not"
-            print(f"captain: {words}", file=sys.stderr, flush=True)
-        signal.default_int_handler(number, frame)
-
-    before = {one: signal.signal(one, end) for one in ENDING}
+    before = {one: signal.signal(one, stop) for one in ENDING}
     try:
         yield
     finally:

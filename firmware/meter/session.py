@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Callable
-from contextlib import suppress
 
 from board.errors import StationError
 from firmware.meter.meter import Meter
@@ -28,7 +27,11 @@ class TimeLine:
 
 
 class Session:
-    """Everything of one measurement."""
+    """Everything of one measurement.
+
+    is_ending  nothing more is sent, and what is under way is waited for.
+    is_cut     it was not waited for, and is in no figure.
+    """
 
     def __init__(self, meter: Meter, line: TimeLine) -> None:
         self.meter = meter
@@ -36,6 +39,7 @@ class Session:
         self.watches: list[Watch] = []
         self.prober: Prober | None = None
         self.ended_s: float | None = None
+        self.is_ending = self.is_cut = False
         self._looked = 0.0
 
     def watch(self, name: str, place: client.Address, context: client.Context, is_whole: bool = False) -> None:
@@ -64,14 +68,26 @@ class Session:
                 raise StationError(f"{known[key]} and {watch.name} are the same station", "name another with --at")
             known[key] = watch.name
 
-    def run(self, for_s: float | None, idle: Callable[[], None]) -> None:
-        """Until so many seconds are over, or all probes are sent; then until all is settled. Ctrl-C ends the first."""
-        with suppress(KeyboardInterrupt):  # what was measured until now is to be told
-            self._until(None if for_s is None else self.line() + for_s, idle, is_sending=True)
+    def run(self, for_s: float | None, idle: Callable[[], None], stopped: Callable[[], None]) -> None:
+        """Until so many seconds are over, all probes are sent, or stop(), which is told; then until all is settled."""
+        self._until(None if for_s is None else self.line() + for_s, idle, is_sending=True)
+        if self.is_ending:
+            stopped()
+        self.is_ending = True
         if (prober := self.prober) is not None:
             watch = next(one for one in self.watches if one.name == prober.name)
             self.wait(lambda: watch.own.is_over(prober.count))
         self.end(idle)
+
+    def stop(self) -> None:
+        """End, or if it is ending already do not wait, between two turns: no fate is half counted. For a signal."""
+        self.is_cut = self.is_ending
+        self.is_ending = True
+
+    @property
+    def longest_end_s(self) -> float:
+        """For so long it may wait for what is under way."""
+        return CONFIRM_S + 2 * self.meter.grace_s + (0.0 if self.prober is None else CONFIRMS_S)
 
     def end(self, idle: Callable[[], None] = lambda: None) -> None:
         """What is still under way is waited for; what is sent from now on is not measured."""
@@ -80,7 +96,8 @@ class Session:
         for watch in self.watches:
             watch.end()
         self._until(self.line() + 2 * self.meter.grace_s, idle, is_sending=False)
-        self.meter.finish()
+        if not self.is_cut:
+            self.meter.finish()
 
     def serve(self, for_s: float) -> None:
         """Take what comes for so long: for those who do something else meanwhile."""
@@ -94,13 +111,13 @@ class Session:
     def wait(self, is_over: Callable[[], bool], within_s: float = CONFIRMS_S) -> None:
         """Take what comes until it is over, or for so long."""
         end_s = self.line() + within_s
-        while not is_over() and self.line() < end_s:
+        while not is_over() and self.line() < end_s and not self.is_cut:
             self._until(self.line() + LOOK_S, lambda: None, is_sending=False)
 
     def _until(self, end_s: float | None, idle: Callable[[], None], is_sending: bool) -> None:
         poller = registered(self.watches)
         redraw_s = self.line() + REDRAW_S
-        while True:
+        while not (self.is_cut or (is_sending and self.is_ending)):
             now_s = self.line()
             if end_s is not None and now_s >= end_s:
                 return

@@ -1,6 +1,8 @@
 """What a meter takes for lost, and what it knows that it has not heard: of a station that is silent, slow, started anew."""
 
 import json
+import os
+import signal
 from collections import deque
 from collections.abc import Iterator
 from typing import Any
@@ -11,9 +13,11 @@ import zmq
 from board.errors import StationError
 from drivers.message import NO_RX_INFO
 from drivers.wire import raw
-from firmware.meter.fate import Fate, Way
+from firmware.commands import meter as command
+from firmware.meter.fate import Fate, Settled, Way
 from firmware.meter.meter import Meter
 from firmware.meter.session import Session, TimeLine
+from firmware.meter.spots import Spots
 from firmware.meter.tap import GLANCE, Tap
 from firmware.meter.watch import LABEL, SILENT_S, Watch
 from firmware.user import client
@@ -259,3 +263,39 @@ def test_an_older_station_is_refused_with_a_remedy(bench: Bench) -> None:
     bench.reports("A").say("status.", {key: value for key, value in STATUS.items() if key != "boot"})
     with pytest.raises(StationError, match=r"9\.9"):
         watch.join()
+
+
+class Poller:
+    """A tenth of a second, in which both stations say that they are there."""
+
+    def __init__(self, bench: Bench) -> None:
+        self._bench = bench
+
+    def poll(self, timeout: float) -> None:
+        self._bench.now_s += 0.1
+        for name in "AB":
+            self._bench.status(name)
+
+
+def test_a_signal_while_fates_are_counted_ends_a_measurement_with_all_of_them(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("firmware.meter.session.registered", lambda watches: Poller(bench))
+    session = Session(bench.meter, lambda: bench.now_s)  # type: ignore[arg-type]
+    session.watches = list(bench.watches.values())
+    add, signals = Spots.add, [signal.SIGINT]
+
+    def added(spots: Spots, one: Settled) -> None:
+        if signals:
+            os.kill(os.getpid(), signals.pop())
+        add(spots, one)
+
+    monkeypatch.setattr(Spots, "add", added)
+    for digest in "abc":
+        bench.sent(digest)
+        bench.received(digest)
+    waits: list[float] = []
+    with command._stopped_by_signals(session):
+        session.run(None, lambda: None, lambda: waits.append(bench.now_s))
+    assert bench.figures() == {Fate.ARRIVED: 3}
+    assert (len(waits), session.is_cut) == (1, False)

@@ -168,7 +168,7 @@ def test_the_second_signal_ends_a_meter_that_waits_for_what_is_under_way(seats: 
         assert "heard" in process.stderr.readline()
         process.send_signal(signal.SIGINT)
         said = process.stderr.readline()
-        assert "for 120 s at most" in said
+        assert "for 120.5 s at most" in said
         assert "Ctrl-C" in said
         process.send_signal(signal.SIGINT)
         told = json.loads(process.communicate(timeout=30)[0])
