@@ -3,6 +3,7 @@
 import argparse
 import json
 import signal
+import socket
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -164,19 +165,27 @@ def _check(a: Named, b: Named) -> None:
     """Raises UsageError where one of them hears what either sends: that would go round for ever."""
     ways = [(one, other) for one in (a, b) for other in (a, b) if isinstance(one.hears, Address)]
     for one, other in ways or [(a, b)]:
-        if one.hears == other.sends or (_is_any(one.hears) and _port(one.hears) == _port(other.sends)):
+        if _is_heard(other.sends, one.hears):
             raise UsageError(
                 f"{one.name} would hear what this program sends to {other.name}",
                 "of udp:LISTEN,PEER: LISTEN is what the station sends to, PEER where it listens",
             )
 
 
-def _is_any(place: object) -> bool:
-    return isinstance(place, Address) and place.host == "0.0.0.0"
+def _is_heard(sent_to: object, at: object) -> bool:
+    if not isinstance(sent_to, Address) or not isinstance(at, Address) or at.host != "0.0.0.0":
+        return sent_to == at
+    return sent_to.port == at.port and _is_here(sent_to.host)
 
 
-def _port(place: object) -> int | None:
-    return place.port if isinstance(place, Address) else None
+def _is_here(host: str) -> bool:
+    """Whether an address is this machine's, or a group's: the kernel binds to no other."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
+        try:
+            one.bind((host, 0))
+        except OSError:
+            return False
+    return True
 
 
 def side(text: str) -> Named:

@@ -191,6 +191,8 @@ def test_it_is_told_with_what_else_became_of_the_way(peers, capsys, monkeypatch)
         ("udp::29001,:29002", "udp::29002,:29003"),
         ("udp::29001,:29002", "udp::29003,:29001"),
         ("udp:0.0.0.0:29001,:29001", "udp::29002,:29003"),
+        ("udp:0.0.0.0:29001,127.0.0.7:29001", "udp::29002,:29003"),
+        ("udp:0.0.0.0:29001,224.0.0.251:29001", "udp::29002,:29003"),
         ("ethernet:lo", "ethernet:lo"),
         ("station:127.0.0.1:29001", "station::29001"),
     ],
@@ -198,6 +200,15 @@ def test_it_is_told_with_what_else_became_of_the_way(peers, capsys, monkeypatch)
 def test_a_way_that_would_carry_its_own_frames_for_ever_is_refused(a, b, capsys):
     assert cli.main(["impair", a, b, "--duration", "0.1"]) == 2
     assert "would hear what this program sends" in capsys.readouterr().err
+
+
+def test_at_any_address_of_this_machine_nothing_is_heard_of_what_goes_to_another(capsys, monkeypatch):
+    monkeypatch.setattr(Bridge, "run", lambda bridge, duration: None)
+    monkeypatch.setattr(ends.Datagrams, "__init__", lambda end, to, framing: None)
+    monkeypatch.setattr(ends.Datagrams, "close", lambda end: None)
+    monkeypatch.setattr(ends.Datagrams, "unheard", 0, raising=False)
+    away = "192.0.2.1:29001"  # RFC 5737: nobody's
+    assert cli.main(["impair", f"udp:0.0.0.0:29001,{away}", f"udp::29002,{away}"]) == 0
 
 
 @pytest.mark.parametrize(
