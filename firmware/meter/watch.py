@@ -230,6 +230,7 @@ class Watch:
         now_s = self._line()
         if self.status and _is_another(self.status, status):
             self.restarts += 1
+            self._given -= self._published()  # it counts from 0 on
             self._sequences.clear()
             self._meter.unheard(self.name, math.inf, self.heard_s, now_s)
         self.status = status

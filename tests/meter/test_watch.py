@@ -241,6 +241,16 @@ def test_of_a_busy_station_the_first_messages_of_each_second_are_looked_at(bench
     assert f"of 750 messages to its users {3 * GLANCE} were looked at" in note
 
 
+def test_what_a_station_gave_its_users_before_it_was_started_anew_counts(bench: Bench) -> None:
+    users, watch = SOCKETS["B", "users"], bench.watches["B"]
+    for published, uptime_s in ((250, 100.0), (20, 1.0)):
+        users.waiting.extend([b"v2x.cam.", bytes([2, 2, *number.to_bytes(4, "big")])] for number in range(published))
+        watch.take()
+        bench.status("B", uptime_s=uptime_s, endpoint={"published": published})
+        bench.now_s += 1.0
+    assert any("of 270 messages to its users 120 were looked at" in str(note) for note in watch.told()["notes"])  # type: ignore[attr-defined]
+
+
 def test_each_message_is_looked_at_where_probes_are_on_their_way(bench: Bench) -> None:
     tap = Tap(None, client.Address(), is_whole=True)  # type: ignore[arg-type]
     tap.socket.waiting.extend([b"v2x.cam.", bytes([2, 2, *number.to_bytes(4, "big")])] for number in range(250))  # type: ignore[attr-defined]
