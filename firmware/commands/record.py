@@ -176,7 +176,8 @@ def _messages(arguments: argparse.Namespace) -> None:
                 recording.add(message)
                 ending.check()
         except StationError:
-            arguments.mcap.unlink(missing_ok=True)  # it is of no station
+            if not _is_standard_output(arguments.mcap):
+                arguments.mcap.unlink(missing_ok=True)  # it is of no station
             raise
         finally:
             try:
@@ -200,8 +201,12 @@ class Silence:
             say(f"the station is heard again, after {before:.0f} s")
 
 
+def _is_standard_output(path: Path) -> bool:
+    return str(path) == "-"
+
+
 def _created(path: Path) -> AbstractContextManager[BinaryIO]:
-    if str(path) == "-":
+    if _is_standard_output(path):
         if sys.stdout.isatty():
             raise UsageError("a terminal cannot show a recording", "name a file, or send it through a pipe")
         return nullcontext(sys.stdout.buffer)

@@ -110,6 +110,14 @@ def test_another_edition_than_the_preferred_one_has_a_topic_of_its_own():
     assert len(set(names.values())) == len(names)
 
 
+def test_of_no_station_nothing_is_left_but_what_was_there(tmp_path, monkeypatch, capsysbinary):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "-").write_bytes(b"mine")
+    for name in ("-", "a.mcap"):
+        assert cli.main(["record", "--mcap", name, "--station", "127.0.0.1:1"]) == 1
+    assert [(path.name, path.read_bytes()) for path in tmp_path.iterdir()] == [("-", b"mine")]
+
+
 def test_a_file_that_is_there_is_left_alone(tmp_path, capsys):
     path = tmp_path / "a.mcap"
     path.write_bytes(b"mine")
