@@ -122,7 +122,7 @@ class Paths:
     def _correct(self, key: _Copy, one: Settled) -> None:
         """One of the ways has brought it after all."""
         kept = self._lossy.get(key)
-        if kept is None:
+        if kept is None or one.way not in kept.ways:
             return
         both, before = self.both[key.between], kept.came()
         kept.ways[one.way] = one

@@ -246,6 +246,23 @@ def test_what_comes_late_by_one_way_corrects_who_was_alone() -> None:
     assert (whole.counts[Fate.LATE], whole.lost, whole.arrived) == (30, 0, 30)
 
 
+def test_a_way_that_a_message_left_by_when_it_had_been_judged_is_not_beside_the_others() -> None:
+    """wlan loses it; v2n sends it 5 s later, and takes 3 s."""
+    meter = Meter(grace_s=0.5)
+    for station in "AB":
+        meter.station(station, {**BOTH, "wlan": "wlan"})
+    metered(
+        *(sent("a", 0.0, by=by) for by in ("g5", "wlan")),
+        received("a", 0.004, by="g5"),
+        sent("a", 5.0, by="v2n"),
+        received("a", 8.0, by="v2n"),
+        *(sent(n, n * 0.5, by="g5") for n in range(30)),
+        meter=meter,
+    )
+    ((_, both),) = meter.paths.both.items()
+    assert {way.out: (one.sent, one.arrived) for way, one in both.ways.items()} == {"g5": (1, 1), "wlan": (1, 0)}
+
+
 def test_the_first_message_counts_though_its_reception_is_heard_of_first() -> None:
     meter = Meter(grace_s=0.5)
     meter.station("A", {"air": ""})
