@@ -38,11 +38,14 @@ def compared(described: Description, folder: Path, kernel: Kernel) -> Iterator[t
     packed[boot.LOADER] = kernel.folder / described.loader.file
     ours = {path.relative_to(boot.FILES).as_posix(): path for path in boot.FILES.rglob("*") if path.is_file()}
     trees = described.device_tree.files
+    is_changed = described.device_tree.way == "dtc"  # else by the firmware, when it starts
+    if not is_changed:
+        packed |= {name: kernel.device_tree(described.device_tree.folder, name) for name in trees}
     wanted = {*packed, *ours, *trees, SCRIPT, CONFIG}
     missing, more = sorted(wanted - there), sorted(there - wanted)
     yield "what the firmware needs", f"{missing} are not there" if missing else ""
     yield "nothing else is on the boot partition", f"{more} are" if more else ""
-    for what, files in (("the firmware and the loader are the packages'", packed), ("what is for a person", ours)):
+    for what, files in (("firmware, loader and trees are the packages'", packed), ("what is for a person", ours)):
         other = [name for name, path in sorted(files.items())
                  if name in there and (folder / name).read_bytes() != path.read_bytes()]  # fmt: skip
         yield what, f"{other} are others" if other else ""
@@ -51,7 +54,7 @@ def compared(described: Description, folder: Path, kernel: Kernel) -> Iterator[t
         found = WORD.findall(octets)
         yield f"no word is left open in {name}", f"{found[0].decode()} is" if found else ""
         yield f"{name} is that of the description", trouble(described, octets)
-    if described.device_tree.way == "dtc":  # else it is put together by the firmware
+    if is_changed:
         for name in trees:
             get = verify_tree.reader(folder / name)
             yield f"the device tree {name}", "; ".join(verify_tree.troubles(described, get))

@@ -14,7 +14,7 @@ from image.kernel import Kernel
 from image.project import PROJECT
 from image.verify_boot import compared
 
-# Trees are looked at by tests/image/test_verify_tree.py.
+# Trees that are changed when the card is built are looked at by tests/image/test_verify_tree.py.
 SOURCE = read(PROJECT / "image/image.toml")
 OWN = replace(SOURCE, device_tree=replace(SOURCE.device_tree, way="overlays"))
 
@@ -80,7 +80,7 @@ def zeros(folder: Path) -> object:
     return path.write_bytes(path.read_bytes() + bytes(100))
 
 
-PACKED = "the firmware and the loader are the packages'"
+PACKED = "firmware, loader and trees are the packages'"
 
 
 @pytest.mark.parametrize(
@@ -90,6 +90,7 @@ PACKED = "the firmware and the loader are the packages'"
         (put("mqtt/box.key", b"x"), "nothing else is on the boot partition", "['mqtt/box.key'] are"),
         (put("start4.elf", b""), PACKED, "['start4.elf'] are others"),
         (zeros, PACKED, "['u-boot.bin'] are others"),
+        (put("bcm2711-rpi-4-b.dtb", b""), PACKED, "['bcm2711-rpi-4-b.dtb'] are others"),
         (put("README.txt", b""), "what is for a person", "['README.txt'] are others"),
         (put("config.txt", b""), "config.txt is that of the description", "its text is another"),
         (put("boot.scr", bytes(2000)), "boot.scr is that of the description", "U-Boot would not run it"),
