@@ -167,6 +167,7 @@ class Terminal(io.StringIO):
 
 def test_a_terminal_shows_a_bar_and_it_is_gone_at_the_end(monkeypatch):
     monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("COLUMNS", "80")
     out, err = Terminal(), Terminal()
     monkeypatch.setattr("sys.stdout", out)
     monkeypatch.setattr("sys.stderr", err)
