@@ -2,7 +2,6 @@
 
 import fnmatch
 import io
-import lzma
 import tarfile
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
@@ -67,16 +66,14 @@ class Tree:
             else:
                 self._entries[name] = Entry(_copied(member), _reader(archive, member))
 
-    def add_folder(self, folder: Path, below: str = "", unpacked: bool = False) -> None:
-        """All of a folder of the build machine, as root's. unpacked: .xz files are taken without their compression."""
+    def add_folder(self, folder: Path, below: str) -> None:
+        """All of a folder of the build machine, as root's. below: where it goes."""
         for path in sorted(folder.rglob("*")):
             place = f"{below}/{path.relative_to(folder).as_posix()}"
             if path.is_symlink():
                 self.link(place, str(path.readlink()))
             elif path.is_dir():
                 self.folder(place)
-            elif unpacked and path.suffix == ".xz":
-                self.write(place.removesuffix(".xz"), lzma.decompress(path.read_bytes()))
             else:
                 self._file(place, path.read_bytes, 0o755 if path.stat().st_mode & 0o100 else 0o644)
 
