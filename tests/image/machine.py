@@ -100,9 +100,9 @@ class Guest:
         ends = time.monotonic() + limit_s
         at = self._from
         while not (found := re.search(pattern, self.text[self._from :])):
-            at += len(self.more(at, ends - time.monotonic()))
             if time.monotonic() >= ends or (self._is_over and at == len(self.text)):
                 raise NotSeenError(f"{pattern!r} was not seen; the console's last words:\n{self.text[-1500:]}")
+            at += len(self.more(at, ends - time.monotonic()))
         self._from += found.end()
         return found
 
