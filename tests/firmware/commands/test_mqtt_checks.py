@@ -3,17 +3,13 @@
 import socket
 import sys
 import time
-from datetime import UTC, datetime, timedelta
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from board.errors import ProtocolError
 from drivers.contract import Shared
 from drivers.mqtt_options import MqttOptions
 from drivers.zed_f9p import ZedF9p
-from firmware import cli, x509
+from firmware import cli
 from firmware.config import InterfaceConfig
 from firmware.lab import mqtt_checks, mqtt_reach
 from firmware.lab.checks import Finding, Level
@@ -242,33 +238,3 @@ def test_a_fault_of_a_file_is_told_once(own, capsys, monkeypatch, tmp_path, stan
     told = " ".join(capsys.readouterr().out.split())
     assert told.count("no.pem") == 1
     assert "problems: 1," in told
-
-
-# Certificates.
-
-
-def test_the_end_of_a_certificate_is_what_it_was_made_for(certificates):
-    ((begin, end),) = x509.validities(certificates.client.certificate.read_text())
-    assert abs(begin - datetime.now(UTC)) < timedelta(hours=1)
-    assert abs(end - datetime.now(UTC) - timedelta(days=2)) < timedelta(hours=1)
-    (past,) = x509.validities(certificates.expired_client.certificate.read_text())
-    assert past.end < datetime.now(UTC)
-
-
-def test_a_file_of_several_certificates_has_an_end_for_each(certificates):
-    files = (certificates.client.certificate, certificates.expired_client.certificate)
-    assert len(x509.validities("\n".join(path.read_text() for path in files))) == 2
-
-
-@given(cut=st.integers(0, 400), flips=st.lists(st.tuples(st.integers(0, 399), st.integers(0, 255)), max_size=4))
-def test_a_damaged_certificate_has_an_end_or_is_refused(certificates, cut, flips):
-    import ssl
-
-    octets = bytearray(ssl.PEM_cert_to_DER_cert(certificates.client.certificate.read_text()))
-    for place, octet in flips:
-        octets[place % len(octets)] = octet
-    try:
-        found = x509.validity(bytes(octets[: len(octets) - cut]))
-    except ProtocolError:
-        return
-    assert found.begin.tzinfo is found.end.tzinfo is UTC
