@@ -104,6 +104,8 @@ class Endpoint:
     def close(self) -> None:
         """Close what is left; messages on their way out have libzmq's time to leave."""
         self.report.finish()
+        if self._frames is not None:
+            self._frames.finish()
         self._control.close()
         self.users.publisher.close()
         self._reports.close()

@@ -100,6 +100,12 @@ class Frames:
             kept.clear()
         self._counted = None
 
+    def finish(self) -> None:
+        """Tell what still waits: the station ends."""
+        self._take_up()
+        while self._telling:
+            self._go_on()
+
     # Of an interface that has frames: drivers.contract.FrameWatch.
 
     def came(self, interface: str, frame: bytes, received_ns: int, pdu: bytes) -> None:
@@ -228,18 +234,21 @@ class Frames:
     def _begin(self) -> None:
         self._is_scheduled = False
         is_telling = bool(self._telling)
-        self._telling += self._noted
-        self._telling += self._dropped.values()
-        self._noted = []
-        self._by_octets.clear()
-        self._dropped.clear()
-        self._just_missed = _NOTHING
+        self._take_up()
         if not is_telling:
             self._go_on()
         if len(self._telling) < MOST:
             self._look_again()
         else:
             self._schedule()
+
+    def _take_up(self) -> None:
+        self._telling += self._noted
+        self._telling += self._dropped.values()
+        self._noted = []
+        self._by_octets.clear()
+        self._dropped.clear()
+        self._just_missed = _NOTHING
 
     def _go_on(self) -> None:
         part, self._telling = self._telling[:SLICE], self._telling[SLICE:]

@@ -430,6 +430,15 @@ def test_drops_that_no_confirm_follows_are_missed_for_good(bench: Bench) -> None
     assert [said["missed"] for said in bench.later()] == [7, 0]
 
 
+def test_what_waits_is_told_before_the_station_ends(bench: Bench) -> None:
+    for number in range(MOST - 1):
+        bench.indicate(pdu_of(2, number), "wire")
+    bench.drops.count("air", Reason.BTP_PORT, pdu_of(2, 7000))
+    bench.frames.finish()
+    assert [said.get("reason") for _, said, _ in bench.told] == [None] * (MOST - 1) + ["btp-port"]
+    assert len(bench.later()) == MOST
+
+
 def test_a_listener_who_left_leaves_nothing_behind(bench: Bench) -> None:
     bench.indicate(CAM_PDU)
     bench.frames.forget()

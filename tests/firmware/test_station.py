@@ -12,9 +12,10 @@ import zmq
 
 from board.errors import ConfigurationError, InterfaceError
 from board.loop import Loop
-from drivers.message import Position
+from drivers.message import NO_RX_INFO, Indication, Position
 from firmware import config
 from firmware.station import Station
+from tests.firmware.doubles import CAM_PDU
 
 ROOT = Path(__file__).parents[2]
 
@@ -92,6 +93,21 @@ def test_who_asks_for_it_is_told_of_messages_at_once_and_a_subscription_to_every
         _turn_until(loop, lambda: report.is_hurried)
         subscriber.unsubscribe(b"soon.")
         _turn_until(loop, lambda: not report.is_hurried)
+
+
+def test_what_came_a_moment_before_the_end_is_told(folder: Folder, loop: Loop) -> None:
+    with zmq.Context() as context, context.socket(zmq.SUB) as subscriber:
+        station = folder.station(loop)
+        with closing(station):
+            station.start()
+            subscriber.connect(station.endpoint._reports._socket.get(zmq.LAST_ENDPOINT).rstrip(b"\0").decode())
+            subscriber.rcvtimeo = 5000
+            for topic in (b"frame.", b"indication."):
+                subscriber.subscribe(topic)
+            _turn_until(loop, lambda: {b"frame.", b"indication."} <= station.endpoint._wanted)
+            assert station.router.observe is not None
+            station.router.observe([Indication(station.topics.by_number[2], CAM_PDU, "air", 1, 1.0, NO_RX_INFO)])
+        assert {subscriber.recv_multipart()[0] for _ in range(2)} == {b"indication.cam.", b"frame.air."}
 
 
 def _turn_until(loop: Loop, holds: Callable[[], bool]) -> None:
