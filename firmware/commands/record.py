@@ -5,6 +5,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO
 
@@ -66,12 +67,12 @@ examples:
 
 exit codes:
   0    the count or the duration is reached, SIGTERM, or a terminal that is gone
-  1    no station answers, there is no message library, or the file cannot be
-       written
+  1    no station answers, there is no message library, or a file cannot be
+       written: some of what came is not in it
   2    wrong usage
   130  Ctrl-C; the file is whole
 """
-DEFAULT = Limits()
+OF_RING = ("size", "age", "on", "before", "after")
 MOST_MB = 1 << 20
 LONGEST_S = 30 * 86400.0
 
@@ -84,13 +85,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     what.add_argument("--ring", metavar="FOLDER", type=Path, help="frames, into a ring of files in a folder")
     what.add_argument("--trigger", metavar="TEXT", help="tell a station of this machine to keep what was, and why")
     ring = parser.add_argument_group("the ring")
-    ring.add_argument(
-        "--size", metavar="MB", type=integer(1, MOST_MB), default=DEFAULT.size >> 20, help="at most (256)"
-    )
-    ring.add_argument("--age", metavar="S", type=_seconds, default=DEFAULT.age_s, help="at most (3600)")
+    ring.add_argument("--size", metavar="MB", type=integer(1, MOST_MB), help="at most (256)")
+    ring.add_argument("--age", metavar="S", type=_seconds, help="at most (3600)")
     ring.add_argument("--on", metavar="EVENT", action="append", choices=ALL, help="keep what was before (default: all)")
-    ring.add_argument("--before", metavar="S", type=_seconds, default=DEFAULT.before_s, help="kept of an event (30)")
-    ring.add_argument("--after", metavar="S", type=_seconds, default=DEFAULT.after_s, help="kept of an event (10)")
+    ring.add_argument("--before", metavar="S", type=_seconds, help="kept of an event (30)")
+    ring.add_argument("--after", metavar="S", type=_seconds, help="kept of an event (10)")
     add_wish(parser)
     add_control(parser)
 
@@ -99,6 +98,10 @@ _seconds = number("seconds", LONGEST_S)
 
 
 def main(arguments: argparse.Namespace) -> int:
+    for name in () if arguments.ring is not None else OF_RING:
+        if (value := getattr(arguments, name)) is not None:
+            said = value[0] if isinstance(value, list) else f"{value:g}"
+            raise UsageError(f"--{name} {said}: only a ring has that", "--ring FOLDER makes one")
     if arguments.trigger is not None:
         return _trigger(arguments)
     if arguments.mcap is not None:
@@ -106,16 +109,18 @@ def main(arguments: argparse.Namespace) -> int:
     if arguments.live:
         return _live(arguments)
     if arguments.ring is not None:
-        limits = Limits(arguments.size << 20, arguments.age, arguments.before, arguments.after)
-        return record(address(arguments), wish_of(arguments), lambda: _keeper(arguments, limits), str(arguments.ring))
+        return record(address(arguments), wish_of(arguments), lambda: _keeper(arguments), str(arguments.ring))
     make: Callable[[], Sink] = standard_output if arguments.pcapng == "-" else lambda: File(Path(arguments.pcapng))
     name = "standard output" if arguments.pcapng == "-" else arguments.pcapng
     return record(address(arguments), wish_of(arguments), make, name)
 
 
-def _keeper(arguments: argparse.Namespace, limits: Limits) -> Keeper:
+def _keeper(arguments: argparse.Namespace) -> Keeper:
     if not arguments.ring.is_dir():
         raise RequestError(f"{arguments.ring} is no folder", "make it: nobody else shall, where a card is missing")
+    size = None if arguments.size is None else arguments.size << 20
+    given = {"size": size, "age_s": arguments.age, "before_s": arguments.before, "after_s": arguments.after}
+    limits = replace(Limits(), **{name: value for name, value in given.items() if value is not None})
     return Keeper(arguments.ring, limits, frozenset(arguments.on or ALL))
 
 

@@ -17,7 +17,8 @@ from firmware.user.listening import Wish
 def record(place: client.Address, wish: Wish, make: Callable[[], Sink], name: str) -> int:
     """Frames of a station into what is made once it is there; returns the exit status.
 
-    name  of where they go, in words. Raises StationError, and KeyboardInterrupt once all is written.
+    name  of where they go, in words. The status is 1 where some could not be written. Raises StationError, and
+    KeyboardInterrupt once all is written.
     """
     with client.session() as context, suppress(SystemExit), Ending() as ending:
         hearing = Hearing(context, place)
@@ -47,7 +48,7 @@ def record(place: client.Address, wish: Wish, make: Callable[[], Sink], name: st
             say(f"{name}: {sink.scribe.frames} frames, {sink.scribe.lost} lost")
         if not hearing.is_heard:
             raise StationError(f"no station was heard at {place.host}:{place.report}", client.START_ONE)
-    return 0
+    return 1 if sink.scribe.lost > sink.scribe.missing else 0
 
 
 def _is_wanted(wish: Wish, told: Told) -> bool:

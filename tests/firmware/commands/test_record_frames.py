@@ -1,5 +1,6 @@
 """captain record: frames of a station into pcapng, into a pipe, and what a user is told."""
 
+import errno
 import json
 import os
 import signal
@@ -119,6 +120,28 @@ def test_what_cannot_be_written_is_told_with_a_remedy(tmp_path, capsys, options,
         assert cli.main(["record", *options, *station.options]) == status
     assert words in capsys.readouterr().err
     assert (tmp_path / "there").read_text() == "mine"
+
+
+def test_a_disk_that_takes_nothing_makes_it_fail(tmp_path, monkeypatch, capsys):
+    def full(segment):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("firmware.recorder.filing.Segment.store", full)
+    path = tmp_path / "a"
+    with FakeStation(reports=[message(1), message(2)]) as station:
+        assert cli.main(["record", "--pcapng", str(path), *station.options, "--duration", "0.5"]) == 1
+    said = capsys.readouterr().err
+    assert f"{path}: no space left on device: frames are counted as lost" in said
+    assert said.endswith(f"{path}: 0 frames, 2 lost\n")
+
+
+@pytest.mark.parametrize(
+    "option", [["--size", "5"], ["--age", "60"], ["--on", "denm"], ["--before", "0.5"], ["--after", "1"]]
+)
+def test_what_a_ring_has_no_file_has(tmp_path, option, capsys):
+    assert cli.main(["record", "--pcapng", str(tmp_path / "a"), *option]) == 2
+    assert f"captain: {' '.join(option)}: only a ring has that" in capsys.readouterr().err
+    assert not (tmp_path / "a").exists()
 
 
 def test_without_a_station_no_file_is_left(tmp_path, capsys):
