@@ -59,6 +59,7 @@ exit codes:
   130  Ctrl-C
 """
 TOLD_UNREADABLE = 20
+FRAMINGS = ("ethernet", "btp", "pdu")
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -112,9 +113,7 @@ def _add_ends(parser: argparse.ArgumentParser) -> None:
     end.add_argument("--publish", action="store_true", help="the station's SUB (5555): nothing is confirmed")
     end.add_argument("--udp", metavar="HOST:PORT", type=_udp, help="datagrams to a peer or a multicast group")
     end.add_argument("--ethernet", metavar="DEVICE", help="frames by a network device")
-    parser.add_argument(
-        "--framing", choices=("ethernet", "btp", "pdu"), default="ethernet", help="of the datagrams (default ethernet)"
-    )
+    parser.add_argument("--framing", choices=FRAMINGS, help=f"of the datagrams (default {FRAMINGS[0]})")
 
 
 def main(arguments: argparse.Namespace) -> int:
@@ -123,6 +122,8 @@ def main(arguments: argparse.Namespace) -> int:
         raise UsageError("--loop: standard input is read once", "name a file")
     if arguments.to_s is not None and arguments.to_s <= arguments.from_s:
         raise UsageError(f"--to {arguments.to_s:g} is not after --from {arguments.from_s:g}", "both are seconds")
+    if arguments.framing is not None and arguments.udp is None:
+        raise UsageError(f"--framing {arguments.framing}: only datagrams have one", "--udp HOST:PORT sends datagrams")
     is_link = arguments.udp is not None or arguments.ethernet is not None
     choice = Choice(arguments.direction, frozenset(arguments.interface), has_dropped=is_link)
     source = Source(arguments.form, choice, io.BytesIO() if sys.stdin is None else sys.stdin.buffer)
@@ -175,7 +176,7 @@ def _rounds(count: int) -> Iterator[int]:
 def _end(arguments: argparse.Namespace, ending: ExitStack) -> End:
     """Where it goes."""
     if arguments.udp is not None:
-        datagrams = Datagrams(arguments.udp, arguments.framing)
+        datagrams = Datagrams(arguments.udp, arguments.framing or FRAMINGS[0])
         ending.callback(datagrams.close)
         return datagrams
     if arguments.ethernet is not None:

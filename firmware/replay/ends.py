@@ -149,7 +149,7 @@ class Datagrams:
     """
 
     def __init__(self, to: Address, framing: str) -> None:
-        self.unheard = 0
+        self._unheard = 0
         self._framing = framing
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER)
@@ -157,6 +157,13 @@ class Datagrams:
             self._socket.connect(to)
         except OSError as error:
             raise StationError(f"UDP to {to}: {error.strerror}", "is there a route?") from error
+
+    @property
+    def unheard(self) -> int:
+        # Of the last one nothing has said it yet.
+        if self._socket.fileno() >= 0 and self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR):
+            self._unheard += 1
+        return self._unheard
 
     def octets(self, one: Pdu) -> bytes:
         if self._framing == "ethernet":
@@ -170,7 +177,7 @@ class Datagrams:
             try:
                 self._socket.send(octets)
             except ConnectionRefusedError:
-                self.unheard += 1
+                self._unheard += 1
             except OSError as error:
                 raise RequestError(f"{one.origin}: UDP: {error.strerror}") from error
             else:
@@ -180,6 +187,7 @@ class Datagrams:
         _sleep(until)
 
     def close(self) -> None:
+        self._unheard = self.unheard
         self._socket.close()
 
 

@@ -175,7 +175,7 @@ def _places(octets: _Bits, steps: Sequence[Step], moved: Moved) -> None:
         value = octets.get(step)
         if step.type == LATITUDE and value != _NO_LATITUDE:
             latitude = value + _SOUTH
-            octets.put(step, _within(value + _north(moved), _NO_LATITUDE - 1))
+            octets.put(step, _latitude(value + _north(moved) + _SOUTH) - _SOUTH)
         elif step.type == LONGITUDE and value != _NO_LONGITUDE:
             octets.put(step, (value + _east(moved, latitude)) % (_NO_LONGITUDE - 1))
 
@@ -189,8 +189,11 @@ def _east(moved: Moved, latitude: int) -> int:
     return round(moved.east_m / (METRES * max(0.01, cos(radians(latitude / 1e7)))) * 1e7)
 
 
-def _within(value: int, most: int) -> int:
-    return max(0, min(value, most))
+def _latitude(moved: int) -> int:
+    """In 1e-7 degree. Raises RequestError where there is none."""
+    if abs(moved) > -_SOUTH:
+        raise RequestError("its place would be beyond a pole", "shift it less")
+    return moved
 
 
 def _frame(one: Pdu, octets: bytes, moved: Moved) -> bytes:
@@ -224,5 +227,5 @@ def _moved(source: LongPosition, moved: Moved) -> LongPosition:
     if (source.latitude, source.longitude) == (0, 0):
         return source._replace(timestamp=timestamp)
     longitude = (source.longitude + _east(moved, source.latitude) - _WEST) % -(2 * _WEST) + _WEST
-    latitude = _within(source.latitude + _north(moved) - _SOUTH, -2 * _SOUTH) + _SOUTH
+    latitude = _latitude(source.latitude + _north(moved)) if moved.north_m else source.latitude
     return source._replace(timestamp=timestamp, latitude=latitude, longitude=longitude)

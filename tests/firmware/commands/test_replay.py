@@ -154,6 +154,7 @@ def test_what_cannot_be_read_is_told_and_makes_it_fail(tmp_path, capsys):
         ["x.hex", "--burst", "0.1"],
         ["x.hex", "--loss", "1.5"],
         ["x.hex", "--udp", "nowhere"],
+        ["x.hex", "--framing", "btp"],
         ["x.hex", "--speed", "2", "--rate", "1"],
     ],
 )
@@ -173,7 +174,7 @@ def test_datagrams_that_nobody_listens_to_make_it_fail(tmp_path, capsys):
         holder.bind(("127.0.0.1", 0))
         to = "{}:{}".format(*holder.getsockname())
     assert cli.main(["replay", str(path), "--udp", to, "--rate", "0"]) == 1
-    assert "nobody listened to" in capsys.readouterr().err
+    assert "nobody listened to 3 of them" in capsys.readouterr().err
 
 
 def test_a_folder_without_a_file_is_told(tmp_path, capsys):

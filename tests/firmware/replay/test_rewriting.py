@@ -135,6 +135,14 @@ def test_a_place_moves_by_metres(north: float, east: float):
     assert (other["longitude"] - one["longitude"]) * of_longitude == pytest.approx(east, abs=0.02)
 
 
+@pytest.mark.parametrize("north_m", [1e7, -1.6e7])
+def test_no_place_is_beyond_a_pole(north_m: float):
+    with pytest.raises(RequestError, match="beyond a pole"):
+        changed(octets("cam", 46), Changes(north_m=north_m))
+    with pytest.raises(RequestError, match="beyond a pole"):
+        Rewriting(Changes(north_m=north_m)).apply(Pdu(b"", "a.pcap: frame 1", frame=frame_of(octets("cam", 41))), NOW_NS)
+
+
 def frame_of(pdu: bytes, area: Area | None = None) -> bytes:
     mac = bytes.fromhex("02000000000a")
     kind = TYPES.by_number[pdu[1]]
