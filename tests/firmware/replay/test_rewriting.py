@@ -140,7 +140,9 @@ def test_no_place_is_beyond_a_pole(north_m: float):
     with pytest.raises(RequestError, match="beyond a pole"):
         changed(octets("cam", 46), Changes(north_m=north_m))
     with pytest.raises(RequestError, match="beyond a pole"):
-        Rewriting(Changes(north_m=north_m)).apply(Pdu(b"", "a.pcap: frame 1", frame=frame_of(octets("cam", 41))), NOW_NS)
+        Rewriting(Changes(north_m=north_m)).apply(
+            Pdu(b"", "a.pcap: frame 1", frame=frame_of(octets("cam", 41))), NOW_NS
+        )
 
 
 def frame_of(pdu: bytes, area: Area | None = None) -> bytes:
