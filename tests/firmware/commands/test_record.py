@@ -161,6 +161,7 @@ def test_a_signal_in_the_midst_of_any_write_leaves_the_file_whole(tmp_path, monk
     path = tmp_path / "a.mcap"
     monkeypatch.setattr(record, "_created", lambda path: Interrupted(path.open("xb"), at, number))
     monkeypatch.setattr("firmware.user.mcap.CHUNK_OCTETS", 1)  # so that each message is written at once
+    monkeypatch.setattr("firmware.user.listening.REDRAW_S", 60.0)  # however late the first comes, nothing else is done
     before = signal.getsignal(number)
     with FakeStation([frames for _ in range(3) for frames in on_air("cam", CAM)]) as station:
         ended = cli.main(["record", "--mcap", str(path), *station.options, "--count", "3"])
