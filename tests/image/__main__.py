@@ -36,7 +36,7 @@ PARTS = {
     "board": "captain selftest, with a receiver, a modem and pulses of this machine",
     "clock": "its clock steered by pulses, over an outage and a leap second",
 }
-SHORT = ("start", "update", "cuts")  # a start, an update, ten cuts
+SHORT = ("start", "pi3", "update", "cuts")  # a start of each machine, an update, ten cuts
 NEEDED = {
     "qemu-system-aarch64": "qemu-system-arm",
     "mcopy": "mtools",
