@@ -10,7 +10,7 @@ MOST = 7200  # intervals of a way: two hours of 1 s each
 
 
 class Window:
-    """One interval. A message is of the interval in which it was sent; a gap, in which it ended."""
+    """One interval. A message is of that in which it was told of that it had left; a gap, in which it ended."""
 
     __slots__ = (
         "arrived",
