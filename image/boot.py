@@ -4,19 +4,20 @@ import shutil
 from pathlib import Path
 
 from image import device_tree
-from image.description import Description
+from image.description import Description, DeviceTree
 from image.kernel import Kernel
 from image.program import run
 
 SCRIPT = Path(__file__).parent / "boot.cmd"
 FILES = Path(__file__).parent / "first"  # as they are
 LOADER = "u-boot.bin"
+OVERLAYS = "overlays"  # of the kernel's package and on the partition: what dtoverlay= and dtparam= name
 
 _CONFIG = """\
 # Read by the Pi's firmware. Written when the image was built.
 arm_64bit=1
 kernel={loader}
-upstream_kernel=1
+upstream_kernel={is_upstream:d}
 # The mini UART, header pins 8 and 10, is the console; its clock must not follow the processor's.
 enable_uart=1
 disable_splash=1
@@ -48,8 +49,10 @@ def config(description: Description) -> str:
     tree = description.device_tree
     by_firmware = device_tree.overlays(tree) if tree.way == "overlays" else []
     pi4 = next((name for name in tree.files if name.startswith("bcm2711")), "")
-    pi3 = next((name for name in tree.files if name.startswith("bcm2837")), "")
-    return _CONFIG.format(loader=LOADER, lines="\n".join(by_firmware), tree_pi4=pi4, tree_pi3=pi3)
+    pi3 = next((name for name in tree.files if name.startswith(("bcm2837", "bcm2710"))), "")
+    return _CONFIG.format(
+        loader=LOADER, is_upstream=tree.way == "dtc", lines="\n".join(by_firmware), tree_pi4=pi4, tree_pi3=pi3
+    )
 
 
 def make(description: Description, kernel: Kernel, board: Path, folder: Path) -> None:
@@ -59,13 +62,7 @@ def make(description: Description, kernel: Kernel, board: Path, folder: Path) ->
     for name in description.firmware.files:
         shutil.copy(kernel.folder / description.firmware.folder / name, folder / name)
     shutil.copy(kernel.folder / description.loader.file, folder / LOADER)
-    tree = description.device_tree
-    for name in tree.files:
-        source = kernel.device_tree(tree.folder, name)
-        if tree.way == "dtc":
-            device_tree.compiled(tree, source, folder / name)
-        else:
-            shutil.copy(source, folder / name)
+    trees(description.device_tree, kernel, folder)
     (folder / "config.txt").write_text(config(description))
     text = folder.parent / "boot.cmd"
     text.write_text(script(description))
@@ -73,3 +70,15 @@ def make(description: Description, kernel: Kernel, board: Path, folder: Path) ->
         ["mkimage", "-q", "-A", "arm64", "-T", "script", "-n", "slots", "-d", text, folder / "boot.scr"],
         environment={"SOURCE_DATE_EPOCH": "0"},
     )
+
+
+def trees(tree: DeviceTree, kernel: Kernel, folder: Path) -> None:
+    """What the firmware makes the kernel's device tree of. Raises ImageError."""
+    for name in tree.files:
+        source = kernel.device_tree(tree.folder, name)
+        if tree.way == "dtc":
+            device_tree.compiled(tree, source, folder / name)
+        else:
+            shutil.copy(source, folder / name)
+    if tree.way == "overlays":
+        shutil.copytree(kernel.device_tree(OVERLAYS, ""), folder / OVERLAYS)

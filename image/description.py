@@ -17,6 +17,16 @@ WORDS = {str: "text in quotes", int: "an integer", bool: "true or false", dict: 
 
 
 @dataclass(frozen=True)
+class Beside:
+    """[[base.beside]]: one more archive. site: its URL; keyring: path of the keys that its lists are signed with."""
+
+    site: str
+    suite: str
+    components: tuple[str, ...]
+    keyring: str
+
+
+@dataclass(frozen=True)
 class Base:
     """[base]: the distribution. keyring: path of the keys that its lists are signed with."""
 
@@ -24,6 +34,7 @@ class Base:
     architecture: Literal["arm64"]
     components: tuple[str, ...]
     keyring: str
+    beside: tuple[Beside, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -36,7 +36,7 @@ class Package(NamedTuple):
 class Archive:
     """Packages of a release and a processor that need not be the build machine's.
 
-    They come from where the build machine has its own: no host is named.
+    They come from where the build machine has its own: no host is named. Beside it, from where the description says.
     """
 
     def __init__(self, folder: Path, base: Base, architecture: str = "") -> None:
@@ -48,13 +48,8 @@ class Archive:
         """Fetch the lists of packages. Raises ImageError."""
         for name in ("lists/partial", "archives/partial", "none/partial"):
             (self._folder / name).mkdir(parents=True, exist_ok=True)
-        if not Path(self._base.keyring).exists():
-            raise ImageError(
-                f"base.keyring: {self._base.keyring}: there is no such file", "`.ci/setup image` installs it"
-            )
         (self._folder / "status").touch()
-        words = f"[signed-by={self._base.keyring}] {_site()} {self._base.suite} {' '.join(self._base.components)}"
-        (self._folder / "sources.list").write_text(f"deb {words}\n")
+        (self._folder / "sources.list").write_text(sources(self._base, _site()))
         (self._folder / "conf").write_text(_CONF.format(folder=self._folder, architecture=self._architecture))
         self._apt("apt-get", "-qq", "update")
 
@@ -71,10 +66,9 @@ class Archive:
         return self._fetched(self._apt("apt-get", "-qq", "--print-uris", "download", *sorted(names)))
 
     def behind(self, name: str) -> str:
-        """The package that a name without a content of its own stands for: linux-image-arm64 -> linux-image-6.12..."""
+        """The kernel that a name without a content of its own stands for: linux-image-arm64 -> linux-image-6.12..."""
         depends = re.findall(r"^ *Depends: (\S+)", self._apt("apt-cache", "depends", name), re.MULTILINE)
-        found = [each for each in depends if each.startswith(name.removesuffix("-" + self._architecture) + "-")]
-        return found[0] if found else name
+        return next((each for each in depends if re.match(r"linux-image-\d", each)), name)
 
     def _fetched(self, uris: str) -> list[Package]:
         found = re.findall(r"^'[^']+' (\S+)_(\S+)_(\S+)\.deb \d+ (?:SHA256:([0-9a-f]{64}))?", uris, re.MULTILINE)
@@ -98,6 +92,21 @@ class Archive:
     def _apt(self, *words: str, folder: Path | None = None) -> str:
         words = (words[0], "-o", "Acquire::ForceHash=SHA256", *words[1:])  # else it names MD5 where it installs
         return run(words, folder=folder, environment={"APT_CONFIG": str(self._folder / "conf")})
+
+
+def sources(base: Base, site: str) -> str:
+    """apt's list of a base whose first archive is at a site. Raises ImageError where keys are missing."""
+    lines = [f"deb [signed-by={_keys('base', base.keyring)}] {site} {base.suite} {' '.join(base.components)}"]
+    for index, one in enumerate(base.beside):
+        how = f"arch={base.architecture} signed-by={_keys(f'base.beside[{index}]', one.keyring)}"
+        lines.append(f"deb [{how}] {one.site} {one.suite} {' '.join(one.components)}")
+    return "\n".join(lines) + "\n"
+
+
+def _keys(table: str, path: str) -> str:
+    if not Path(path).exists():
+        raise ImageError(f"{table}.keyring: {path}: there is no such file", "`.ci/setup image` installs Debian's")
+    return path
 
 
 def paths(folder: Path, packages: Iterable[Package]) -> list[Path]:

@@ -41,6 +41,8 @@ def compared(described: Description, folder: Path, kernel: Kernel) -> Iterator[t
     is_changed = described.device_tree.way == "dtc"  # else by the firmware, when it starts
     if not is_changed:
         packed |= {name: kernel.device_tree(described.device_tree.folder, name) for name in trees}
+        overlays = kernel.device_tree(boot.OVERLAYS, "")
+        packed |= {f"{boot.OVERLAYS}/{path.name}": path for path in overlays.iterdir()}
     wanted = {*packed, *ours, *trees, SCRIPT, CONFIG}
     missing, more = sorted(wanted - there), sorted(there - wanted)
     yield "what the firmware needs", f"{missing} are not there" if missing else ""

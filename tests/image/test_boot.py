@@ -9,6 +9,7 @@ import pytest
 
 from image import boot, state
 from image.description import read
+from image.kernel import Kernel
 
 PROJECT = Path(__file__).resolve().parents[2]
 OWN = read(PROJECT / "image/image.toml")
@@ -54,6 +55,24 @@ def test_the_firmware_starts_u_boot_with_the_tree_of_its_board():
 def test_another_base_has_the_firmware_make_the_tree():
     other = dataclasses.replace(OWN, device_tree=dataclasses.replace(OWN.device_tree, way="overlays"))
     assert "dtoverlay=pps-gpio,gpiopin=18\ndtparam=i2c_arm=on\n" in boot.config(other)
+    assert "upstream_kernel=0\n" in boot.config(other)
+    assert "upstream_kernel=1\n" in boot.config(OWN)
+
+
+def test_what_the_firmware_adds_to_a_tree_is_on_the_partition(tmp_path: Path):
+    version = "6.12.47+rpt-rpi-v8"
+    (tmp_path / "kernel/usr/lib/modules" / version).mkdir(parents=True)
+    kernel = Kernel(tmp_path / "kernel")
+    for name in ("overlays/pps-gpio.dtbo", "overlays/overlay_map.dtb", "broadcom/bcm2710-rpi-3-b.dtb"):
+        path = kernel.device_tree("", name)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(name)
+    tree = dataclasses.replace(OWN.device_tree, way="overlays", files=("bcm2710-rpi-3-b.dtb",))
+    (tmp_path / "boot").mkdir()
+    boot.trees(tree, kernel, tmp_path / "boot")
+    found = {path.relative_to(tmp_path / "boot").as_posix() for path in (tmp_path / "boot").rglob("*.dtb*")}
+    assert found == {"overlays/pps-gpio.dtbo", "overlays/overlay_map.dtb", "bcm2710-rpi-3-b.dtb"}
+    assert "[pi3]\ndevice_tree=bcm2710-rpi-3-b.dtb\n" in boot.config(dataclasses.replace(OWN, device_tree=tree))
 
 
 @pytest.mark.parametrize(("new", "left"), [("0", "3 3"), ("A", "0 3"), ("B", "3 0")])

@@ -29,6 +29,7 @@ def kernel(tmp_path: Path) -> Kernel:
         *names,
         OWN.loader.file,
         *(f"usr/lib/linux-image-6.12/broadcom/{name}" for name in OWN.device_tree.files),
+        "usr/lib/linux-image-6.12/overlays/pps-gpio.dtbo",
     ]:
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -51,8 +52,7 @@ def made(tmp_path: Path, kernel: Kernel) -> Path:
     shutil.copytree(boot.FILES, folder)
     for name in OWN.firmware.files:
         shutil.copy(kernel.folder / OWN.firmware.folder / name, folder)
-    for name in OWN.device_tree.files:
-        shutil.copy(kernel.device_tree(OWN.device_tree.folder, name), folder)
+    boot.trees(OWN.device_tree, kernel, folder)
     shutil.copy(kernel.folder / OWN.loader.file, folder / boot.LOADER)
     (folder / "config.txt").write_text(boot.config(OWN))
     (folder / "boot.scr").write_bytes(script(boot.script(OWN)))
@@ -91,6 +91,7 @@ PACKED = "firmware, loader and trees are the packages'"
         (put("start4.elf", b""), PACKED, "['start4.elf'] are others"),
         (zeros, PACKED, "['u-boot.bin'] are others"),
         (put("bcm2711-rpi-4-b.dtb", b""), PACKED, "['bcm2711-rpi-4-b.dtb'] are others"),
+        (put("overlays/pps-gpio.dtbo", b""), PACKED, "['overlays/pps-gpio.dtbo'] are others"),
         (put("README.txt", b""), "what is for a person", "['README.txt'] are others"),
         (put("config.txt", b""), "config.txt is that of the description", "its text is another"),
         (put("boot.scr", bytes(2000)), "boot.scr is that of the description", "U-Boot would not run it"),

@@ -1,0 +1,59 @@
+"""Where packages come from: Debian's archive, and one beside it."""
+
+import dataclasses
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from image.description import Base, Beside
+from image.errors import ImageError
+from image.packages import Archive, Package, sources, write_index
+
+DEBIAN = Base("trixie", "arm64", ("main", "non-free-firmware"), __file__)
+OTHER = Beside("file:/srv/others", "trixie", ("main",), __file__)
+
+
+def test_the_base_has_one_archive_and_the_description_may_name_more():
+    own = f"deb [signed-by={__file__}] file:/srv/debian trixie main non-free-firmware\n"
+    assert sources(DEBIAN, "file:/srv/debian") == own
+    other = f"deb [arch=arm64 signed-by={__file__}] file:/srv/others trixie main\n"
+    assert sources(dataclasses.replace(DEBIAN, beside=(OTHER,)), "file:/srv/debian") == own + other
+
+
+def test_keys_that_are_missing_are_named():
+    with pytest.raises(ImageError, match=r"^base.keyring: /no/keys: there is no such file"):
+        sources(dataclasses.replace(DEBIAN, keyring="/no/keys"), "file:/srv/debian")
+    missing = dataclasses.replace(DEBIAN, beside=(OTHER, dataclasses.replace(OTHER, keyring="/no/keys")))
+    with pytest.raises(ImageError, match=r"^base.beside\[1\].keyring: /no/keys: there is no such file"):
+        sources(missing, "file:/srv/debian")
+
+
+@pytest.mark.parametrize(
+    ("name", "kernel"),
+    [
+        ("linux-image-arm64", "linux-image-6.12.48+deb13-arm64"),
+        ("linux-image-rpi-v8", "linux-image-6.12.47+rpt-rpi-v8"),
+        ("linux-image-6.12.47+rpt-rpi-v8", "linux-image-6.12.47+rpt-rpi-v8"),
+    ],
+)
+def test_the_kernel_behind_a_name_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, kernel: str):
+    monkeypatch.setattr("image.packages._site", lambda: "")
+    monkeypatch.setattr("image.packages.sources", lambda base, site: f"deb [trusted=yes] file:{tmp_path} ./\n")
+    files = []
+    for package, depends in ((kernel, "kmod"), (name, kernel), ("kmod", "")):
+        if package not in {one.name for one in files}:
+            files.append(_made(tmp_path, package, depends))
+    write_index(tmp_path, files)
+    archive = Archive(tmp_path / "state", DEBIAN)
+    archive.update()
+    assert archive.behind(name) == kernel
+
+
+def _made(folder: Path, name: str, depends: str) -> Package:
+    control = folder / name / "DEBIAN/control"
+    control.parent.mkdir(parents=True)
+    lines = [f"Package: {name}", "Version: 1", "Architecture: arm64", "Maintainer: nobody", "Description: none"]
+    control.write_text("\n".join([*lines, *([f"Depends: {depends}"] if depends else [])]) + "\n")
+    subprocess.run(["dpkg-deb", "-b", "-Znone", folder / name, folder / f"{name}_1_arm64.deb"], check=True, stdout=-3)
+    return Package(name, "1", "arm64", "0" * 64, f"{name}_1_arm64.deb")
