@@ -16,10 +16,14 @@ from tests.meter.events import received, sent
 WAY = Way("A", "air", "B", "air")
 
 
-def fates(*events: Sent | Received, grace_s: float = 1.0, since_s: float = -math.inf) -> list[Settled]:
+def fates(
+    *events: Sent | Received, grace_s: float = 1.0, since_s: float = -math.inf, silent: Iterable[tuple[float, float]] = ()
+) -> list[Settled]:
     """Of all, in the order in which they were heard of."""
     matching = Matching(WAY, grace_s)
     matching.since_s = since_s
+    for span in silent:
+        matching.silent(*span)
     settled: list[Settled] = []
     for event in sorted(events, key=lambda event: event.at_s):
         settled += matching.settle(event.at_s)
@@ -227,6 +231,42 @@ def test_of_a_constant_pdu_that_flowed_before_the_meter_came_no_delay_is_told() 
     )
     assert all(one.is_repeat for one in settled)
     assert counts(settled) == {Fate.ARRIVED: 100}
+
+
+def test_of_a_constant_pdu_what_was_sent_while_nobody_heard_its_sender_is_no_duplicate() -> None:
+    """Before the meter came, for a while in between, and after it left: the receiver is heard all the time."""
+    settled = fates(
+        *(sent("same", n * 0.1) for n in range(100) if not 40 <= n < 50),
+        *(received("same", n * 0.1 + 0.05) for n in range(-20, 120)),
+        since_s=-0.02,
+        silent=[(3.98, 4.98), (9.98, math.inf)],
+    )
+    assert counts(settled) == {Fate.ARRIVED: 90, Fate.STRANGE: 50}
+
+
+def test_of_a_constant_pdu_what_comes_twice_while_its_sender_is_heard_is_a_duplicate() -> None:
+    settled = fates(
+        *(sent("same", n * 0.1) for n in range(60)),
+        *(received("same", n * 0.1 + 0.05) for n in range(60)),
+        received("same", 3.06),
+        since_s=-0.02,
+        silent=[(5.98, math.inf)],
+    )
+    assert counts(settled) == {Fate.ARRIVED: 60, Fate.DUPLICATE: 1}
+
+
+def test_what_was_sent_once_and_comes_twice_is_a_duplicate_at_the_edges_too() -> None:
+    settled = fates(
+        *(event for n in (0, 9) for event in (sent(n, n * 1.0), received(n, n + 0.05), received(n, n + 0.06))),
+        since_s=-0.02,
+        silent=[(9.02, math.inf)],
+    )
+    assert counts(settled) == {Fate.ARRIVED: 2, Fate.DUPLICATE: 2}
+
+
+def test_what_comes_again_long_after_its_sender_was_heard_is_no_duplicate() -> None:
+    settled = fates(sent(1, 0.0), received(1, 0.01), received(1, 9.0), silent=[(0.5, math.inf)])
+    assert counts(settled) == {Fate.ARRIVED: 1, Fate.STRANGE: 1}
 
 
 def test_what_differs_has_its_delay_whatever_flowed_before() -> None:

@@ -84,6 +84,14 @@ def test_what_was_sent_while_the_other_end_was_not_recorded_is_not_counted(tmp_p
     assert "20 messages were sent before" in laid.notes[0]
 
 
+def test_what_was_received_while_the_sender_was_not_recorded_is_no_duplicate(tmp_path: Path) -> None:
+    """The same octets again and again: of 50 receptions 20 are of the time in which both were recorded."""
+    out = [(1, n * 0.1, Direction.OUT) for n in range(15, 35)]
+    into = [(1, n * 0.1 + 0.004, Direction.IN) for n in range(50)]
+    meter, _ = measured(recorded(tmp_path / "a", "boot", out, GOOD), recorded(tmp_path / "b", "boot", into, GOOD))
+    assert +meter.ways[WAY].whole.counts == {Fate.ARRIVED: 20, Fate.STRANGE: 30}
+
+
 def test_frames_that_the_recorder_did_not_have_are_no_loss(tmp_path: Path) -> None:
     path = tmp_path / "b"
     with path.open("wb") as stream:

@@ -216,6 +216,32 @@ def test_what_leaves_after_the_end_is_not_measured(bench: Bench) -> None:
     assert bench.figures() == {}
 
 
+def test_what_is_sent_again_and_again_is_no_duplicate_before_and_after_it_is_measured(bench: Bench) -> None:
+    watch, other = bench.watches["A"], bench.watches["B"]
+    watch._is_measuring = False
+    for turn in range(3):
+        if turn == 1:
+            watch.begin()
+        if turn == 2:
+            watch.end()
+        for _ in range(10):
+            bench.now_s += 0.1
+            watch.heard_s = other.heard_s = bench.now_s
+            bench.sent("a")
+            bench.received("a")
+    assert bench.figures() == {Fate.ARRIVED: 10, Fate.STRANGE: 20}
+
+
+def test_what_leaves_in_confirms_that_were_not_heard_makes_no_duplicate(bench: Bench) -> None:
+    for number in (1, 2, 3, 40, 41, 42):
+        bench.now_s += 0.1
+        bench.sent("a", number)
+    for _ in range(10):
+        bench.received("a")
+    assert bench.figures() == {Fate.ARRIVED: 6, Fate.STRANGE: 4}
+    assert bench.watches["A"].told()["missed_confirms"] == 36
+
+
 def test_what_users_get_is_counted_by_type(bench: Bench) -> None:
     pdu = bytes([2, 2]) + bytes(40)
     users = SOCKETS["B", "users"]
