@@ -71,6 +71,7 @@ class Matching:
         self._strays = _Late[Received]()
         self._corrected: list[Settled] = []
         self._unheard: deque[_Unheard] = deque()
+        self._silences: deque[tuple[float, float]] = deque()
         self._numbers = 0
         self._highest = -1  # number of the last sent of those that arrived
 
@@ -101,6 +102,12 @@ class Matching:
         """So many reports of the receiver were missed between these moments; math.inf: nobody knows how many."""
         self._unheard.append(_Unheard(count, since_s, until_s))
 
+    def silent(self, since_s: float, until_s: float) -> None:
+        """What the sender sent between these moments may not have been heard; math.inf: from then on."""
+        if self._silences and self._silences[-1][0] == since_s:
+            self._silences.pop()
+        self._silences.append((since_s, until_s))
+
     def settle(self, now_s: float) -> list[Settled]:
         """The fates that are known by now: of what was received in its order, then of what was not; math.inf: all."""
         settled, self._corrected = self._corrected, []
@@ -115,6 +122,8 @@ class Matching:
                 settled.append(self._not_arrived(out))
         while self._unheard and self._unheard[0].until_s < until_s - self.grace_s:
             self._unheard.popleft()
+        while self._silences and self._silences[0][1] < until_s - self.grace_s:
+            self._silences.popleft()
         self._missing.forget(until_s - LATEST_S)
         self._strays.forget(until_s - LATEST_S)
         return settled
@@ -142,10 +151,21 @@ class Matching:
                 return Settled(
                     self.way, fate, out.sent, received, out.copy, is_reordered, is_repeat, out.fate, is_unheard
                 )
-        if digest in self._copies:
+        if digest not in self._copies:
+            self._strays.add(digest, received, received.at_s)
+        elif not self._may_be_another(digest, received.at_s):
             return Settled(self.way, Fate.DUPLICATE, None, received)
-        self._strays.add(digest, received, received.at_s)
         return Settled(self.way, Fate.STRANGE, None, received)
+
+    def _may_be_another(self, digest: str, at_s: float) -> bool:
+        """Whether it may be a copy that its sender sent while it was not heard.
+
+        What is known to be sent again and again may be, for as long afterwards as a message may be under way; what was
+        sent once may not, for so long after that.
+        """
+        again_s, once_s = (self.grace_s, 0.0) if self._copies[digest] > 1 else (0.0, self.grace_s)
+        spans = ((-math.inf, self.since_s), *self._silences)
+        return any(since_s + once_s <= at_s <= until_s + again_s for since_s, until_s in spans)
 
     def _fate(self, sent: Sent, received: Received, is_repeat: bool) -> Fate:
         """In time or late: by clocks where they tell it, else by when both were heard of."""

@@ -89,6 +89,12 @@ class Meter:
             if matching.way.sender == station:
                 matching.since_s = since_s
 
+    def silent(self, station: str, since_s: float, until_s: float = math.inf) -> None:
+        """Of what a station sent between these moments not all is heard."""
+        for matching in self._matching.values():
+            if matching.way.sender == station:
+                matching.silent(since_s, until_s)
+
     def sent(self, event: Sent) -> None:
         self.inside.sent(event)
         for matching in self._from.get((event.station, event.interface), ()):
@@ -111,6 +117,7 @@ class Meter:
                 matching.unheard(count, since_s, until_s)
             elif matching.way.sender == receiver and count == math.inf:
                 matching.unheard(count, until_s, until_s)
+                matching.silent(since_s, until_s)
 
     def settle(self, now_s: float) -> list[Settled]:
         """Take into the figures what is known by now; returns it. math.inf: everything."""

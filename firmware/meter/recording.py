@@ -186,8 +186,10 @@ def measure(meter: Meter, one: Recording, other: Recording) -> Laid:
         )
     for recording, shift in ((one, 0.0), (other, ahead_s)):
         meter.hears(recording.name, recording.span[0] - shift)
+        meter.silent(recording.name, recording.span[1] - shift)
         for count, since, until in recording.missed:
             meter.unheard(recording.name, count, since - shift, until - shift)
+            meter.silent(recording.name, since - shift, until - shift)
     uncovered = 0
     events: list[Sent | Received] = []
     for recording, against, shift in ((one, other, 0.0), (other, one, ahead_s)):

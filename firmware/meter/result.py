@@ -262,7 +262,7 @@ def _notes(meter: Meter) -> Iterator[str]:
             "counted, and their delays are not told, for nobody knows which copy it was."
         )
     if strange := sum(one.counts[Fate.STRANGE] for one in wholes):
-        yield f"{strange} messages were received that nobody metered was heard to send, or before it was heard."
+        yield f"{strange} messages were received that nobody metered was heard to send, or before or after it was."
 
 
 def _rounded(value: float | None, digits: int) -> float | None:

@@ -127,6 +127,7 @@ class Watch:
     def end(self) -> None:
         """What leaves from now on is not measured: nobody would wait for its arrival."""
         self._is_measuring = False
+        self._meter.silent(self.name, self._line())
 
     def told(self) -> dict[str, object]:
         """What a report has to say of this station."""
@@ -224,6 +225,8 @@ class Watch:
             self._sequences[kind] = last
             if kind == "indication":
                 self._meter.unheard(self.name, missed, self.heard_s, now_s)
+            else:
+                self._meter.silent(self.name, self.heard_s, now_s)
         return missed
 
     def _note_status(self, status: Mapping[str, object]) -> None:

@@ -17,7 +17,10 @@ WAY = Way("A", "air", "B", "air")
 
 
 def fates(
-    *events: Sent | Received, grace_s: float = 1.0, since_s: float = -math.inf, silent: Iterable[tuple[float, float]] = ()
+    *events: Sent | Received,
+    grace_s: float = 1.0,
+    since_s: float = -math.inf,
+    silent: Iterable[tuple[float, float]] = (),
 ) -> list[Settled]:
     """Of all, in the order in which they were heard of."""
     matching = Matching(WAY, grace_s)
@@ -238,6 +241,7 @@ def test_of_a_constant_pdu_what_was_sent_while_nobody_heard_its_sender_is_no_dup
     settled = fates(
         *(sent("same", n * 0.1) for n in range(100) if not 40 <= n < 50),
         *(received("same", n * 0.1 + 0.05) for n in range(-20, 120)),
+        grace_s=2.0,
         since_s=-0.02,
         silent=[(3.98, 4.98), (9.98, math.inf)],
     )
@@ -249,6 +253,7 @@ def test_of_a_constant_pdu_what_comes_twice_while_its_sender_is_heard_is_a_dupli
         *(sent("same", n * 0.1) for n in range(60)),
         *(received("same", n * 0.1 + 0.05) for n in range(60)),
         received("same", 3.06),
+        grace_s=2.0,
         since_s=-0.02,
         silent=[(5.98, math.inf)],
     )

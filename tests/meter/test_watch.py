@@ -225,7 +225,7 @@ def test_what_is_sent_again_and_again_is_no_duplicate_before_and_after_it_is_mea
         if turn == 2:
             watch.end()
         for _ in range(10):
-            bench.now_s += 0.1
+            bench.now_s += 0.05
             watch.heard_s = other.heard_s = bench.now_s
             bench.sent("a")
             bench.received("a")
