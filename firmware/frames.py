@@ -233,6 +233,7 @@ class Frames:
 
     def _begin(self) -> None:
         self._is_scheduled = False
+        self._station.flush()  # what came in this very turn has its frame noted, and not yet what became of it
         is_telling = bool(self._telling)
         self._take_up()
         if not is_telling:

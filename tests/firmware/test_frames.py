@@ -61,6 +61,7 @@ class Bench:
         self.loop = loop
         self.interfaces = {"air": Counts(), "wire": Counts()}
         self.requests = self.accepted = 0
+        self.burst: list[bytes] = []  # what has come and has not gone up yet
         self.told: list[tuple[bytes, dict[str, Any], bytes]] = []
         self.drops = Drops()
         self.witness = Witness()
@@ -72,7 +73,10 @@ class Bench:
         self.is_shown = is_wanted
         self.witness.watch = self.frames if is_wanted else None
 
-    def flush(self) -> None: ...
+    def flush(self) -> None:
+        burst, self.burst = self.burst, []
+        for pdu in burst:
+            self.indicate(pdu)
 
     def confirm(self, confirm: Confirm) -> None:
         if confirm.outcome is Outcome.REFUSED:
@@ -115,6 +119,15 @@ def bench() -> Iterator[Bench]:
 def gn_frame(pdu: bytes = CAM_PDU, request: Request | None = None) -> bytes:
     with closing(VirtualLoop()) as loop:
         return GeoLink(Host(loop), SHARED, PEER, 0.0, lambda _: None).encode(request or request_of(pdu=pdu))
+
+
+def test_a_frame_whose_message_has_not_gone_up_yet_is_told_with_it(bench: Bench) -> None:
+    frame = gn_frame()
+    pdu = frame[-len(CAM_PDU) :]
+    bench.frames.came("air", frame, NOW_NS, pdu)
+    bench.burst.append(pdu)
+    (said,) = bench.later()
+    assert (said["type"], said["digest"], bench.octets) == ("cam", digest_of(CAM_PDU), [frame])
 
 
 def test_a_message_without_a_frame_is_told_in_one_that_is_made_up(bench: Bench) -> None:
