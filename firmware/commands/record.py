@@ -2,7 +2,6 @@
 
 import argparse
 import subprocess
-import sys
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import replace
@@ -16,7 +15,7 @@ from firmware.recorder.hearing import say
 from firmware.recorder.mcap_recording import Recording
 from firmware.recorder.ring import Limits
 from firmware.recorder.session import record
-from firmware.recorder.sinks import File, Keeper, Pipe, Sink, standard_output
+from firmware.recorder.sinks import File, Keeper, Pipe, Sink, output, standard_output
 from firmware.recorder.triggers import ALL
 from firmware.user import client
 from firmware.user.arguments import add_control, address, integer, number
@@ -212,9 +211,7 @@ def _is_standard_output(path: Path) -> bool:
 
 def _created(path: Path) -> AbstractContextManager[BinaryIO]:
     if _is_standard_output(path):
-        if sys.stdout.isatty():
-            raise UsageError("a terminal cannot show a recording", "name a file, or send it through a pipe")
-        return nullcontext(sys.stdout.buffer)
+        return nullcontext(output("name a file, or send it through a pipe"))
     try:
         return path.open("xb")
     except FileExistsError:

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import IO, Protocol
+from typing import IO, BinaryIO, Protocol
 
 from board.errors import RequestError, UsageError
 from firmware.recorder.filing import Filing, Segment
@@ -104,9 +104,16 @@ class Pipe:
 
 
 def standard_output() -> Pipe:
+    return Pipe(output("send it through a pipe: ... --pcapng - | tshark -r -"))
+
+
+def output(remedy: str) -> BinaryIO:
+    """Standard output, for octets. Raises UsageError where it is a terminal, or was closed and is /dev/null by now."""
+    if sys.__stdout__ is None:
+        raise UsageError("standard output is closed: nobody would get the recording", remedy)
     if sys.stdout.isatty():
-        raise UsageError("a terminal cannot show a recording", "send it through a pipe: ... --pcapng - | tshark -r -")
-    return Pipe(sys.stdout.buffer)
+        raise UsageError("a terminal cannot show a recording", remedy)
+    return sys.stdout.buffer
 
 
 class Keeper:

@@ -213,6 +213,14 @@ def test_a_hyphen_is_standard_output(tmp_path, capsysbinary, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("form", ["--mcap", "--pcapng"])
+def test_a_standard_output_that_is_closed_takes_no_recording(form, monkeypatch, capsys):
+    monkeypatch.setattr("sys.__stdout__", None)
+    with FakeStation(on_air("cam", CAM)) as station:
+        assert cli.main(["record", form, "-", *station.options, "--count", "1"]) == 2
+    assert "standard output is closed" in capsys.readouterr().err
+
+
 def test_a_station_that_falls_silent_is_told_and_that_it_is_back(capsys):
     class Heard:
         silent_s = 0.0
