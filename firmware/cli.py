@@ -4,6 +4,7 @@ import argparse
 import errno
 import io
 import os
+import re
 import sys
 from contextlib import redirect_stderr, redirect_stdout
 from types import ModuleType
@@ -47,6 +48,8 @@ USAGE_ERROR = 2
 OUTPUT_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 # Their exit status is a verdict over all that they look at: they go on though nobody reads what they say.
 JUDGES = frozenset({"doctor", "selftest", "lab"})
+# What begins like a negative number is a value, and no option: argparse knows whole values only, and not "-20.5,100".
+A_NUMBER = re.compile(r"-\.?\d")
 INTERRUPTED = 130  # as a shell reports SIGINT
 CUT_OFF = 141  # as a shell reports SIGPIPE
 
@@ -206,6 +209,7 @@ def _run(argv: list[str]) -> int:
         epilog=command.EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    parser._negative_number_matcher = A_NUMBER
     command.arguments(parser)
     with redirect_stdout(_Unheard(sys.stdout)), redirect_stderr(_Unheard(sys.stderr)):
         options = parser.parse_args(argv[1:])

@@ -7,7 +7,6 @@ from dataclasses import asdict
 from drivers.wire.impairment import Burst, Counts, Impairments
 from firmware.user.arguments import finite, integer, number
 
-share = number("of all, 1 being all,", 1.0, is_zero_allowed=True)
 duration = number("seconds", 3600.0, is_zero_allowed=True)
 
 
@@ -48,6 +47,14 @@ def impairments(options: argparse.Namespace) -> Impairments:
         bit_errors=options.bit_errors,
         seed=options.seed,
     )
+
+
+def share(text: str) -> float:
+    """A part of all, 0 ... 1."""
+    value = finite(text)
+    if value is None or not 0.0 <= value <= 1.0:
+        raise argparse.ArgumentTypeError(f"{text!r} is no share, which is 0 ... 1: 0.1 is a tenth")
+    return value
 
 
 def burst(text: str) -> Burst:

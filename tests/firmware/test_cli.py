@@ -66,6 +66,13 @@ def a_command_that_raises(error: BaseException, monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(cli, "load", lambda verb: command)
 
 
+@pytest.mark.parametrize("south_west", ["-20.5,100", "-20.5,-100", "-.5,0"])
+def test_a_value_may_begin_with_a_minus(south_west: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        cli.main(["replay", "x.hex", "--shift", south_west, "--speed", "0"])
+    assert "argument --speed" in capsys.readouterr().err
+
+
 def test_an_expected_failure_is_told_in_words(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

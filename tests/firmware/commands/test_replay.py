@@ -145,6 +145,13 @@ def test_what_cannot_be_read_is_told_and_makes_it_fail(tmp_path, capsys):
     assert "1 could not be read" in told
 
 
+@pytest.mark.parametrize("words", ["nan", "-0.1", "1.1", "a tenth"])
+def test_a_share_that_is_none_is_told_with_its_limits(words, capsys):
+    with pytest.raises(SystemExit):
+        cli.main(["replay", "x.hex", f"--loss={words}"])
+    assert f"argument --loss: '{words}' is no share, which is 0 ... 1: 0.1 is a tenth" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     "words",
     [
