@@ -33,7 +33,7 @@ class Recording(NamedTuple):
     not_sent        by interface and reason.
     said            what it says of itself: station, version, configuration.
     is_plain        frames do not say which way they went.
-    is_cut          it ends within a frame, as after a cut of the power.
+    broken          why it cannot be read to its end, as after a cut of the power; empty where it can.
     """
 
     name: str
@@ -46,7 +46,7 @@ class Recording(NamedTuple):
     not_sent: list[tuple[str, str]]
     said: Mapping[str, object]
     is_plain: bool
-    is_cut: bool
+    broken: str
     places: dict[str, Position]
 
 
@@ -72,8 +72,8 @@ class _Reading:
         self._path = path
         self._name = name
         self._is_first = is_first
-        self._is_cut = False
-        self._made = Recording(name, path, [], [], {}, (0.0, 0.0), [], [], {}, False, False, {})
+        self._broken = ""
+        self._made = Recording(name, path, [], [], {}, (0.0, 0.0), [], [], {}, False, "", {})
         self._types = Topics().by_number
 
     def all(self, frames: Iterator[capture.Frame]) -> Recording:
@@ -92,7 +92,7 @@ class _Reading:
             if frame.number >= MOST_FRAMES:
                 raise StationError(f"{self._path}: more than {MOST_FRAMES} frames", "cut it: `editcap -c`")
         span = (min(moments), max(moments)) if moments else (0.0, 0.0)
-        return self._made._replace(span=span, is_plain=is_plain, is_cut=self._is_cut, said=said)
+        return self._made._replace(span=span, is_plain=is_plain, broken=self._broken, said=said)
 
     def _whole(self, frames: Iterator[capture.Frame]) -> Iterator[capture.Frame]:
         """Those before it ends within one. Raises ProtocolError where there is none."""
@@ -101,10 +101,10 @@ class _Reading:
             for frame in frames:
                 yield frame
                 has_one = True
-        except ProtocolError:
+        except ProtocolError as error:
             if not has_one:
                 raise
-            self._is_cut = True
+            self._broken = error.message
 
     def _take(self, frame: capture.Frame, boot: str) -> None:
         what = self._what(frame)
@@ -279,8 +279,8 @@ def told_of(one: Recording) -> dict[str, object]:
     notes = []
     if one.is_plain:
         notes.append("frames do not say which way they went: the first file's count as sent, the second's as received")
-    if one.is_cut:
-        notes.append("it ends within a frame, as after a cut of the power: what is before is measured")
+    if one.broken:
+        notes.append(f"{one.broken}: what is before is measured, and what is behind it is not")
     return {
         "where": str(one.path),
         "station": text(said, "station"),

@@ -165,7 +165,21 @@ def test_a_recording_that_a_cut_of_the_power_ended_is_measured_as_far_as_it_goes
     other.write_bytes(other.read_bytes()[:-7])
     meter, _ = measured(one, other)
     assert meter.ways[WAY].whole.arrived == len(IN) - 1
-    assert "cut of the power" in str(recording.told_of(recording.read(other, "B", False))["notes"])
+    (note,) = recording.told_of(recording.read(other, "B", False))["notes"]  # type: ignore[misc]
+    assert note.startswith("it is cut off in the block after frame 46: ")
+
+
+def test_a_recording_with_a_wrong_length_in_it_is_measured_up_to_there_and_it_is_told(tmp_path: Path) -> None:
+    one, other = recorded(tmp_path / "a", "boot", OUT, GOOD), recorded(tmp_path / "b", "boot", IN, GOOD)
+    octets = bytearray(other.read_bytes())
+    at = octets.index(frame(20)) - 24  # of the block's total length
+    octets[at : at + 4] = b"\x07\0\0\0"
+    other.write_bytes(octets)
+    meter, _ = measured(one, other)
+    assert meter.ways[WAY].whole.arrived == 19
+    (note,) = recording.told_of(recording.read(other, "B", False))["notes"]  # type: ignore[misc]
+    assert "what is behind it is not" in note
+    assert "cut off" not in note
 
 
 def test_two_recordings_of_one_station_are_refused(tmp_path: Path) -> None:
