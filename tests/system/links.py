@@ -60,11 +60,11 @@ class Plain:
         self.way_in = way_in
 
 
-class Datagrams(Plain):
-    """A peer of a udp interface."""
+class InTheAir(Plain):
+    """A peer that sends and hears datagrams."""
 
-    def __init__(self, air: Air) -> None:
-        super().__init__(air.table, ["--udp", "{}:{}".format(*air.station), "--framing", air.framing])
+    def __init__(self, air: Air, table: Table, way_in: Sequence[str]) -> None:
+        super().__init__(table, way_in)
         self._air = air
 
     def send(self, pdu: bytes, port: int = 2001) -> None:
@@ -77,23 +77,21 @@ class Datagrams(Plain):
         self._air.close()
 
 
-class Radio(Plain):
+class Datagrams(InTheAir):
+    """A peer of a udp interface."""
+
+    def __init__(self, air: Air) -> None:
+        super().__init__(air, air.table, ["--udp", "{}:{}".format(*air.station), "--framing", air.framing])
+
+
+class Radio(InTheAir):
     """Another station on the air of a simulated SOM301-E."""
 
     def __init__(self, library: str, port: int, control: int) -> None:
-        super().__init__({"driver": "som301e", "library": library}, ["--udp", f"127.0.0.1:{port}"])
-        self._air = Air("ethernet", port)
-        words = f"listen=127.0.0.1:{port} control=127.0.0.1:{control} peers=127.0.0.1:{self._air.port} rssi=-71"
+        air = Air("ethernet", port)
+        super().__init__(air, {"driver": "som301e", "library": library}, ["--udp", f"127.0.0.1:{port}"])
+        words = f"listen=127.0.0.1:{port} control=127.0.0.1:{control} peers=127.0.0.1:{air.port} rssi=-71"
         self.environment = {VARIABLE: words}
-
-    def send(self, pdu: bytes, port: int = 2001) -> None:
-        self._air.send(pdu, port)
-
-    def hear(self) -> bytes:
-        return self._air.hear().pdu
-
-    def close(self) -> None:
-        self._air.close()
 
 
 class Broker(Plain):
