@@ -2,6 +2,7 @@
 
 import math
 import statistics
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -34,6 +35,7 @@ class Recording(NamedTuple):
     said            what it says of itself: station, version, configuration.
     is_plain        frames do not say which way they went.
     broken          why it cannot be read to its end, as after a cut of the power; empty where it can.
+    left_out        frames that carry no message, by what they are, of a capture that does not say it itself.
     """
 
     name: str
@@ -48,6 +50,7 @@ class Recording(NamedTuple):
     is_plain: bool
     broken: str
     places: dict[str, Position]
+    left_out: Counter[str]
 
 
 def read(path: Path, name: str, is_first: bool) -> Recording:
@@ -73,7 +76,7 @@ class _Reading:
         self._name = name
         self._is_first = is_first
         self._broken = ""
-        self._made = Recording(name, path, [], [], {}, (0.0, 0.0), [], [], {}, False, "", {})
+        self._made = Recording(name, path, [], [], {}, (0.0, 0.0), [], [], {}, False, "", {}, Counter())
         self._types = Topics().by_number
 
     def all(self, frames: Iterator[capture.Frame]) -> Recording:
@@ -128,8 +131,12 @@ class _Reading:
         try:
             carried = layers.open_frame(frame.link, frame.octets)
         except ProtocolError:
+            carried = layers.NoMessage("that are broken")
+        if isinstance(carried, layers.NoMessage):
+            if not frame.said:
+                self._made.left_out[carried.what] += 1
             return None
-        if isinstance(carried, layers.NoMessage) or len(carried.pdu) < 6:
+        if len(carried.pdu) < 6:
             return None
         what = what_of(carried.pdu, self._types[carried.pdu[1]].name)
         if (place := place_of(carried.pdu)) is not None:
@@ -279,6 +286,7 @@ def told_of(one: Recording) -> dict[str, object]:
     notes = []
     if one.is_plain:
         notes.append("frames do not say which way they went: the first file's count as sent, the second's as received")
+    notes += [f"{count} frames {what}: they are not measured" for what, count in one.left_out.items()]
     if one.broken:
         notes.append(f"{one.broken}: what is before is measured, and what is behind it is not")
     return {

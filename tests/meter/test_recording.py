@@ -160,6 +160,23 @@ def test_plain_captures_are_taken_as_sent_and_received(tmp_path: Path) -> None:
     assert recording.told_of(recording.read(tmp_path / "a", "A", True))["notes"]
 
 
+def test_frames_of_a_plain_capture_that_are_no_messages_are_told(tmp_path: Path) -> None:
+    other = bytes(12) + b"\x08\x06" + bytes(28)
+    broken = frame(1)[:40]
+    frames = [frame(1), other, broken, broken]
+    plain = tmp_path / "a"
+    plain.write_bytes(capture.header() + b"".join(capture.record(one, START_NS) for one in frames))
+    notes = str(recording.told_of(recording.read(plain, "A", True))["notes"])
+    assert "1 frames not GeoNetworking" in notes
+    assert "2 frames that are broken" in notes
+    unknown = bytearray(plain.read_bytes())
+    unknown[20] = 220  # LINKTYPE_USB_LINUX_MMAPPED
+    plain.write_bytes(unknown)
+    assert "4 frames of link type 220, which is not known here" in str(
+        recording.told_of(recording.read(plain, "A", True))["notes"]
+    )
+
+
 def test_a_recording_that_a_cut_of_the_power_ended_is_measured_as_far_as_it_goes(tmp_path: Path) -> None:
     one, other = recorded(tmp_path / "a", "one", OUT, GOOD), recorded(tmp_path / "b", "other", IN, GOOD)
     other.write_bytes(other.read_bytes()[:-7])
