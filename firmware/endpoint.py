@@ -101,11 +101,15 @@ class Endpoint:
         for inlet in self.inlets:
             inlet.close()
 
-    def close(self) -> None:
-        """Close what is left; messages on their way out have libzmq's time to leave."""
+    def tell(self) -> None:
+        """Tell what still waits."""
         self.report.finish()
         if self._frames is not None:
             self._frames.finish()
+
+    def close(self) -> None:
+        """Close what is left; messages on their way out have libzmq's time to leave."""
+        self.tell()
         self._control.close()
         self.users.publisher.close()
         self._reports.close()

@@ -185,9 +185,10 @@ class Station:
             if isinstance(driver := interface.interface.driver, Parting):
                 driver.part()
         self._simulation.stop()
+        self.router.flush()
+        self.endpoint.tell()  # the recorder hears it
         if self._recorder is not None:
             self._recorder.finish()
-        self.router.flush()
         self.endpoint.close()
 
     def selftest(self, answer: Answer) -> None:

@@ -1,6 +1,7 @@
 """The recorder as a process of the station: told what to do by its first message, and what to keep by others."""
 
 import json
+import math
 import os
 import socket
 import time
@@ -16,6 +17,7 @@ from firmware.user import client
 NICE = 10  # routing goes first
 TELL_S = 1.0
 MOST = 65536
+DRAIN_S = 0.2
 
 
 def serve(channel: socket.socket) -> None:
@@ -51,6 +53,7 @@ class Ear:
         self._keeper = keeper
         self._hearing = hearing
         self._told_at = 0.0
+        self._ends = math.inf
 
     def goes_on(self) -> bool:
         """Do what is asked; False when that is to stop."""
@@ -60,7 +63,7 @@ class Ear:
             except BlockingIOError:
                 break
             if not message:
-                return False
+                return self._drains()
             self._keeper.trigger(json.loads(message)["trigger"])
         if self._hearing.is_known:
             self._keeper.idle()
@@ -69,3 +72,8 @@ class Ear:
             self._told_at = now
             self._channel.send(json.dumps(self._keeper.ring.status()).encode())
         return True
+
+    def _drains(self) -> bool:
+        """The station ends: what it told last is on its way for a moment."""
+        self._ends = min(self._ends, time.monotonic() + DRAIN_S)
+        return time.monotonic() < self._ends

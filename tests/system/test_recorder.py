@@ -158,6 +158,18 @@ def test_the_station_keeps_a_ring_and_what_was_before_an_event(launch: Launcher,
     assert after in [opened(frame) for frame in frames(path)]
 
 
+def test_the_last_message_before_the_end_is_in_the_ring(launch: Launcher, tmp_path: Path) -> None:
+    folder = tmp_path / "ring"
+    bench = launch("ethernet", recorder={"folder": str(folder), **RING})
+    bench.station.until(is_recording)
+    pdus = [mark() for _ in range(20)]
+    for pdu in pdus:
+        bench.air.send(pdu)
+    bench.user.forget_until(pdus[-1])
+    bench.station.stop()
+    assert [opened(frame) for frame in ring(folder)] == pdus
+
+
 def test_a_recorder_that_dies_is_started_again_and_routing_goes_on(launch: Launcher, tmp_path: Path) -> None:
     folder = tmp_path / "ring"
     bench = launch("ethernet", recorder={"folder": str(folder), **RING})
