@@ -76,7 +76,19 @@ class Reader:
         self._standard_input = standard_input
 
     def read(self, sources: Sequence[str]) -> Iterator[Item]:
-        """The items of files, folders, `-` for standard input, or text that is none of these."""
+        """The items of files, folders, `-` for standard input, or text that is none of these.
+
+        A capture without a frame is told where nothing else is read: a ring has such beside others.
+        """
+        is_any = False
+        for item in self._all(sources):
+            yield item
+            is_any = True
+        if not is_any and not self.skipped:
+            where = ", ".join(STANDARD_INPUT if source == "-" else source for source in sources)
+            yield RequestError(f"{where}: it holds no frame")
+
+    def _all(self, sources: Sequence[str]) -> Iterator[Item]:
         if len(sources) > 1 and all(_OCTET.fullmatch(source) for source in sources):
             sources = ["".join(sources)]  # one message, its octets parted by blanks
         for source in sources:

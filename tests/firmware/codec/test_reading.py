@@ -170,6 +170,15 @@ def test_nothing_is_told(given_octets):
     assert refusal("-", given_octets=given_octets) == "standard input: it holds no message"
 
 
+def test_captures_without_a_frame_are_told_where_there_is_nothing_else(tmp_path):
+    assert refusal("-", given_octets=pcap([])) == "standard input: it holds no frame"
+    for name, frames in (("a", []), ("b", [])):
+        (tmp_path / name).write_bytes(pcap(frames))
+    assert refusal(str(tmp_path / "a"), str(tmp_path / "b")) == f"{tmp_path / 'a'}, {tmp_path / 'b'}: it holds no frame"
+    (tmp_path / "b").write_bytes(pcap([FRAME]))
+    assert octets(str(tmp_path)) == PDU
+
+
 def test_more_octets_than_a_message_can_have_are_refused():
     assert "more than 65535 octets are no PDU" in refusal("-", given_octets=bytes(70_000))
 
