@@ -154,8 +154,7 @@ def test_the_station_keeps_a_ring_and_what_was_before_an_event(launch: Launcher,
     answer = bench.station.ask(do="record", text="near miss")
     assert answer == {"ok": True, "folder": str(folder)}
     bench.station.until(lambda status: status["recorder"]["kept"] == 2)
-    (path,) = folder.glob("kept-*-near-miss.pcapng")
-    assert after in [opened(frame) for frame in frames(path)]
+    assert after in [opened(frame) for frame in ring(folder, "kept-*-near-miss")]
 
 
 def test_the_last_message_before_the_end_is_in_the_ring(launch: Launcher, tmp_path: Path) -> None:
