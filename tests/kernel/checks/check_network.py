@@ -16,7 +16,7 @@ from drivers.sim8202g import Sim8202g
 from tests.drivers.host import SHARED
 from tests.drivers.modem import Station
 from tests.kernel.checks.gadget import Gadget
-from tests.kernel.checks.kernel import Seen, load, run, started, until
+from tests.kernel.checks.kernel import Seen, children, load, run, started, until
 
 # What the module at the other end is: a namespace of its own, or the kernel would talk to itself without any USB.
 MODULE = "module"
@@ -92,6 +92,7 @@ def test_the_bearer_comes_up_by_rndis_and_dhcp(module: str, loop: Loop, seen: Se
         )
         (tmp_path / "leases").touch()
         with started("ip", "netns", "exec", module, "udhcpd", "-f", str(leases)):
+            others = children()
             options = ModemOptions(usb=gadget.place, bearer="rndis", state_dir=str(tmp_path))
             driver = Sim8202g(options, SHARED)
             station = Station(loop, driver)
@@ -101,6 +102,9 @@ def test_the_bearer_comes_up_by_rndis_and_dhcp(module: str, loop: Loop, seen: Se
             assert FIRST_LEASE in station.why
             assert f"default via {MODULE_ADDRESS}" in run("ip", "route")
             driver.stop()
+            begun = len(children() - others)
+            until(loop, lambda: children() <= others)  # else they are told of a later check
+            seen(f"{begun} of its programs end with it")
             modem.close()
 
 

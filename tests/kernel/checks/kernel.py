@@ -37,6 +37,11 @@ def started(*command: str) -> Iterator[None]:
             process.terminate()
 
 
+def children() -> set[int]:
+    """Processes that this one has started and not waited for."""
+    return set(map(int, Path("/proc/thread-self/children").read_text().split()))
+
+
 def until(loop: Loop, is_so: Callable[[], object], within_s: float = 60.0) -> float:
     """Turn a loop until something is so; returns the seconds that it took. Fails when it is not in time."""
     began = loop.clock()
