@@ -124,7 +124,7 @@ def _round(arguments: argparse.Namespace, folder: Path | None, name: str) -> Rou
             made |= {f"{way} {key}": one["cam"][key] for key in ("median_us", "p99_us")}
             made[f"{way} cpu_us"] = one["cpu_us"]
             if not arguments.no_rate:
-                made[f"{way} loss-free/s"] = measure.loss_free(station, way)
+                made[f"{way} loss-free/s"] = measure.loss_free(station, way, measure.FINE)
         made["memory_kb"] = station.memory_kb()
         if folder is not None:
             time.sleep(1.5)  # it says once a second what it has written
