@@ -1,9 +1,11 @@
 """image.toml: what the card is made of. Every mistake in it is told with its place, its value and a remedy."""
 
 import difflib
+import json
 import tomllib
 import types
-from dataclasses import MISSING, dataclass, fields, is_dataclass
+from dataclasses import MISSING, asdict, dataclass, fields, is_dataclass
+from hashlib import sha256
 from pathlib import Path
 from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
@@ -136,8 +138,14 @@ class Description:
 
     @property
     def compatible(self) -> str:
-        """What a box and an update have to agree in: another device tree is another word."""
-        return f"{self.name} {self.base.suite} {self.device_tree.board}"
+        """What a box and an update have to agree in.
+
+        The last word is of what no update writes, and a slot needs: what the device trees are made of, which lie on the
+        boot partition, and where the partitions are found.
+        """
+        places = {one.name: self.disk.partuuid(one.name) for one in self.disk.partitions}
+        beside = json.dumps([self.kernel.package, asdict(self.device_tree), places])
+        return f"{self.name} {self.base.suite} {self.device_tree.board} {sha256(beside.encode()).hexdigest()[:8]}"
 
 
 def read(path: Path) -> Description:

@@ -101,3 +101,33 @@ def test_a_board_that_asks_for_what_the_tree_will_not_have_is_told(tmp_path: Pat
     found: Description = read(changed(tmp_path, "pulse_gpio = 18", ""))
     with pytest.raises(ImageError, match=re.escape(said)):
         device_tree.wanted_by(board, found.device_tree)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('package = "linux-image-arm64"', 'package = "linux-image-rpi-v8"'),
+        ('way = "dtc"', 'way = "overlays"'),
+        ('"bcm2837-rpi-3-b.dtb"', '"bcm2710-rpi-3-b.dtb"'),
+        ("pulse_gpio = 18", "pulse_gpio = 4"),
+        ("i2c = [1]", "i2c = [1, 3]"),
+        ("uarts = []", "uarts = [3]"),
+        ('board = "quad"', 'board = "pi"'),
+        ('suite = "trixie"', 'suite = "forky"'),
+        ("label_id = 0x43505401", "label_id = 0x43505402"),
+    ],
+)
+def test_an_update_that_needs_what_this_card_has_not_is_for_another_kind_of_box(tmp_path: Path, old: str, new: str):
+    assert read(changed(tmp_path, old, new)).compatible != read(OWN).compatible
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("baud = 115200", "baud = 9600"),
+        ("quiet loglevel=4", "loglevel=7"),
+        ('kmod = "modules"', 'kmod = "all modules"'),
+    ],
+)
+def test_what_no_slot_needs_of_the_card_lets_an_update_in(tmp_path: Path, old: str, new: str):
+    assert read(changed(tmp_path, old, new)).compatible == read(OWN).compatible
