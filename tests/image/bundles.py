@@ -1,4 +1,4 @@
-"""Updates of a card for the proof: a good one, one whose station fails, and each way to be spoiled."""
+"""Updates of a card for the proof: a good one, ones that fail and that hang, and each way to be spoiled."""
 
 import dataclasses
 import hashlib
@@ -10,17 +10,22 @@ from typing import NamedTuple
 from image import bundle, disk, keys
 from image.description import Description, read
 from image.program import run
+from image.root import OVERLAY
 
 PROJECT = Path(__file__).resolve().parents[2]
 MADE = PROJECT / "build/image"
 TOOLS = MADE / "tools"
 # Made in seconds; how small they get is no matter here.
 FAST = "-comp zstd -Xcompression-level 1"
-GOOD, BROKEN = "9.1.0", "9.2.0"  # versions
+GOOD, BROKEN, HANGING = "9.1.0", "9.2.0", "9.2.1"  # versions
 MARK = "usr/lib/captain-image/proof"  # a file that only the good update has
 PROGRAM = "usr/lib/captain/captain"
 FAILS = "#!/bin/sh\necho 'this version does not work' >&2\nexit 1\n"
+FIREWALL = "usr/sbin/nft"  # what the start of any system waits for
+HANGS = "#!/bin/sh\nexec sleep infinity\n"
+LIMIT = "usr/lib/systemd/system/captain-unproven.timer"
 CHUNK = 1 << 20
+HANGING_S = 45  # emulated, by then all that a start begins with has begun
 SOUND = "sound"
 SIZE_OCTETS = 8  # of a bundle's end: how long the signature before it is
 SMALL = 200_000  # octets of contents that are never installed
@@ -29,6 +34,8 @@ SMALL = 200_000  # octets of contents that are never installed
 class Bundles(NamedTuple):
     """Files in one folder.
 
+    broken   whose station fails.
+    hanging  whose start comes to no end; it has not a quarter of an hour, but less than a minute.
     spoiled  file by what is wrong with it.
     sound    one with nothing wrong but its contents, which no slot could be started with.
     octets   of the good one's file system, and its SHA-256: what a slot holds that has it.
@@ -36,6 +43,7 @@ class Bundles(NamedTuple):
 
     good: Path
     broken: Path
+    hanging: Path
     spoiled: dict[str, Path]
     sound: Path
     octets: int
@@ -54,12 +62,17 @@ def made(card: Path, folder: Path, is_short: bool = False) -> Bundles:
     contents.unlink()
     if is_short:
         slot.unlink()
-        return Bundles(good, good, {}, good, octets, digest)
+        return Bundles(good, good, good, {}, good, octets, digest)
     broken, contents = _changed(slot, folder, own, description, BROKEN, {PROGRAM: FAILS})
+    contents.unlink()
+    limit = (OVERLAY / LIMIT).read_text()
+    assert "OnBootSec=15min" in limit
+    files = {FIREWALL: HANGS, LIMIT: limit.replace("OnBootSec=15min", f"OnBootSec={HANGING_S}")}
+    hanging, contents = _changed(slot, folder, own, description, HANGING, files)
     for path in (contents, slot):
         path.unlink()
     spoiled = _spoiled(good, folder, own, description)
-    return Bundles(good, broken, spoiled, spoiled.pop(SOUND), octets, digest)
+    return Bundles(good, broken, hanging, spoiled, spoiled.pop(SOUND), octets, digest)
 
 
 def digest_of(path: Path, at: int = 0, octets: int | None = None) -> str:

@@ -71,6 +71,12 @@ def test_the_station_runs_as_its_own_user_with_two_capabilities_and_is_watched()
     assert set(service["SupplementaryGroups"].split()) <= groups
 
 
+def test_the_limit_of_a_new_slot_waits_for_nothing_that_could_hang():
+    limit = unit("captain-unproven.timer")["Unit"]
+    assert limit["DefaultDependencies"] == unit("captain-unproven.service")["Unit"]["DefaultDependencies"] == "no"
+    assert not {"After", "Requires", "Wants", "BindsTo"} & limit.keys()
+
+
 def test_no_station_listens_where_the_firewall_has_failed():
     service = unit("captain.service")["Unit"]
     assert "nftables.service" in service["Requires"].split()

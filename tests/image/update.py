@@ -43,7 +43,8 @@ def rows(card: Path, folder: Path, options: Options) -> Iterator[Row]:
             if options.is_short:
                 yield Row("all of it", f"{time.monotonic() - began:.0f} s", "", True)
                 return
-            yield from _broken(guest, key, site, made)
+            yield from _given_up(guest, key, site, made.broken, "whose station fails")
+            yield from _given_up(guest, key, site, made.hanging, "whose start comes to no end")
             yield from _back(guest, key, site, made)
         yield from _after_power_cut(own, folder, key)
 
@@ -80,9 +81,10 @@ def _good(guest: Guest, key: Key, site: Site, made: Bundles) -> Iterator[Row]:
               f"{GOOD}: installed", (last.get("version"), last.get("result")) == (GOOD, "installed"))  # fmt: skip
 
 
-def _broken(guest: Guest, key: Key, site: Site, made: Bundles) -> Iterator[Row]:
-    ended = update(guest, key, f"--restart {site.url(made.broken.name)}")
-    yield Row("an update whose station fails", ended.last, "restarting now", ended.code == 0)
+def _given_up(guest: Guest, key: Key, site: Site, bundle: Path, what: str) -> Iterator[Row]:
+    """Of an update to slot A that does not get well."""
+    ended = update(guest, key, f"--restart {site.url(bundle.name)}")
+    yield Row(f"an update {what}", ended.last, "restarting now", ended.code == 0)
     began = time.monotonic()
     for tries in (2, 1, 0):
         guest.wait(f"slots: trying A, {tries} tries left")
