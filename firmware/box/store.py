@@ -49,7 +49,8 @@ class Store:
 
     def tell(self, key: str, blinks: int, lines: Sequence[str]) -> None:
         """What was found; the same set is not looked at again. Raises StorageError."""
-        keep(self._folder / LOOKED, "".join(f"{line}\n" for line in (key, blinks, *lines)).encode())
+        text = "".join(f"{line}\n" for line in (key, blinks, *lines))
+        keep(self._folder / LOOKED, text.encode(errors="backslashreplace"))  # a name of a file may be no UTF-8
 
     def _write(self, name: str, keys: Sequence[str], files: Mapping[str, bytes], laid: System) -> None:
         target = self._folder / name

@@ -93,14 +93,25 @@ def _composed(name: str, text: str, notes: list[Note]) -> Any:
     """The root node; None of an empty file and of one with mistakes."""
     import yaml
 
+    class Loader(yaml.SafeLoader):  # type: ignore[misc]
+        def compose_scalar_node(self, anchor: Any) -> Any:
+            """With each letter whole: JSON escapes one beyond U+FFFF as two halves, RFC 8259, clause 7."""
+            node = super().compose_scalar_node(anchor)
+            try:
+                node.value = node.value.encode("utf-16", "surrogatepass").decode("utf-16")
+            except UnicodeDecodeError as error:
+                what = "found half of a letter without its other half"
+                raise yaml.MarkedYAMLError(problem=what, problem_mark=node.start_mark) from error
+            return node
+
     try:
-        return yaml.compose(text, Loader=yaml.SafeLoader)
+        return yaml.compose(text, Loader=Loader)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         what = f"is not YAML: {error.problem or error.context}"
         remedy = "indent by blanks: YAML takes no tab" if "'\\t'" in what else "compare with the lines around it"
         notes.append(mistake(at(name, mark.line + 1 if mark else None), what, remedy))
-    except yaml.YAMLError as error:  # a character that YAML does not have
+    except (yaml.YAMLError, ValueError) as error:  # a character that YAML does not have, a number beyond all of them
         notes.append(mistake(name, f"is not YAML: {str(error).splitlines()[0]}", "save it as plain text"))
     except RecursionError:
         notes.append(mistake(name, "is nested too deep", "is it the right file?"))

@@ -99,6 +99,13 @@ def test_a_set_of_which_everything_was_taken_away_is_a_set(tmp_path: Path):
     assert looked(owner)[2] == "the owner's files are in force: no files; 0 ssh keys"
 
 
+def test_a_name_that_is_no_utf_8_is_told_and_kept_like_any_other(tmp_path: Path, capsys: Said):
+    card, owner = write(tmp_path / "card", GOOD), tmp_path / "owner"
+    (card / os.fsdecode(b"caf\xe9.pem")).write_text("")
+    assert apply(card, owner, "11112222") == 0
+    assert looked(owner)[3].startswith("caf\\udce9.pem: is not read")
+
+
 def test_a_data_partition_that_takes_nothing_is_told(tmp_path: Path, capsys: Said):
     (tmp_path / "owner").write_text("")
     assert apply(write(tmp_path / "card", GOOD), tmp_path / "owner", "11112222") == 1

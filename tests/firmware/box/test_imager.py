@@ -1,5 +1,7 @@
 """Raspberry Pi Imager's customisation: what is taken of it as data, and what is named and not taken."""
 
+import json
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as some
@@ -97,6 +99,16 @@ def test_what_two_files_say_alike_is_said_once(look: Look):
     assert found.options.wifi.password == "12345678"
 
 
+def test_a_letter_that_json_writes_as_two_halves_is_one(look: Look):
+    # JSON is YAML; RFC 8259, clause 7
+    points = {"r\U0001f600d": {"password": "12345678"}}
+    wlan0 = {"regulatory-domain": "DE", "access-points": points}
+    found = look({"network-config": json.dumps({"version": 2, "wifis": {"wlan0": wlan0}}), "authorized_keys": KEY})
+    assert found.is_accepted
+    assert found.options.wifi is not None
+    assert found.options.wifi.ssid == "r\U0001f600d"
+
+
 @pytest.mark.parametrize(
     ("name", "text", "said"),
     [
@@ -108,6 +120,10 @@ def test_what_two_files_say_alike_is_said_once(look: Look):
         ("user-data", "- x\n", "user-data: this is not keys with values"),
         ("user-data", "hostname: raspberry_pi\n", 'user-data:1: host_name: "raspberry_pi" is no host name'),
         ("user-data", "ssh_authorized_keys:\n  - ssh-ed25519 AAAA\n", "user-data:2: the key "),
+        ("user-data", 'timezone: UTC\nhostname: "cap\\ud83d"\n', "user-data:2: is not YAML: found half of a letter without its other half"),
+        ("user-data", '"\\ude00\\ud83d": x\n', "user-data:1: is not YAML: found half of a letter without its other half"),
+        ("user-data", 'hostname: "\\U00110000"\n', "user-data: is not YAML: "),
+        ("user-data", f"%YAML {'9' * 5000}.1\n---\nhostname: x\n", "user-data: is not YAML: "),
         ("user-data", "hostname: " + "[" * 2000, "user-data: is nested too deep"),
         ("network-config", "version: 1\nconfig: []\n", "network-config:1: version 1 is not read; write it as netplan has it: version: 2"),
         ("network-config", NETWORK.replace('"DE"', '"Germany"'), 'network-config:6: wifi.country: "Germany" is no country'),
