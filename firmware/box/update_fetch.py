@@ -25,6 +25,7 @@ AGAIN = "captain update with the same address goes on where it was broken off"
 
 Seen = Callable[[int, int], None]  # octets that are there; how many it will be, or 0
 SAFE = "/?%:@!$&'()*+,;=~"  # what an address has as it is; RFC 3986, clause 2
+_HOST = re.compile(r"[^\x00-\x20\x7f]+")  # others are refused by http.client
 _LENGTH = re.compile(r"\d{1,18}")
 _RANGE = re.compile(r"bytes (\d{1,18})-\d{1,18}/(?:(\d{1,18})|\*)$")  # RFC 9110, clause 14.4
 _STATUS = {
@@ -163,7 +164,7 @@ def _request(url: str, have: int, tag: str) -> http.client.HTTPResponse:
     if have and tag and not tag.startswith("W/"):
         headers |= {"Range": f"bytes={have}-", "If-Range": tag}
     connection = _connection(parts)
-    path = quote(f"{parts.path or '/'}{'?' + parts.query if parts.query else ''}", SAFE)
+    path = quote(f"{parts.path or '/'}{'?' + parts.query if parts.query else ''}", SAFE, errors="surrogateescape")
     try:
         connection.request("GET", path, headers=headers)
         return connection.getresponse()
@@ -181,7 +182,7 @@ def _parts(url: str) -> SplitResult:
     """Raises StationError."""
     try:
         parts = urlsplit(url)
-        is_one = parts.scheme in ("http", "https") and bool(parts.hostname)
+        is_one = parts.scheme in ("http", "https") and bool(_HOST.fullmatch(parts.hostname or ""))
     except ValueError:
         is_one = False
     if not is_one:

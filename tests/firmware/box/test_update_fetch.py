@@ -275,7 +275,9 @@ def test_a_stream_without_an_end_stops_where_the_room_does(tmp_path: Path, monke
         update_fetch.from_stream(io.BytesIO(bytes(10_000_000)), folder, lambda have, size: None)
 
 
-@pytest.mark.parametrize("url", ["http://[::1", "http://[::1/x", "http://", "http://a:b/x"])
+@pytest.mark.parametrize(
+    "url", ["http://[::1", "http://[::1/x", "http://", "http://a:b/x", "http://my server/x", "https://a\x7fb/x"]
+)
 def test_what_is_no_address_is_told(folder: Folder, url: str):
     with pytest.raises(StationError, match=r"is no address|port"):
         fetch(url, folder)
@@ -284,6 +286,8 @@ def test_what_is_no_address_is_told(folder: Folder, url: str):
 def test_a_server_that_leads_to_no_address_is_told(site: Site, folder: Folder):
     with pytest.raises(StationError, match=r"leads to 'http://\[::1/x', which is no address"):
         fetch(f"{site.base}/to/http://[::1/x", folder)
+    with pytest.raises(StationError, match="http://my server/x: is no address"):
+        fetch(f"{site.base}/to/http://my server/x", folder)
 
 
 def test_a_length_that_no_file_has_is_none(site: Site, folder: Folder, monkeypatch: pytest.MonkeyPatch):
@@ -294,6 +298,8 @@ def test_a_length_that_no_file_has_is_none(site: Site, folder: Folder, monkeypat
 def test_an_address_may_have_blanks_and_any_letters(site: Site, folder: Folder):
     assert fetch(f"{site.base}/new release/für alle?a=b c%20d", folder) == FILE
     assert site.does.asked[-1][0] == "/new%20release/f%C3%BCr%20alle?a=b%20c%20d"
+    assert fetch(f"{site.base}/{os.fsdecode(b'caf%c' % 0xE9)}", folder) == FILE  # of a shell that is not UTF-8's
+    assert site.does.asked[-1][0] == "/caf%E9"
 
 
 def test_what_comes_by_a_pipe_is_taken_to_its_end(folder: Folder):
