@@ -201,7 +201,7 @@ def _led(where: str, to: str) -> str:
 def _connection(parts: SplitResult) -> http.client.HTTPConnection:
     assert parts.hostname is not None
     try:
-        port = parts.port
+        port = parts.port or (http.client.HTTP_PORT if parts.scheme == "http" else http.client.HTTPS_PORT)
     except ValueError as error:
         raise StationError(f"{parts.geturl()}: {error}", "a port is 1 to 65535") from error
     if parts.scheme == "http":

@@ -283,6 +283,28 @@ def test_what_is_no_address_is_told(folder: Folder, url: str):
         fetch(url, folder)
 
 
+@pytest.mark.parametrize(
+    ("url", "host", "port"),
+    [
+        ("http://[2001:db8::7]/x", "2001:db8::7", 80),
+        ("https://[2001:db8::7]/x", "2001:db8::7", 443),
+        ("https://[2001:db8::7]:8443/x", "2001:db8::7", 8443),
+        ("https://example.org/x", "example.org", 443),
+    ],
+)
+def test_the_host_is_asked_at_its_port(folder: Folder, monkeypatch: pytest.MonkeyPatch, url: str, host: str, port: int):
+    asked: list[tuple[str, int]] = []
+
+    def refuse(address: tuple[str, int], *arguments: object) -> None:
+        asked.append(address)
+        raise ConnectionRefusedError(errno.ECONNREFUSED, "Connection refused")
+
+    monkeypatch.setattr("socket.create_connection", refuse)
+    with pytest.raises(StationError, match="nobody listens there"):
+        fetch(url, folder)
+    assert asked == [(host, port)]
+
+
 def test_a_server_that_leads_to_no_address_is_told(site: Site, folder: Folder):
     with pytest.raises(StationError, match=r"leads to 'http://\[::1/x', which is no address"):
         fetch(f"{site.base}/to/http://[::1/x", folder)
