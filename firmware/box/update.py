@@ -38,7 +38,7 @@ def run(source: str, progress: Progress, folder: Folder | None = None, only_look
     folder = folder or Folder()
     own = update_bundle.box()
     with folder.locked():
-        version = ""
+        version = slot = ""
         update_rauc.idle()  # what it still reads is not replaced
         try:
             both = slots()
@@ -55,16 +55,17 @@ def run(source: str, progress: Progress, folder: Folder | None = None, only_look
             if only_look:
                 _cleared(folder)
                 return found
-            folder.tell(source, version, BEGUN)
+            slot = update_slots.other(both).name
+            folder.tell(source, version, slot, BEGUN)
             update_rauc.install(path, progress.step)
         except StationError as error:
             if folder.bundle.exists():  # a part is kept, so that it goes on from there
                 _cleared(folder)
             if not only_look:
-                folder.tell(source, version, error.message)
+                folder.tell(source, version, slot, error.message)
             raise
         _cleared(folder)
-        folder.tell(source, version, "installed")
+        folder.tell(source, version, slot, "installed")
     return found
 
 
@@ -104,7 +105,7 @@ def slots() -> list[RootSlot]:
 
 
 def last(folder: Folder) -> Mapping[str, object]:
-    """How the last update ended: time, source, version, result; of the service, where nobody waited for its end."""
+    """How the last update ended, as it is kept; where nobody waited for its end, as the service has it."""
     told = folder.last()
     if told.get("result") != BEGUN:
         return told
@@ -113,7 +114,8 @@ def last(folder: Folder) -> Mapping[str, object]:
     except StationError:
         return told
     if not result:
-        is_there = any(slot.state == "ok" and slot.version == told.get("version") for slot in slots())
+        whole = (told.get("slot"), told.get("version"), "ok")
+        is_there = any((slot.name, slot.version, slot.state) == whole for slot in slots())
         result = "installed" if is_there else "broke off before it was whole"
     return {**told, "result": result}
 

@@ -102,12 +102,15 @@ class Folder:
         return self.bundle
 
     def last(self) -> Mapping[str, object]:
-        """How the last update ended: time, source, version, result. Empty: there was none."""
+        """How the last update ended: time, source, version, slot, result. Empty: there was none."""
         return _read(self._last)
 
-    def tell(self, source: str, version: str, result: str) -> None:
-        """Keep how an update ended. That there is no room for it is no failure of the update."""
-        told = {"time": round(time.time()), "source": source, "version": version, "result": result}
+    def tell(self, source: str, version: str, slot: str, result: str) -> None:
+        """Keep how an update ended. That there is no room for it is no failure of the update.
+
+        slot  that it goes into; empty: it did not come to that.
+        """
+        told = {"time": round(time.time()), "source": source, "version": version, "slot": slot, "result": result}
         with suppress(StorageError):
             state_file.keep(self._last, json.dumps(told).encode())
 

@@ -271,6 +271,27 @@ def test_what_became_of_an_update_that_was_left_with_ctrl_c_is_asked_of_the_serv
     assert ("are told once it is done" in said()[0]) is (operation != "idle")
 
 
+@pytest.mark.parametrize(("state", "result"), [("ok", "installed"), ("pending", "broke off before it was whole")])
+def test_what_became_of_it_is_told_of_the_slot_that_it_goes_into(
+    service: Service, bundle: str, said: Said, monkeypatch: pytest.MonkeyPatch, state: str, result: str
+):
+    # Both have a bundle of one version, as those that are built while one is made have.
+    def interrupted(path: Path, step: object) -> None:
+        raise KeyboardInterrupt
+
+    status = json.loads(json.dumps(STATUS).replace("1.2.3", BUNDLE.version))
+    there, here = (slot for entry in status["slots"] for slot in entry.values())
+    here["slot_status"] = there["slot_status"] | {"status": "ok"}
+    there["slot_status"]["status"] = state
+    service.says(json.dumps(status))
+    monkeypatch.setattr(update_rauc, "install", interrupted)
+    assert main(["update", bundle]) == 130
+    said()
+    assert main(["update", "--status", "--json"]) == 0
+    last = json.loads(said()[0])["last"]
+    assert (last["slot"], last["result"]) == ("B", result)
+
+
 def test_ctrl_c_before_anything_is_written_says_so(service: Service, said: Said, monkeypatch: pytest.MonkeyPatch):
     def interrupted(path: Path) -> Bundle:
         raise KeyboardInterrupt

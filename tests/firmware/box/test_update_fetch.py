@@ -406,7 +406,7 @@ def test_a_folder_that_is_not_there_is_told(tmp_path: Path):
 
 def test_how_an_update_ended_is_kept_and_rubbish_in_its_place_is_none(folder: Folder):
     assert folder.last() == {}
-    folder.tell("http://x/y", "1.2.3", "installed")
+    folder.tell("http://x/y", "1.2.3", "B", "installed")
     assert folder.last()["result"] == "installed"
     for octets in (b"", b"[]", b"\xff", b"{" * 100_000):
         (folder.place / "last.json").write_bytes(octets)
