@@ -20,11 +20,17 @@ BEGUN = "is being installed"
 
 
 class Progress(NamedTuple):
-    """Who is told how far it is. step: percent and what is done. fetched: octets that are there, and of how many."""
+    """Who is told how far it is.
+
+    step     percent and what is done.
+    fetched  octets that are there, and of how many.
+    begun    from here on the service has it, and ends it in any case.
+    """
 
     step: Callable[[int, str], None]
     fetched: Callable[[int, int], None]
     shown: Callable[[Bundle, list[RootSlot]], None]
+    begun: Callable[[], None]
 
 
 def run(source: str, progress: Progress, folder: Folder | None = None, only_look: bool = False) -> Bundle:
@@ -57,6 +63,7 @@ def run(source: str, progress: Progress, folder: Folder | None = None, only_look
                 return found
             slot = update_slots.other(both).name
             folder.tell(source, version, slot, BEGUN)
+            progress.begun()
             update_rauc.install(path, progress.step)
         except StationError as error:
             if folder.bundle.exists():  # a part is kept, so that it goes on from there

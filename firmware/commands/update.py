@@ -20,6 +20,7 @@ from firmware.user.table import Table, clean, lines_for
 
 HALF_WRITTEN = 3
 UNTOUCHED = "no slot was touched"
+ITS_END = "what is being written is written to its end; captain update --status"
 EVERY_PERCENT = 10
 EVERY_S = 5.0
 
@@ -96,7 +97,7 @@ def main(arguments: argparse.Namespace) -> int:
 def _install(arguments: argparse.Namespace) -> int:
     signal.signal(signal.SIGHUP, signal.SIG_IGN)  # what is begun ends, though whoever began it hangs up
     teller = Teller()
-    progress = update.Progress(teller.step, teller.fetched, _shown)
+    progress = update.Progress(teller.step, teller.fetched, _shown, teller.begun)
     try:
         found = update.run(arguments.source, progress, only_look=arguments.look)
     except InstallError as error:
@@ -104,9 +105,7 @@ def _install(arguments: argparse.Namespace) -> int:
         _say("  (the other slot is unusable until the next update; this one stays in use)", is_wrong=True)
         return HALF_WRITTEN
     except KeyboardInterrupt:
-        is_begun = Folder().last().get("result") == update.BEGUN
-        what = "what is being written is written to its end; captain update --status" if is_begun else UNTOUCHED
-        _say(f"captain: {what}", is_wrong=True)
+        _say(f"captain: {ITS_END if teller.is_begun else UNTOUCHED}", is_wrong=True)
         raise
     if arguments.look:
         _say("signature and contents are as they were signed; nothing was written")
@@ -150,9 +149,13 @@ class Teller:
     """Progress for a terminal that can do nothing but go on: a line every ten percent, or where something begins."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self.is_begun = False  # the service has it
         self._clock = clock
         self._said: tuple[str, int] = ("", -EVERY_PERCENT)
         self._at = 0.0
+
+    def begun(self) -> None:
+        self.is_begun = True
 
     def step(self, percent: int, what: str) -> None:
         name = what.split(" ", 1)[0]

@@ -292,10 +292,14 @@ def test_what_became_of_it_is_told_of_the_slot_that_it_goes_into(
     assert (last["slot"], last["result"]) == ("B", result)
 
 
-def test_ctrl_c_before_anything_is_written_says_so(service: Service, said: Said, monkeypatch: pytest.MonkeyPatch):
+def test_ctrl_c_before_anything_is_written_says_so(
+    service: Service, tmp_path: Path, said: Said, monkeypatch: pytest.MonkeyPatch
+):
     def interrupted(path: Path) -> Bundle:
         raise KeyboardInterrupt
 
+    # What is kept of an earlier one, whose end nobody waited for, says nothing of this one.
+    Folder(tmp_path / "update").tell("y", "1.2.3", "B", update.BEGUN)
     monkeypatch.setattr(update_bundle, "read", interrupted)
     assert main(["update", "x"]) == 130
     assert "no slot was touched" in said()[1]
