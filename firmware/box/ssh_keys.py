@@ -13,8 +13,9 @@ KINDS = (
 )  # fmt: skip
 OLD = "ssh-dss"
 LEAST_RSA_BITS = 1024  # RequiredRSASize of sshd_config(5)
+BLANKS = " \t"  # between words; any other letter is part of one
 # A word of options: letters, and values in quotes, in which blanks are not its end.
-OPTIONS = re.compile(r'(?:[^\s"]|"(?:[^"\\]|\\.)*")+')
+OPTIONS = re.compile(r'(?:[^ \t"]|"(?:[^"\\]|\\.)*")+')
 # Those of sshd(8), in any case of their letters: with a value in quotes, and without one.
 OPTION = re.compile(
     r"(?:cert-authority|restrict|no-touch-required|verify-required"
@@ -62,16 +63,15 @@ def sound_keys(name: str, text: str, notes: list[Note], first: int = 1) -> list[
 
 def _trouble(line: str) -> tuple[str, str] | None:
     """What is wrong with a line, and what to do; None where sshd takes it."""
-    kind, _, rest = line.partition(" ")
+    kind, written = _words(line)
     if kind not in (*KINDS, OLD) and (options := OPTIONS.match(line)):
-        kind, _, rest = line[options.end() :].strip().partition(" ")
+        kind, written = _words(line[options.end() :].lstrip(BLANKS))
         if kind in KINDS and (unknown := _unknown(options[0])) is not None:
             return f'"{unknown[:SHOWN]}" is no option of a key', "sshd(8) lists them, under AUTHORIZED_KEYS FILE FORMAT"
     if kind == OLD:
         return "ssh-dss is no longer taken by sshd", "make another key: ssh-keygen -t ed25519"
     if kind not in KINDS:
         return f'"{line[:SHOWN]}" begins no public key', f"is the line broken, or cut off? {MAKE}"
-    written = rest.split()[0] if rest.split() else ""
     try:
         octets = base64.b64decode(written, validate=True)
     except (binascii.Error, ValueError):
@@ -82,6 +82,11 @@ def _trouble(line: str) -> tuple[str, str] | None:
     if kind == "ssh-rsa" and (bits := int.from_bytes(fields[2]).bit_length()) < LEAST_RSA_BITS:
         return f"an RSA key of {bits} bits is refused by sshd", "make another key: ssh-keygen -t ed25519"
     return None
+
+
+def _words(line: str) -> list[str]:
+    """The first two."""
+    return [*re.split(f"[{BLANKS}]+", line, maxsplit=2), "", ""][:2]
 
 
 def _unknown(options: str) -> str | None:

@@ -37,6 +37,26 @@ def test_options_comments_and_empty_lines_are_sshds(tmp_path: Path):
     assert looked("\n".join(lines)) == (lines[2:], [])
 
 
+BETWEEN = [" ", "\t", "  ", "\t \t", "\v", "\f", "\xa0", "\u2003"]
+
+
+@pytest.mark.parametrize("between", BETWEEN)
+@pytest.mark.parametrize("place", [1, 2])
+def test_words_of_a_key_are_parted_as_openssh_parts_them(tmp_path: Path, between: str, place: int):
+    words = KEY.split(" ")
+    line = between.join((" ".join(words[:place]), " ".join(words[place:])))
+    (tmp_path / "key").write_text(f"{line}\n")
+    ended = subprocess.run(["ssh-keygen", "-l", "-f", tmp_path / "key"], capture_output=True, check=False)
+    assert looked(line)[0] == ([line] if ended.returncode == 0 else [])
+
+
+@pytest.mark.parametrize("between", BETWEEN)
+def test_behind_options_any_blanks_and_tabs_may_stand_and_nothing_else(between: str):
+    # OpenSSH, auth2-pubkeyfile.c: auth_check_authkey_line() skips them; ssh-keygen -l takes one alone.
+    line = f"restrict{between}{KEY}"
+    assert looked(line)[0] == ([] if between.strip(" \t") else [line])
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
