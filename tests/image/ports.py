@@ -17,6 +17,8 @@ from tests.image.wire import MAKERS, ONE_DRIVER, QEMUS, Wire
 ALL = range(1, 65536)
 FEW = (22, 53, 67, 68, 80, 123, 323, 546, 5353, 5355, 5555, 5556, 5557, 5558, 8947)
 LISTED = {22, 5555, 5556, 5557, 5558}
+SERVERS = (53, 67, 547)  # of DNS, DHCP and DHCPv6: a firewall may let in what comes from there
+CLIENT6 = 546  # of DHCPv6, let in where users are; the network says whether its client is at work
 MODEM, RADIO = "wwan0", "usb0"
 
 
@@ -147,6 +149,20 @@ def _scanned(network: Network, neighbour: Neighbour, ports: Sequence[int]) -> It
         yield Row(f"{network.name}: TCP ports {of}, IPv{version}", _said(found), goal, is_ok)
         found = udp_scan(neighbour, version, lambda _: b"", ports)
         yield Row(f"{network.name}: UDP ports {of}, IPv{version}", _said(found), "silence", not set(found) - {5353})
+        yield _from_servers(network, neighbour, version, ports, of)
+
+
+def _from_servers(network: Network, neighbour: Neighbour, version: int, ports: Sequence[int], of: str) -> Row:
+    """What the firewall lets in by its source alone. of: ports, in words."""
+    found = {
+        port: said
+        for source in SERVERS
+        for port, said in udp_scan(neighbour, version, lambda _: b"", ports, source).items()
+    }
+    allowed = {CLIENT6} if network.is_near and version == 6 else set()
+    goal = f"silence, or closed {CLIENT6}" if allowed else "silence"
+    what = f"{network.name}: UDP ports {of} from {_ports(set(SERVERS))}, IPv{version}"
+    return Row(what, _said(found), goal, not set(found) - allowed - {5353})
 
 
 def _spoken(network: Network, neighbour: Neighbour, shell: RootShell) -> Iterator[Row]:

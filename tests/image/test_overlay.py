@@ -95,8 +95,10 @@ def test_only_what_the_readme_lists_may_come_in():
     near = text.split("chain near {")[1].split("}\n\n    chain")[0]
     assert set(re.findall(r"tcp dport (\S+) accept", near)) == {"22", "5555-5558"}
     assert set(re.findall(r"udp (?:sport \d+ udp )?dport (\d+) accept", near)) == {"5353", "68", "546"}
-    # From the radio module and from 5G: replies, and a lease.
-    assert re.findall(r'iifname \{ "usb\*", "enx\*", "wwan\*" \} (.*) accept', text) == ["udp sport 67 udp dport 68"]
+    # From the radio module replies, and a lease; from 5G replies.
+    lease = ["meta nfproto ipv4 udp sport 67 udp dport 68"]
+    assert re.findall(r'iifname \{ "usb\*", "enx\*" \} (.*) accept', text) == lease
+    assert "wwan" not in text
 
 
 def test_a_network_by_usb_is_never_the_cable_that_the_firewall_trusts():
