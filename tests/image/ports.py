@@ -176,7 +176,7 @@ def _spoken(network: Network, neighbour: Neighbour, shell: RootShell) -> Iterato
               _ports(wanted) or "silence", found == wanted)  # fmt: skip
     echo = [version for version in (4, 6) if answers_echo(neighbour, version)]
     yield Row(f"{network.name}: answers ping", " ".join(f"IPv{version}" for version in echo) or "never",
-              "IPv4 IPv6" if network.is_near else "never", bool(echo) is network.is_near)  # fmt: skip
+              "IPv4 IPv6" if network.is_near else "never", echo == ([4, 6] if network.is_near else []))  # fmt: skip
     out = shell.run(f"timeout 60 bash -c 'exec 3<>/dev/tcp/{neighbour.own}/80' && echo out", 120)
     yield Row(
         f"{network.name}: replies to the box come in", "yes" if "out" in out else out[-30:] or "no", "yes", "out" in out
