@@ -48,6 +48,16 @@ def test_cuts_are_counted_by_what_they_met():
     assert rows["in the middle of"].seen == "configuration 2, update 1, recording 2"
 
 
+@pytest.mark.parametrize(
+    ("configurations", "updates", "is_ok"), [(14, 3, True), (13, 3, False), (14, 2, False), (0, 0, False)]
+)
+def test_many_cuts_have_to_meet_configurations_and_updates(configurations: int, updates: int, is_ok: bool):
+    met = [cut(during=("owner",))] * configurations + [cut(during=("slot",))] * updates
+    rows = {row.what: row for row in _clean(met + [cut()] * (74 - len(met)))}
+    assert rows["in the middle of"].goal == "at least configuration 14, update 3"
+    assert rows["in the middle of"].is_ok is is_ok
+
+
 def test_a_recording_may_lose_its_last_second_and_no_more():
     assert all(row.is_ok for row in _kept([cut(Look(lost_s=0.4)), cut(Look(lost_s=1.0))]))
     missed = [row.what for row in _kept([cut(Look(lost_s=1.1))]) if not row.is_ok]
