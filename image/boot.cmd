@@ -1,7 +1,7 @@
 # U-Boot's script, the same on a Raspberry Pi and in QEMU's virt: takes a slot that has tries left, counts the try down
 # in the state partition, and starts its kernel. A station that is well puts the counter back; one that never gets well
-# uses its tries up, and the other slot is taken. BOOT_NEW names a slot that was updated and has not been well yet: it is
-# kept here for who judges that.
+# uses its tries up, and the other slot is taken. BOOT_NEW names a slot that was updated and has not been well yet,
+# BOOT_AGAIN one that has used its tries up and was given one more: they are kept here for who judges that.
 #
 # The state: two copies of 4 KiB, 4 MiB apart, as libubootenv keeps a redundant environment: CRC-32 in 4 octets, a
 # counter in one, the text. U-Boot's own functions know it without the counter: the CRC is shifted by an octet for them.
@@ -69,15 +69,16 @@ setenv BOOT_ORDER
 setenv BOOT_A_LEFT
 setenv BOOT_B_LEFT
 setenv BOOT_NEW
+setenv BOOT_AGAIN
 setenv counter 0
 setenv target ${first}
 if test ${use} = a; then
-  env import -c ${a_text} ${text_size} BOOT_ORDER BOOT_A_LEFT BOOT_B_LEFT BOOT_NEW
+  env import -c ${a_text} ${text_size} BOOT_ORDER BOOT_A_LEFT BOOT_B_LEFT BOOT_NEW BOOT_AGAIN
   setenv counter ${a_counter}
   setenv target ${second}
 fi
 if test ${use} = b; then
-  env import -c ${b_text} ${text_size} BOOT_ORDER BOOT_A_LEFT BOOT_B_LEFT BOOT_NEW
+  env import -c ${b_text} ${text_size} BOOT_ORDER BOOT_A_LEFT BOOT_B_LEFT BOOT_NEW BOOT_AGAIN
   setenv counter ${b_counter}
   setenv target ${first}
 fi
@@ -85,9 +86,10 @@ test -n "${BOOT_ORDER}" || setenv BOOT_ORDER "A B"
 test -n "${BOOT_A_LEFT}" || setenv BOOT_A_LEFT 3
 test -n "${BOOT_B_LEFT}" || setenv BOOT_B_LEFT 3
 test -n "${BOOT_NEW}" || setenv BOOT_NEW 0
+test -n "${BOOT_AGAIN}" || setenv BOOT_AGAIN 0
 echo "slots: state of copy ${use}, order ${BOOT_ORDER}, tries left: A ${BOOT_A_LEFT}, B ${BOOT_B_LEFT}"
 
-setenv save 'setexpr counter 0x${counter} + 1; setexpr counter 0x${counter} "&" 0xff; env export -c -s ${text_size} ${work_text} BOOT_ORDER BOOT_A_LEFT BOOT_B_LEFT BOOT_NEW; cp.b ${work_text} ${a} 4; cp.b ${a} ${work} 4; mw.b ${work_count} 0x${counter} 1; ${devtype} write ${work} ${target} ${blocks}'
+setenv save 'setexpr counter 0x${counter} + 1; setexpr counter 0x${counter} "&" 0xff; env export -c -s ${text_size} ${work_text} BOOT_ORDER BOOT_A_LEFT BOOT_B_LEFT BOOT_NEW BOOT_AGAIN; cp.b ${work_text} ${a} 4; cp.b ${a} ${work} 4; mw.b ${work_count} 0x${counter} 1; ${devtype} write ${work} ${target} ${blocks}'
 setenv read_slot 'load ${devtype} ${devnum}:${number} ${kernel_addr_r} /boot/Image && load ${devtype} ${devnum}:${number} ${ramdisk_addr_r} /boot/initrd'
 
 for slot in ${BOOT_ORDER}; do

@@ -15,13 +15,15 @@ NONE = "0"  # a variable without a value is none
 class State(NamedTuple):
     """Which slots are tried, in this order, and how often each still may be.
 
-    new  the slot that was updated and has not been well yet.
+    new    the slot that was updated and has not been well yet.
+    again  the slot that had used its tries up, was given one more, and has not been well since.
     """
 
     order: tuple[str, ...] = ("A", "B")
     a_left: int = 3
     b_left: int = 3
     new: str = NONE
+    again: str = NONE
 
 
 def packed(state: State, counter: int) -> bytes:
@@ -31,6 +33,7 @@ def packed(state: State, counter: int) -> bytes:
         "BOOT_A_LEFT": f"{state.a_left:x}",
         "BOOT_B_LEFT": f"{state.b_left:x}",
         "BOOT_NEW": state.new,
+        "BOOT_AGAIN": state.again,
     }
     text = "".join(f"{name}={value}\0" for name, value in words.items()).encode().ljust(SIZE - _HEAD.size, b"\0")
     return _HEAD.pack(zlib.crc32(text), counter) + text
@@ -45,7 +48,8 @@ def unpacked(octets: bytes) -> tuple[State, int] | None:
     words = dict(word.split("=", 1) for word in text.decode("ascii", "replace").split("\0") if "=" in word)
     try:
         a_left, b_left = (int(words[key], 16) for key in ("BOOT_A_LEFT", "BOOT_B_LEFT"))
-        return State(tuple(words["BOOT_ORDER"].split()), a_left, b_left, words.get("BOOT_NEW", NONE)), counter
+        new, again = (words.get(key, NONE) for key in ("BOOT_NEW", "BOOT_AGAIN"))
+        return State(tuple(words["BOOT_ORDER"].split()), a_left, b_left, new, again), counter
     except (KeyError, ValueError):
         return None
 

@@ -121,8 +121,23 @@ def test_the_old_slot_says_that_the_new_one_did_not_get_well(box: Box):
 
 def test_a_slot_whose_power_went_away_three_times_before_it_was_up_is_tried_again(box: Box):
     # It has been well before: nobody has updated it.
-    assert box.run("judge", "B", State(a_left=0, b_left=2), WELL) == State(a_left=1, b_left=3)
-    assert "the next start tries it once more" in box.said
+    assert box.run("judge", "B", State(a_left=0, b_left=2), WELL) == State(a_left=1, b_left=3, again="A")
+    assert "slot A has used its tries up and was well before: the next start tries it once more" in box.said
+
+
+def test_a_slot_that_was_tried_once_more_in_vain_comes_first_no_more(box: Box):
+    assert box.run("judge", "B", State(a_left=0, b_left=2, again="A"), WELL) == State(BA, 0, 3)
+    assert "slot A was tried once more and is not well: slot B comes first from now on" in box.said
+
+
+def test_a_slot_that_was_well_when_it_was_tried_once_more_may_be_so_again(box: Box):
+    assert box.run("judge", "A", State(a_left=0, again="A"), WELL) == State()
+    assert box.said == ""
+
+
+def test_a_slot_that_is_well_leaves_what_is_said_of_the_other_one(box: Box):
+    # The start in which it is to be tried once more was one of the other slot: U-Boot could not read it.
+    assert box.run("judge", "B", State(a_left=1, b_left=2, again="A"), WELL) == State(a_left=1, again="A")
 
 
 def test_the_other_slot_is_not_tried_where_it_is_not_the_first(box: Box):

@@ -15,6 +15,7 @@ states = some.builds(
     some.integers(0, 15),
     some.integers(0, 15),
     some.sampled_from(["0", "A", "B"]),
+    some.sampled_from(["0", "A", "B"]),
 )
 
 
@@ -31,7 +32,7 @@ def test_a_copy_has_the_form_of_libubootenv():
     # uboot_env.c: struct uboot_env_redund: crc, flags, data; the checksum is of the data alone.
     octets = packed(State(("B", "A"), 2, 10), 7)
     assert octets[4] == 7
-    assert octets[5:].startswith(b"BOOT_ORDER=B A\0BOOT_A_LEFT=2\0BOOT_B_LEFT=a\0BOOT_NEW=0\0\0")
+    assert octets[5:].startswith(b"BOOT_ORDER=B A\0BOOT_A_LEFT=2\0BOOT_B_LEFT=a\0BOOT_NEW=0\0BOOT_AGAIN=0\0\0")
     assert int.from_bytes(octets[:4], "little") == zlib.crc32(octets[5:])
     assert len(octets) == SIZE
 
