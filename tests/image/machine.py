@@ -37,18 +37,18 @@ class NotSeenError(Exception):
     """What was waited for did not come; with the last words of the console."""
 
 
-def user_network(ports: Ports) -> str:
-    """QEMU's own network, by which this machine reaches the guest's ports."""
-    forwards = (f"hostfwd=tcp:127.0.0.1:{own}-:{its}" for own, its in zip(ports, GUEST, strict=True))
+def user_network(ports: Ports, address: str = "") -> str:
+    """QEMU's own network, by which this machine reaches the guest's ports. address: the guest's; empty: by its DHCP."""
+    forwards = (f"hostfwd=tcp:127.0.0.1:{own}-{address}:{its}" for own, its in zip(ports, GUEST, strict=True))
     return ",".join(("user,id=eth0", *forwards))
 
 
-def virt(card: Path, ports: Ports) -> list[str]:
-    """A board of no maker, with the card at virtio; its U-Boot is QEMU's."""
+def virt(card: Path, ports: Ports, address: str = "") -> list[str]:
+    """A board of no maker, with the card at virtio; its U-Boot is QEMU's. address: of its eth0, as user_network has it."""
     return [
         *BARE_VIRT,
         *("-bios", str(LOADER), "-drive", f"file={card},format=raw,if=virtio"),
-        *("-netdev", user_network(ports), "-device", "virtio-net-pci,netdev=eth0,romfile="),
+        *("-netdev", user_network(ports, address), "-device", "virtio-net-pci,netdev=eth0,romfile="),
     ]
 
 

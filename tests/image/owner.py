@@ -57,6 +57,8 @@ def _first_set_with_mistakes(card: Path, folder: Path, key: Key) -> Iterator[Row
             "12345678" not in shown,
         )
         yield from reachable(guest, key, "captain", "its first files refused")
+        leases = said(guest, key, owner_page.LEASES)
+        yield Row("leases of eth0, its first files refused", leases, "1", leases == "1")
         seen = led.blinks(guest, key)
         is_two = len(seen) > 1 and set(seen) == {2}
         yield Row("blinks of the ACT LED, from pause to pause", " ".join(map(str, seen)) or "none", "2", is_two)
@@ -81,7 +83,7 @@ def _later_set_with_mistakes(card: Path, folder: Path, key: Key) -> Iterator[Row
     }
     taken_away(card, "authorized_keys", "user-data")
     put(card, files)
-    with powered(card, folder) as guest:
+    with powered(card, folder, machine=owner_page.STATIC) as guest:
         shown = notes(guest)
         yield from all_told(shown, {
             "what was taken stays": "the owner's files are NOT taken, for 4 mistakes; those of before stay in force",
