@@ -25,10 +25,15 @@ class Guest(NamedTuple):
 
     process: subprocess.Popen[str]
 
-    def lines(self) -> Iterator[str]:
-        """What comes out of its second serial port, until it is off."""
+    def lines(self, silence_s: float) -> Iterator[str]:
+        """What comes out of its second serial port, until it is off; one that says nothing for so long is."""
         assert self.process.stdout is not None
-        for line in self.process.stdout:
+        line = "\n"
+        while line:
+            alarm = threading.Timer(silence_s, self.kill)
+            alarm.start()
+            line = self.process.stdout.readline()
+            alarm.cancel()
             yield line.strip()
 
     def kill(self) -> None:
@@ -38,15 +43,12 @@ class Guest(NamedTuple):
 
 
 @contextmanager
-def booted(checks: Sequence[str], limit_s: float) -> Iterator[Guest]:
-    """A guest that runs checks, options of pytest; without power after so many seconds at the latest."""
+def booted(checks: Sequence[str]) -> Iterator[Guest]:
+    """A guest that runs checks, options of pytest."""
     guest = Guest(_start(_accelerator(), checks))
-    alarm = threading.Timer(limit_s, guest.kill)
-    alarm.start()
     try:
         yield guest
     finally:
-        alarm.cancel()
         guest.kill()
 
 
@@ -61,19 +63,23 @@ def _starts_with_kvm() -> bool:
     if not os.access("/dev/kvm", os.R_OK | os.W_OK):
         return False
     guest = Guest(_start(KVM, ["--collect-only"]))
-    alarm = threading.Timer(KVM_S, guest.kill)
-    alarm.start()
     try:
-        return next(guest.lines(), "") != ""
+        return next(guest.lines(KVM_S)) != ""
     finally:
-        alarm.cancel()
         guest.kill()
 
 
 def _start(accelerator: Sequence[str], checks: Sequence[str]) -> subprocess.Popen[str]:
     # What the kernel does not know itself it hands to the first program, as its environment.
     given = {"PROJECT": str(PROJECT), "CHECKS": " ".join(checks)}
-    words = ["console=ttyS0", "quiet", "panic=-1", *(f'{name}="{value}"' for name, value in given.items())]
+    # A kernel that has met a mistake of its own is off at once: what it would do from there on is nobody's.
+    words = [
+        "console=ttyS0",
+        "quiet",
+        "oops=panic",
+        "panic=-1",
+        *(f'{name}="{value}"' for name, value in given.items()),
+    ]
     command = [
         *("qemu-system-x86_64", "-nodefaults", "-no-user-config", "-display", "none", "-no-reboot"),
         *(*accelerator, "-smp", "2", "-m", "1024"),
