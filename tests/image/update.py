@@ -18,7 +18,7 @@ from tests.image.machine import Guest, owned, powered
 from tests.image.root_shell import EXTRA, RootShell
 from tests.image.rows import Options, Row
 from tests.image.site import Site, serving
-from tests.image.slots import INSTALL_S, seen, slots, status, update, well
+from tests.image.slots import ENDED, INSTALL_S, WELL_S, seen, slots, status, update, well
 
 BATTERYLESS = ("-rtc", "base=1970-01-01T00:00:00")
 CLOCK = "captain status --json"
@@ -47,6 +47,7 @@ def rows(card: Path, folder: Path, options: Options) -> Iterator[Row]:
             yield from _given_up(guest, key, site, made.hanging, "whose start comes to no end")
             yield from _back(guest, key, site, made)
         yield from _after_power_cut(own, folder, key)
+        yield from _tried_once_more(own, folder, key)
 
 
 def _first_start(guest: Guest, key: Key) -> Row:
@@ -139,3 +140,23 @@ def _after_power_cut(card: Path, folder: Path, key: Key) -> Iterator[Row]:
         guest.wait("slots: trying B, 2 tries left")
         wait_for_ssh(guest)
         yield well(guest, key, "B", "the same after its power was cut")
+
+
+def _tried_once_more(card: Path, folder: Path, key: Key) -> Iterator[Row]:
+    """Of a slot that comes first and was well, and whose power goes each time before it is up."""
+    for tries, words in (
+        ((2, 1, 0), "slot B has used its tries up and was well before: the next start tries it once more"),
+        ((0,), "slot B was tried once more and is not well: slot A comes first from now on"),
+    ):
+        for rest in tries:
+            with powered(card, folder, BATTERYLESS) as guest:
+                guest.wait(f"slots: trying B, {rest} tries left")
+        with powered(card, folder, BATTERYLESS) as guest:
+            guest.wait("slots: trying A, ")
+            wait_for_ssh(guest)
+            said(guest, key, ENDED, WELL_S)
+            shown = said(guest, key, "cat /run/early")
+            first = next(slot["name"] for slot in slots(guest, key) if slot["is_next"])
+        yield Row(f"power that goes before slot B is up, times {len(tries)}", words if words in shown else shown[-100:],
+                  words, words in shown)  # fmt: skip
+    yield Row("the slot that comes first from then on", str(first), "A", first == "A")
