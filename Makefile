@@ -38,8 +38,8 @@ check: setup-test ## lint, format, types, and who may import whom
 	@.venv/bin/mypy
 	@$(PYTEST) tests/test_imports.py
 
-portable: setup-portable ## the C library with gcc, clang and for aarch64 (run by qemu): built, installed, linked, run
-	@CAPTAIN_PORTABLE=1 $(PYTEST) tests/asn1/test_library.py $(ARGS)
+portable: setup-portable ## C with gcc, clang and for aarch64 (run by qemu): the library, built, installed, linked, run; the simulated radio
+	@CAPTAIN_PORTABLE=1 $(PYTEST) tests/asn1/test_library.py tests/drivers/test_v2xcast.py $(ARGS)
 
 docs: setup ## a page per message, in build/docs/messages
 	@.venv/bin/captain-asn1 generate --all --form docs --to build/docs/messages
