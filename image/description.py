@@ -9,6 +9,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
+from image import state
 from image.errors import ImageError
 
 T = TypeVar("T")
@@ -141,10 +142,10 @@ class Description:
         """What a box and an update have to agree in.
 
         The last word is of what no update writes, and a slot needs: what the device trees are made of, which lie on the
-        boot partition, and where the partitions are found.
+        boot partition, where the partitions are found, and which words of the counters the boot script there keeps.
         """
         places = {one.name: self.disk.partuuid(one.name) for one in self.disk.partitions}
-        beside = json.dumps([self.kernel.package, asdict(self.device_tree), places])
+        beside = json.dumps([self.kernel.package, asdict(self.device_tree), places, state.WORDS])
         return f"{self.name} {self.base.suite} {self.device_tree.board} {sha256(beside.encode()).hexdigest()[:8]}"
 
 

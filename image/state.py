@@ -10,6 +10,7 @@ _HEAD = struct.Struct("<IB")
 
 
 NONE = "0"  # a variable without a value is none
+WORDS = ("BOOT_ORDER", "BOOT_A_LEFT", "BOOT_B_LEFT", "BOOT_NEW", "BOOT_AGAIN")  # others the boot script drops
 
 
 class State(NamedTuple):
@@ -28,14 +29,9 @@ class State(NamedTuple):
 
 def packed(state: State, counter: int) -> bytes:
     """A copy: CRC-32 of the text, a counter, the text. Source: libubootenv, redundant environment."""
-    words = {
-        "BOOT_ORDER": " ".join(state.order),
-        "BOOT_A_LEFT": f"{state.a_left:x}",
-        "BOOT_B_LEFT": f"{state.b_left:x}",
-        "BOOT_NEW": state.new,
-        "BOOT_AGAIN": state.again,
-    }
-    text = "".join(f"{name}={value}\0" for name, value in words.items()).encode().ljust(SIZE - _HEAD.size, b"\0")
+    values = (" ".join(state.order), f"{state.a_left:x}", f"{state.b_left:x}", state.new, state.again)
+    words = "".join(f"{name}={value}\0" for name, value in zip(WORDS, values, strict=True))
+    text = words.encode().ljust(SIZE - _HEAD.size, b"\0")
     return _HEAD.pack(zlib.crc32(text), counter) + text
 
 

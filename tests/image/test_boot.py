@@ -30,6 +30,17 @@ def test_the_script_and_the_image_agree_where_the_counters_lie():
     assert f"part start ${{devtype}} ${{devnum}} {OWN.disk.partition('state').number} first" in SCRIPT
 
 
+def test_the_script_keeps_all_words_of_the_counters():
+    words = " ".join(state.WORDS)
+    assert [line for line in SCRIPT.splitlines() if "env import" in line and "if env" not in line] == [
+        f"  env import -c ${{{copy}_text}} ${{text_size}} {words}" for copy in "ab"
+    ]
+    assert f"env export -c -s ${{text_size}} ${{work_text}} {words};" in SCRIPT
+    assert all(
+        f"setenv {word}\n" in SCRIPT and f'test -n "${{{word}}}" || setenv {word} ' in SCRIPT for word in state.WORDS
+    )
+
+
 def test_each_if_and_each_loop_of_the_script_ends():
     words = [word for line in SCRIPT.splitlines() if not line.startswith("#") for word in re.split(r"[\s;]+", line)]
     assert words.count("if") == words.count("then") == words.count("fi")
