@@ -51,7 +51,8 @@ class Device:
             raise ImageError(f"{self.path}: has {self.octets >> 20} MiB, and the image {needed >> 20}")
         if self._word("ro") == "1":
             raise ImageError(f"{self.path}: may only be read", "an SD card's adapter has a switch for that")
-        if self._word("removable") != "1" and not self.path.name.startswith("mmcblk"):
+        # What is soldered to a board is mmcblk as well, and of type MMC.
+        if self._word("removable") != "1" and self._word("device/type") != "SD":
             raise ImageError(f"{self.path}: {self.model or 'this disk'} is not removable", "a card reader's card is")
         if self.octets > LARGEST_GIB << 30:
             raise ImageError(f"{self.path}: has {self.octets >> 30} GiB, which no card of a box has")

@@ -50,7 +50,7 @@ def written(image: Path, card: Device, answer: str) -> list[str]:
 
 def test_a_card_in_a_reader_is_taken(tmp_path: Path):
     device(tmp_path).refuse(2 << 30, NOBODY)
-    device(tmp_path, "mmcblk0", removable="0").refuse(2 << 30, NOBODY)
+    device(tmp_path, "mmcblk0", removable="0", device__type="SD").refuse(2 << 30, NOBODY)
 
 
 @pytest.mark.parametrize(
@@ -60,6 +60,7 @@ def test_a_card_in_a_reader_is_taken(tmp_path: Path):
         ({"size": "2048"}, NOBODY, "has 1 MiB, and the image 2048"),
         ({"ro": "1"}, NOBODY, "may only be read"),
         ({"removable": "0", "device__model": "Fast SSD"}, NOBODY, "Fast SSD is not removable"),
+        ({"removable": "0", "device__type": "MMC"}, NOBODY, "this disk is not removable"),
         ({"size": str(1 << 31)}, NOBODY, "has 1024 GiB, which no card of a box has"),
         ({}, Users("24 1 8:16 / /media/card rw - vfat /dev/sdx rw"), "is in use: mounted at /media/card"),
         # The kernel's name for what it has booted from.
