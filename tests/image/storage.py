@@ -215,6 +215,7 @@ def _state(shell: RootShell, ports: Ports, what: str, state: str, refusal: str) 
         said = shell.run("captain status --json")
         told = json.loads(said[said.index("{") :]).get("storage", {}) if "{" in said else {}
     is_ok = told.get("state") == state and refusal in str(told.get("last_refusal"))
+    is_ok = is_ok and bool(told.get("hint")) == (state != "kept")
     seen = f"{told.get('state')}, {told.get('refused')} refused: {told.get('hint') or 'nothing to do'}"
     return Row(f"station: {what}", seen, f"answers, {state}, {refusal or 'a hint' if state != 'kept' else ''}", is_ok)
 
