@@ -12,8 +12,8 @@ from board import state_file
 from board.errors import StationError, StorageError
 
 FOLDER = Path("/data/update")
-# Left free for the station's own state and for the journal, which come first.
-RESERVE = 24 << 20  # octets
+# Left free for the station's own state and for the journal, which come first: it stops at 32 MiB (SystemKeepFree).
+RESERVE = 40 << 20  # octets
 KEPT = 4096  # octets of a small file that is read back
 
 

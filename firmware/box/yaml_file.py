@@ -5,7 +5,6 @@ from typing import Any, NamedTuple
 from firmware.box.note import Note, at, mistake, remark
 
 TRUE = ("true", "yes", "on")
-DEEPEST = 32
 
 
 class Entry(NamedTuple):
