@@ -144,7 +144,9 @@ def test_counters_of_a_card_that_was_used_are_told(tmp_path: Path):
     with path.open("r+b") as file:
         file.seek(offset)
         file.write(state.packed(state.State(("B", "A"), 3, 2), 2))
-    assert trouble(path)["the boot counters"].startswith("State(order=('B', 'A'), a_left=3, b_left=2, new='0', again='0')")
+    assert trouble(path)["the boot counters"].startswith(
+        "State(order=('B', 'A'), a_left=3, b_left=2, new='0', again='0')"
+    )
 
 
 SECRET, KEY = b"MHcCAQEEIA+8/w==", b"-----BEGIN OPENSSH PRIVATE KEY-----\nb3BlbnNzaC1rZXktdjEAAAAA"
