@@ -121,7 +121,9 @@ def _packets(line: socket.socket) -> Iterator[Packet]:
                 shift += 7
                 if octet[0] < 0x80:
                     break
-            yield Packet(first[0] >> 4, first[0] & 15, stream.read(size))
+            if len(body := stream.read(size)) < size:
+                return  # the client has gone in the middle of it
+            yield Packet(first[0] >> 4, first[0] & 15, body)
 
 
 def _asked(body: bytes, version: int) -> bytes:
