@@ -214,10 +214,11 @@ def _state(shell: RootShell, ports: Ports, what: str, state: str, refusal: str) 
     while time.monotonic() < ends and told.get("state") != state:
         said = shell.run("captain status --json")
         told = json.loads(said[said.index("{") :]).get("storage", {}) if "{" in said else {}
-    is_ok = told.get("state") == state and refusal in str(told.get("last_refusal"))
-    is_ok = is_ok and bool(told.get("hint")) == (state != "kept")
+    has_trouble = state != "kept" or bool(refusal)
+    is_told = refusal in str(told.get("last_refusal")) and bool(told.get("hint")) == has_trouble
     seen = f"{told.get('state')}, {told.get('refused')} refused: {told.get('hint') or 'nothing to do'}"
-    return Row(f"station: {what}", seen, f"answers, {state}, {refusal or 'a hint' if state != 'kept' else ''}", is_ok)
+    goal = f"answers, {state}, {refusal}{' and a hint' if has_trouble else ''}"
+    return Row(f"station: {what}", seen, goal, told.get("state") == state and is_told)
 
 
 def _at_rest(card: Path, folder: Path, settled_s: float, rest_s: float) -> Iterator[Row]:
