@@ -13,6 +13,7 @@ from tests.kernel.machine import Guest
 
 PROMISED = ["air: one", "air: two", "lines: three"]
 END = json.dumps({"exit": 0})
+Guests = tuple[list[list[str]], list[list[str]]]
 
 
 def told(check: str, trouble: str = "") -> str:
@@ -36,7 +37,7 @@ def said_by(lines: Sequence[str], silence: str = "") -> Iterator[Guest]:
 
 
 @pytest.fixture
-def guests(monkeypatch: pytest.MonkeyPatch) -> tuple[list[list[str]], list[list[str]]]:
+def guests(monkeypatch: pytest.MonkeyPatch) -> Guests:
     """What each guest is to say, and the options that each was started with."""
     lines: list[list[str]] = []
     options: list[list[str]] = []
@@ -49,7 +50,7 @@ def guests(monkeypatch: pytest.MonkeyPatch) -> tuple[list[list[str]], list[list[
     return lines, options
 
 
-def test_all_checks_of_a_guest_that_ends_by_itself_are_told(guests: tuple[list[list[str]], list[list[str]]]):
+def test_all_checks_of_a_guest_that_ends_by_itself_are_told(guests: Guests):
     lines, options = guests
     lines.append([promised(*PROMISED), "words of another", *map(told, PROMISED), END])
     rows = list(bench.checked(["-k", "x"], 60))
@@ -57,9 +58,7 @@ def test_all_checks_of_a_guest_that_ends_by_itself_are_told(guests: tuple[list[l
     assert options == [["-k", "x", "--skip=0"]]
 
 
-def test_a_check_in_which_a_guest_went_down_is_run_by_another(
-    guests: tuple[list[list[str]], list[list[str]]], capsys: pytest.CaptureFixture[str]
-):
+def test_a_check_in_which_a_guest_went_down_is_run_by_another(guests: Guests, capsys: pytest.CaptureFixture[str]):
     lines, options = guests
     lines.append([promised(*PROMISED), told("air: one", "wrong")])
     lines.append([promised(*PROMISED[1:]), told("air: two"), told("lines: three"), END])
@@ -70,7 +69,7 @@ def test_a_check_in_which_a_guest_went_down_is_run_by_another(
 
 
 def test_a_check_in_which_both_guests_went_down_has_failed_and_so_have_those_after_it(
-    guests: tuple[list[list[str]], list[list[str]]],
+    guests: Guests,
 ):
     lines, _ = guests
     lines.append([promised(*PROMISED), told("air: one")])
@@ -79,14 +78,14 @@ def test_a_check_in_which_both_guests_went_down_has_failed_and_so_have_those_aft
     assert [row.check for row in rows if not row.is_ok] == ["air: two", "lines: three", "a guest comes to its end"]
 
 
-def test_a_guest_that_never_starts_has_failed(guests: tuple[list[list[str]], list[list[str]]]):
+def test_a_guest_that_never_starts_has_failed(guests: Guests):
     lines, _ = guests
     lines += [[], []]
     (row,) = bench.checked([], 60)
     assert (row.is_ok, row.trouble) == (False, "2 did not; guest 2 went down in: its start")
 
 
-def test_checks_that_ended_before_all_were_run_have_failed(guests: tuple[list[list[str]], list[list[str]]]):
+def test_checks_that_ended_before_all_were_run_have_failed(guests: Guests):
     lines, _ = guests
     lines.append([promised(*PROMISED), told("air: one"), json.dumps({"exit": 3})])
     assert [row.is_ok for row in bench.checked([], 60)] == [True, False, False]
