@@ -3,6 +3,7 @@
 import base64
 import binascii
 import re
+from datetime import UTC, datetime, timedelta
 
 from firmware.box.note import Note, at, mistake
 
@@ -16,6 +17,7 @@ LEAST_RSA_BITS = 1024  # RequiredRSASize of sshd_config(5)
 BLANKS = " \t"  # between words; any other letter is part of one
 # A word of options: letters, and values in quotes, in which blanks are not its end.
 OPTIONS = re.compile(r'(?:[^ \t"]|"(?:[^"\\]|\\.)*")+')
+VALUE = re.compile(r'"(?:[^"\\]|\\.)*"')
 # Those of sshd(8), in any case of their letters: with a value in quotes, and without one.
 OPTION = re.compile(
     r"(?:cert-authority|restrict|no-touch-required|verify-required"
@@ -24,6 +26,9 @@ OPTION = re.compile(
     r'="(?:[^"\\]|\\.)*")',
     re.IGNORECASE,
 )
+# YYYYMMDD[Z] or YYYYMMDDHHMM[SS][Z]; sshd(8).
+UNTIL = re.compile(r'expiry-time="(\d{8}(?:\d{4}(?:\d\d)?)?)(Z?)"', re.IGNORECASE)
+ZONE = timedelta(hours=12)  # without Z a time is the box's own, which is never further behind
 # Octets of each field behind the kind; None: any number. Sources: RFC 4253, clause 6.6; RFC 5656, clause 3.1; RFC 8709,
 # clause 4; OpenSSH's PROTOCOL.u2f.
 SIZES: dict[str, tuple[int | None, ...]] = {
@@ -61,13 +66,49 @@ def sound_keys(name: str, text: str, notes: list[Note], first: int = 1) -> list[
     return found
 
 
+def shut(line: str, now: float) -> str:
+    """Why nobody gets in by a line that sshd takes, and by nothing else; empty where somebody does.
+
+    now  Unix time.
+    """
+    options = _options(line)
+    until = UNTIL.search(options)
+    end = _end(until[1]) if until else None
+    if until and end and end + (timedelta() if until[2] else ZONE) <= datetime.fromtimestamp(now, UTC):
+        return f"has expired: expiry-time is {until[1]}"
+    if "cert-authority" in VALUE.sub("", options).lower().split(","):
+        return "is an authority's: only a certificate that it has signed for operator gets in"
+    return ""
+
+
+def named(line: str) -> str:
+    """A line that sshd takes, for people: its key's beginning and end."""
+    return _short(_words(line.removeprefix(_options(line)).lstrip(BLANKS))[1])
+
+
+def _options(line: str) -> str:
+    """Those before the kind of key."""
+    options = OPTIONS.match(line)
+    return options[0] if options and options[0] not in KINDS else ""
+
+
+def _end(time: str) -> datetime | None:
+    """None where it is no time."""
+    try:
+        return datetime.strptime(time.ljust(14, "0"), "%Y%m%d%H%M%S").replace(tzinfo=UTC)
+    except ValueError:
+        return None
+
+
 def _trouble(line: str) -> tuple[str, str] | None:
     """What is wrong with a line, and what to do; None where sshd takes it."""
     kind, written = _words(line)
-    if kind not in (*KINDS, OLD) and (options := OPTIONS.match(line)):
-        kind, written = _words(line[options.end() :].lstrip(BLANKS))
-        if kind in KINDS and (unknown := _unknown(options[0])) is not None:
+    if kind not in (*KINDS, OLD) and (options := _options(line)):
+        kind, written = _words(line.removeprefix(options).lstrip(BLANKS))
+        if kind in KINDS and (unknown := _unknown(options)) is not None:
             return f'"{unknown[:SHOWN]}" is no option of a key', "sshd(8) lists them, under AUTHORIZED_KEYS FILE FORMAT"
+        if kind in KINDS and (word := _no_time(options)):
+            return f"{word} is no time", "write YYYYMMDD, or YYYYMMDDHHMM, with Z for UTC: sshd passes the line over"
     if kind == OLD:
         return "ssh-dss is no longer taken by sshd", "make another key: ssh-keygen -t ed25519"
     if kind not in KINDS:
@@ -100,6 +141,14 @@ def _unknown(options: str) -> str | None:
             break
         rest = rest[1:]
     return rest
+
+
+def _no_time(options: str) -> str:
+    """The expiry-time among them that is none; empty where there is none such."""
+    written = re.search(r'expiry-time="[^"]*"', options, re.IGNORECASE)
+    if written is None or ((until := UNTIL.fullmatch(written[0])) and _end(until[1])):
+        return ""
+    return written[0][:SHOWN]
 
 
 def _is_whole(kind: str, fields: list[bytes]) -> bool:

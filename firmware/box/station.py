@@ -1,8 +1,9 @@
 """The station's part of a set: captain.toml, board.toml and the files for brokers, as the station will read them."""
 
+import ipaddress
 import os
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import chdir
 from datetime import UTC, datetime
 from pathlib import Path
@@ -18,8 +19,16 @@ from firmware.box.toml_lines import line_of, syntax_hint
 OPEN_PORTS = range(5555, 5559)  # of the box's nftables.conf
 PORTS = ("from_users", "to_users", "pull", "report")
 STATE = "/var/lib/captain/"  # STATE_DIRECTORY and ReadWritePaths of the image's captain.service
+RUN = "/run/captain/"  # its RuntimeDirectory
+HERE = "/data/owner/current"  # its WorkingDirectory
+FIRST_PORT = 1024  # that takes no right of its own; ip(7), ip_unprivileged_port_start
+ALL = ("0.0.0.0", "::", "*")
 IMAGES = "/etc/ssl/certs/"  # authorities of the image, which may be named as they are
 OWN, BOARD = "captain.toml", "board.toml"
+
+
+Saying = tuple[Callable[[str, str, str], Note], str, str]  # mistake or remark, what, remedy
+Trouble = tuple[str, str, str]  # option, what is wrong with it, remedy
 
 
 class StationFiles(NamedTuple):
@@ -30,6 +39,7 @@ class StationFiles(NamedTuple):
     scratch   an empty folder, in which they are read: paths in captain.toml begin there.
     board     the box's, unless there is a board.toml.
     defaults  captain.toml of the box, which the owner's is laid over, where this is the box.
+    own       address that box.toml gives to eth0; empty: none.
     now       Unix time.
     """
 
@@ -38,6 +48,7 @@ class StationFiles(NamedTuple):
     scratch: Path
     board: str
     defaults: str | None
+    own: str
     now: float
 
     def at(self, name: str, path: str) -> str:
@@ -89,18 +100,47 @@ def _of_line(line: str, hint: str, given: StationFiles) -> Note:
 
 
 def _look_at_endpoint(found: config.Config, given: StationFiles, notes: list[Note]) -> None:
+    """Where the station would not start, or nobody would reach it. What the owner has not written is the image's."""
     endpoint = found.tables.endpoint
     said = tomllib.loads(given.files.get(OWN, b"").decode()).get("endpoint", {})
-    for name in PORTS:
-        if (port := getattr(endpoint, name)) not in OPEN_PORTS:
-            what = f"endpoint.{name}: the box lets nobody in at port {port}"
-            notes.append(remark(given.at(OWN, f"endpoint.{name}"), what, "5555 to 5558 are open"))
-    if "address" in said and (endpoint.address.startswith("127.") or endpoint.address == "::1"):
-        what = f'endpoint.address: "{endpoint.address}" is reached from this box only'
-        notes.append(remark(given.at(OWN, "endpoint.address"), what, "leave it out for all addresses"))
-    elif "address" in said and endpoint.address not in ("0.0.0.0", "::", "*"):
-        what = f'endpoint.address: no station starts while the box does not have "{endpoint.address}"'
-        notes.append(remark(given.at(OWN, "endpoint.address"), what, "leave it out for all addresses"))
+    ways = [(name, _port(getattr(endpoint, name))) for name in PORTS]
+    ways += [("address", _address(endpoint.address, given.own)), ("control", _control(endpoint.control))]
+    for name, trouble in ways:
+        if name in said and trouble is not None:
+            say, what, remedy = trouble
+            notes.append(say(given.at(OWN, f"endpoint.{name}"), f"endpoint.{name}: {what}", remedy))
+
+
+def _port(port: int) -> Saying | None:
+    if port in OPEN_PORTS:
+        return None
+    if 0 < port < FIRST_PORT:
+        what = f"port {port} is one of the system's, which the station may not take"
+        return mistake, what, "5555 to 5558 are open"
+    return remark, f"the box lets nobody in at port {port}", "5555 to 5558 are open"
+
+
+def _address(address: str, own: str) -> Saying | None:
+    remedy = "leave it out for all addresses"
+    if address in ALL:
+        return None
+    try:
+        is_of_itself = ipaddress.ip_address(address).is_loopback
+    except ValueError:
+        return mistake, f'"{address}" is no address', remedy
+    if is_of_itself:
+        return remark, f'"{address}" is reached from this box only', remedy
+    if address != own:
+        return mistake, f'the box is given no "{address}"', f"{remedy}, or give it to eth0 in box.toml"
+    return remark, f'no station starts while eth0 does not have "{address}": without a cable', remedy
+
+
+def _control(path: str) -> Saying | None:
+    whole = os.path.normpath(os.path.join(HERE, path))
+    if not path or whole.startswith((RUN, STATE)):
+        return None
+    what = f"the station cannot write {os.path.dirname(whole)} on a box"
+    return mistake, what, f'leave it out, or write "{RUN}NAME"'
 
 
 def _look_at_recorder(found: config.Config, given: StationFiles, notes: list[Note]) -> None:
@@ -130,9 +170,6 @@ def _look_at_brokers(found: config.Config, given: StationFiles, notes: list[Note
         for name in there
         if name not in used
     ]
-
-
-Trouble = tuple[str, str, str]  # option, what is wrong with it, remedy
 
 
 def _missing(options: MqttOptions, there: list[str]) -> Iterator[Trouble]:

@@ -13,7 +13,7 @@ from firmware.box.card import File, collect, is_brokers
 from firmware.box.imager import Imager
 from firmware.box.note import Note, at, is_refused, mistake, remark
 from firmware.box.plain_text import plain
-from firmware.box.ssh_keys import sound_keys
+from firmware.box.ssh_keys import named, shut, sound_keys
 from firmware.box.station import StationFiles, look_at_station
 from firmware.box.toml_lines import line_of, syntax_hint
 
@@ -60,16 +60,19 @@ def verdict(folder: Path, scratch: Path, board: str, defaults: str | None, now: 
         if not is_brokers(name) and (text := plain(file.place, file.octets, notes)) is not None
     }
     options, imager = _options(found, texts, notes)
-    own = "authorized_keys"
-    keys = sound_keys(found[own].place, texts[own], notes) if own in texts else []
+    name = "authorized_keys"
+    keys = sound_keys(found[name].place, texts[name], notes) if name in texts else []
     keys += [key for key in imager.keys if key not in keys]
     files = {name: file.octets for name, file in found.items() if is_brokers(name)}
     files |= {name: texts[name].encode() for name in ("captain.toml", "board.toml") if name in texts}
     places = {file.name: file.place for file in found.values()}
-    look_at_station(StationFiles(files, places, scratch, board, defaults, now), notes)
-    if not keys:
-        what = "there is no ssh key: nobody can log in by ssh"
-        notes.append(remark(own, what, "put the line of your .pub file into authorized_keys"))
+    own = options.eth0.address.partition("/")[0] if options.eth0 else ""
+    look_at_station(StationFiles(files, places, scratch, board, defaults, own, now), notes)
+    whys = {key: why for key in keys if (why := shut(key, now))}
+    notes += [remark(name, f"the key {named(key)} {why}") for key, why in whys.items()]
+    if len(whys) == len(keys):
+        what = "there is no {}ssh key: nobody {}can log in by ssh".format(*("other ", "else ") if keys else ("", ""))
+        notes.append(remark(name, what, "put the line of your .pub file into authorized_keys"))
     return Verdict(_bounded(notes), options, sorted(found), keys, files)
 
 

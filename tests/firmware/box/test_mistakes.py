@@ -169,12 +169,42 @@ def test_an_endpoint_that_nobody_can_reach_is_told_though_it_is_no_mistake(look:
         "captain.toml:3: endpoint.from_users: the box lets nobody in at port 6000; 5555 to 5558 are open",
         'captain.toml:2: endpoint.address: "127.0.0.1" is reached from this box only; leave it out for all addresses',
     ]
-    found = look({"captain.toml": '[endpoint]\naddress = "192.168.77.7"\n', "authorized_keys": KEY})
+
+
+STATIC = '[eth0]\naddress = "192.168.77.7/24"\n'
+
+
+def test_an_address_that_the_box_was_given_may_be_the_endpoint_s(look: Look):
+    found = look({"captain.toml": '[endpoint]\naddress = "192.168.77.7"\n', "box.toml": STATIC, "authorized_keys": KEY})
     assert found.is_accepted
     assert remarks(found) == [
-        'captain.toml:2: endpoint.address: no station starts while the box does not have "192.168.77.7"; '
+        'captain.toml:2: endpoint.address: no station starts while eth0 does not have "192.168.77.7": without a cable; '
         "leave it out for all addresses"
     ]
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ('address = "192.168.77.8"', 'endpoint.address: the box is given no "192.168.77.8"; leave it out for all addresses, or give it to eth0 in box.toml'),
+        ('address = "nonsense host"', 'endpoint.address: "nonsense host" is no address; leave it out for all addresses'),
+        ('address = "eth0"', 'endpoint.address: "eth0" is no address; leave it out for all addresses'),
+        ('address = ""', 'endpoint.address: "" is no address; leave it out for all addresses'),
+        ("from_users = 22", "endpoint.from_users: port 22 is one of the system's, which the station may not take; 5555 to 5558 are open"),
+        ("report = 1023", "endpoint.report: port 1023 is one of the system's, which the station may not take; 5555 to 5558 are open"),
+        ('control = "/run/x/y.sock"', 'endpoint.control: the station cannot write /run/x on a box; leave it out, or write "/run/captain/NAME"'),
+        ('control = "/run/captain/../x.sock"', 'endpoint.control: the station cannot write /run on a box; leave it out, or write "/run/captain/NAME"'),
+        ('control = "here.sock"', 'endpoint.control: the station cannot write /data/owner/current on a box; leave it out, or write "/run/captain/NAME"'),
+        ('control = "/run/captain"', 'endpoint.control: the station cannot write /run on a box; leave it out, or write "/run/captain/NAME"'),
+    ],
+)  # fmt: skip
+def test_an_endpoint_that_no_station_of_a_box_can_have_is_refused(look: Look, line: str, said: str):
+    assert only(look({"captain.toml": f"[endpoint]\n{line}\n", "box.toml": STATIC})) == f"captain.toml:2: {said}"
+
+
+def test_a_control_socket_where_the_station_may_write_is_taken(look: Look):
+    for path in ("/run/captain/mine.sock", "/var/lib/captain/mine.sock"):
+        assert look({"captain.toml": f'[endpoint]\ncontrol = "{path}"\n'}).is_accepted
 
 
 DEEP = ".".join(["a"] * 5000)

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as some
 
 from firmware.box.note import Note
-from firmware.box.ssh_keys import sound_keys
-from tests.firmware.box.conftest import KEY
+from firmware.box.ssh_keys import shut, sound_keys
+from tests.firmware.box.conftest import KEY, Look, remarks
 
 
 def looked(text: str) -> tuple[list[str], list[str]]:
@@ -127,3 +127,49 @@ def test_any_text_is_taken_or_named(text: str):
     keys, told = looked(text)
     lines = [line.strip() for line in text.split("\n")]
     assert len(keys) + len(told) <= len([line for line in lines if line and not line.startswith("#")])
+
+
+NOON = 1_764_072_000.0  # 2025-11-25T12:00:00Z
+
+
+@pytest.mark.parametrize(
+    ("options", "why"),
+    [
+        ("restrict ", ""),
+        ("", ""),
+        ('expiry-time="20251126Z" ', ""),
+        ('expiry-time="20251125Z" ', "has expired: expiry-time is 20251125"),
+        ('expiry-time="202511251200Z" ', "has expired: expiry-time is 202511251200"),
+        ('expiry-time="20251125120001Z" ', ""),
+        # The box's own time may be twelve hours behind.
+        ('expiry-time="202511250001" ', ""),
+        ('no-pty,Expiry-Time="202511250000" ', "has expired: expiry-time is 202511250000"),
+        ("cert-authority ", "is an authority's: only a certificate that it has signed for operator gets in"),
+        ('no-pty,CERT-AUTHORITY,principals="operator" ', "is an authority's: only a certificate that it has signed for operator gets in"),
+        ('command="a,cert-authority,b \\"expiry-time=\\"20010101\\"\\"" ', ""),
+    ],
+)  # fmt: skip
+def test_a_key_by_which_nobody_gets_in_is_told(options: str, why: str):
+    line = f"{options}{KEY}"
+    assert looked(line) == ([line], [])
+    assert shut(line, NOON) == why
+
+
+@pytest.mark.parametrize("time", ["tomorrow", "2025-11-25", "20251325", "202511250", ""])
+def test_an_expiry_time_that_sshd_cannot_read_is_a_mistake(time: str):
+    written = f'expiry-time="{time}"'
+    keys, (said,) = looked(f"{written} {KEY}")
+    assert keys == []
+    assert said.startswith(f"authorized_keys:1: {written[:24]} is no time; write YYYYMMDD")
+
+
+def test_keys_by_which_nobody_gets_in_do_not_count(look: Look):
+    old = f'expiry-time="20010101Z" {KEY}'
+    assert remarks(look({"authorized_keys": f"{old}\n"})) == [
+        "authorized_keys: the key AAAAC3Nz...SxVTpF has expired: expiry-time is 20010101",
+        "authorized_keys: there is no other ssh key: nobody else can log in by ssh; put the line of your .pub file into "
+        "authorized_keys",
+    ]
+    assert remarks(look({"authorized_keys": f"{old}\n{KEY}\n"})) == [
+        "authorized_keys: the key AAAAC3Nz...SxVTpF has expired: expiry-time is 20010101",
+    ]
