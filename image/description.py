@@ -31,12 +31,16 @@ class Beside:
 
 @dataclass(frozen=True)
 class Base:
-    """[base]: the distribution. keyring: path of the keys that its lists are signed with."""
+    """[base]: the distribution. keyring: path of the keys that its lists are signed with.
+
+    mends  what the suite's name is followed by where its mends are: -security; the same keys and components.
+    """
 
     suite: str
     architecture: Literal["arm64"]
     components: tuple[str, ...]
     keyring: str
+    mends: tuple[str, ...] = ()
     beside: tuple[Beside, ...] = ()
 
 

@@ -2,7 +2,8 @@
 
 import json
 import re
-from collections.abc import Iterable, Sequence
+import sys
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -36,7 +37,8 @@ class Package(NamedTuple):
 class Archive:
     """Packages of a release and a processor that need not be the build machine's.
 
-    They come from where the build machine has its own: no host is named. Beside it, from where the description says.
+    They come from where the build machine has its own, and so do mends: no host is named. Beside it, from where the
+    description says.
     """
 
     def __init__(self, folder: Path, base: Base, architecture: str = "") -> None:
@@ -49,7 +51,13 @@ class Archive:
         for name in ("lists/partial", "archives/partial", "none/partial"):
             (self._folder / name).mkdir(parents=True, exist_ok=True)
         (self._folder / "status").touch()
-        (self._folder / "sources.list").write_text(sources(self._base, _site()))
+        sites = _sites()
+        for mends in self._base.mends:
+            if mends not in sites:
+                print(
+                    f"image: this machine's apt has no archive {mends}: the card gets no mends of it", file=sys.stderr
+                )
+        (self._folder / "sources.list").write_text(sources(self._base, sites))
         (self._folder / "conf").write_text(_CONF.format(folder=self._folder, architecture=self._architecture))
         self._apt("apt-get", "-qq", "update")
 
@@ -94,9 +102,17 @@ class Archive:
         return run(words, folder=folder, environment={"APT_CONFIG": str(self._folder / "conf")})
 
 
-def sources(base: Base, site: str) -> str:
-    """apt's list of a base whose first archive is at a site. Raises ImageError where keys are missing."""
-    lines = [f"deb [signed-by={_keys('base', base.keyring)}] {site} {base.suite} {' '.join(base.components)}"]
+def sources(base: Base, sites: Mapping[str, str]) -> str:
+    """apt's list of a base. Raises ImageError where keys are missing.
+
+    sites  by what follows the name of a suite: "" is that of the suite itself.
+    """
+    keys, components = _keys("base", base.keyring), " ".join(base.components)
+    lines = [
+        f"deb [signed-by={keys}] {sites[mends]} {base.suite}{mends} {components}"
+        for mends in ("", *base.mends)
+        if mends in sites
+    ]
     for index, one in enumerate(base.beside):
         how = f"arch={base.architecture} signed-by={_keys(f'base.beside[{index}]', one.keyring)}"
         lines.append(f"deb [{how}] {one.site} {one.suite} {' '.join(one.components)}")
@@ -147,10 +163,13 @@ def _package(path: Path) -> Package:
     return Package(name, version, architecture, checksum.sha256(path), path.name)
 
 
-def _site() -> str:
-    own = re.search(r"^VERSION_CODENAME=(\S+)", Path("/etc/os-release").read_text(), re.MULTILINE)
-    sites = run(["apt-get", "indextargets", "--format", "$(SITE) $(CODENAME)", "Created-By: Packages"])
-    found = [line.split()[0] for line in sites.splitlines() if own and line.endswith(f" {own[1]}")]
-    if not found:
+def _sites() -> dict[str, str]:
+    """Where this machine's own packages are from, by what follows its release's name. Raises ImageError."""
+    release = re.search(r"^VERSION_CODENAME=(\S+)", Path("/etc/os-release").read_text(), re.MULTILINE)
+    own = release[1] if release else ""
+    lines = run(["apt-get", "indextargets", "--format", "$(SITE) $(CODENAME)", "Created-By: Packages"]).splitlines()
+    found = [line.split()[:2] for line in lines if own and f" {own}" in line]
+    sites = {suite.removeprefix(own): site for site, suite in reversed(found) if suite.startswith(own)}
+    if "" not in sites:
         raise ImageError("apt has no list of this release's packages", "as root: apt-get update")
-    return found[0]
+    return sites
