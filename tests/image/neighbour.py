@@ -21,14 +21,16 @@ DHCP_SERVER, DHCP_CLIENT = 67, 68
 class Neighbour:
     """Holds the other end of a wire. network: the first address is the guest's, the second its own.
 
-    is_leased  whether the guest has taken the lease.
-    heard      what the guest has sent by itself: (protocol, destination, port).
+    gives_lease  to whoever asks.
+    is_leased    whether the guest has taken the lease.
+    heard        what the guest has sent by itself: (protocol, destination, port).
     """
 
     def __init__(self, wire: Wire, network: str) -> None:
         self.wire = wire
         self.guest, self.own = list(ipaddress.IPv4Network(network).hosts())[:2]
         self.guest6, self.own6 = packets.link_local(wire.guest), packets.link_local(wire.ours)
+        self.gives_lease = True
         self.is_leased = False
         self.heard: set[tuple[int, str, int]] = set()
         wire.answer = self._answers
@@ -100,7 +102,7 @@ class Neighbour:
             self.heard.add((UDP, str(came.destination), came.ports[1]))
 
     def _leased(self, came: Packet) -> list[bytes]:
-        answer = packets.lease(came.body[8:], self.own, self.guest)
+        answer = packets.lease(came.body[8:], self.own, self.guest) if self.gives_lease else b""
         if not answer:
             return []
         self.is_leased = self.is_leased or answer[242] == 5

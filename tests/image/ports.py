@@ -20,6 +20,7 @@ LISTED = {22, 5555, 5556, 5557, 5558}
 SERVERS = (53, 67, 547)  # of DNS, DHCP and DHCPv6: a firewall may let in what comes from there
 CLIENT6 = 546  # of DHCPv6, let in where users are; the network says whether its client is at work
 MODEM, RADIO = "wwan0", "usb0"
+ALONE = ipaddress.IPv4Address("169.254.7.7")  # of who has none by DHCP either; RFC 3927
 
 
 class Network(NamedTuple):
@@ -74,17 +75,19 @@ def rows(card: Path, folder: Path, options: Options) -> Iterator[Row]:
         for wire in wires:
             opened.callback(wire.close)
         neighbours = {one.name: Neighbour(wire, one.network) for one, wire in zip(NETWORKS, wires, strict=True)}
+        neighbours["eth0"].gives_lease = False
         for wire in wires:
             wire.start()
         guest.stop_loader(f"{EXTRA} {ONE_DRIVER}")
         shell.open()
         yield _named(shell, wires[[one.name for one in NETWORKS].index(RADIO)])
         _name(shell, wires)
-        for one in NETWORKS:
-            yield _lease(shell, one, neighbours[one.name])
         shell.run(
             "until systemctl is-active -q captain.service && systemctl is-active -q ssh.service; do sleep 1; done", 600
         )
+        yield from _alone(shell, neighbours["eth0"])
+        for one in NETWORKS:
+            yield _lease(shell, one, neighbours[one.name])
         for one in NETWORKS:
             yield from _scanned(one, neighbours[one.name], ports)
             yield from _spoken(one, neighbours[one.name], shell)
@@ -124,6 +127,23 @@ def _found(wire: Wire) -> str:
     )
 
 
+def _alone(shell: RootShell, neighbour: Neighbour) -> Iterator[Row]:
+    """Nobody on eth0 gives a lease, as a laptop at the other end of the cable does not."""
+    leased = neighbour.guest, neighbour.own
+    address = "ip -4 -o addr show dev eth0 | grep -o '169[.]254[.][0-9.]*/16'"
+    said = shell.run(f"for i in $(seq 300); do {address} && break; sleep 1; done", 600)
+    yield Row("eth0: nobody gives a lease", said or "no address", "169.254.*/16", bool(said))
+    if said:
+        neighbour.guest, neighbour.own = ipaddress.IPv4Address(said.removesuffix("/16")), ALONE
+        mdns = _multicast(neighbour, True)
+        yield Row("eth0: captain.local then", " ".join(sorted(mdns)) or "no answer", "mDNS", mdns == {"mDNS"})
+        found = tcp_scan(neighbour, 4, FEW)
+        yield Row("eth0: ports then", _said(found), _ports(LISTED), set(found) == LISTED)
+    neighbour.guest, neighbour.own = leased
+    neighbour.gives_lease = True
+    shell.run("networkctl reconfigure eth0")
+
+
 def _lease(shell: RootShell, network: Network, neighbour: Neighbour) -> Row:
     name, address = network.name, neighbour.guest
     if name == MODEM:  # the station sets it up, as the network has told the modem
@@ -145,7 +165,7 @@ def _scanned(network: Network, neighbour: Neighbour, ports: Sequence[int]) -> It
     of = f"{ports[0]} to {ports[-1]}" if ports is ALL else f"{len(ports)} of them"
     for version in (4, 6):
         found = tcp_scan(neighbour, version, ports)
-        is_ok = set(found) <= wanted and (version == 6 or {port for port in found if found[port] == "open"} == wanted)
+        is_ok = set(found) == {port for port in found if found[port] == "open"} == wanted
         yield Row(f"{network.name}: TCP ports {of}, IPv{version}", _said(found), goal, is_ok)
         found = udp_scan(neighbour, version, lambda _: b"", ports)
         yield Row(f"{network.name}: UDP ports {of}, IPv{version}", _said(found), "silence", not set(found) - {5353})

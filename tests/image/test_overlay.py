@@ -85,7 +85,7 @@ def test_no_station_listens_where_the_firewall_has_failed():
 
 def test_the_stations_own_configuration_is_one_it_takes():
     loaded = config.load(OVERLAY / "etc/captain/captain.toml", [], OWN.device_tree.board)
-    assert loaded.tables.endpoint.address == "0.0.0.0"
+    assert loaded.tables.endpoint.address == "::"
     assert loaded.tables.time.chrony == chrony_configuration.SOCKET
 
 
