@@ -9,7 +9,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from board.errors import ConfigurationError, StationError
+from drivers.ethernet import EthernetOptions
 from drivers.mqtt_options import MqttOptions
+from drivers.uart import UartOptions
 from firmware import board_file, config, x509
 from firmware.box.card import FOLDER, is_brokers
 from firmware.box.note import Note, at, mistake, remark
@@ -20,6 +22,9 @@ PORTS = ("from_users", "to_users", "pull", "report")
 STATE = "/var/lib/captain/"  # STATE_DIRECTORY and ReadWritePaths of the image's captain.service
 IMAGES = "/etc/ssl/certs/"  # authorities of the image, which may be named as they are
 OWN, BOARD = "captain.toml", "board.toml"
+CABLE = "eth0"
+CONSOLE = "/dev/ttyS1"  # console.device of the image
+OTHER_PORTS = ("/dev/ttyS0", "/dev/ttyAMA0")  # of other systems' consoles, and of the Pi's Bluetooth
 
 
 class StationFiles(NamedTuple):
@@ -57,6 +62,7 @@ def look_at_station(given: StationFiles, notes: list[Note]) -> None:
         found = _loaded(given, notes)
         if found is not None:
             _look_at_endpoint(found, given, notes)
+            _look_at_devices(found, given, notes)
             _look_at_recorder(found, given, notes)
             _look_at_brokers(found, given, notes)
 
@@ -101,6 +107,22 @@ def _look_at_endpoint(found: config.Config, given: StationFiles, notes: list[Not
     elif "address" in said and endpoint.address not in ("0.0.0.0", "::", "*"):
         what = f'endpoint.address: no station starts while the box does not have "{endpoint.address}"'
         notes.append(remark(given.at(OWN, "endpoint.address"), what, "leave it out for all addresses"))
+
+
+def _look_at_devices(found: config.Config, given: StationFiles, notes: list[Note]) -> None:
+    """Interfaces at what the box itself is reached by."""
+    for one in found.interfaces:
+        name = f"interfaces.{one.name}.device"
+        place, device = given.at(OWN, name), os.path.normpath(getattr(one.options, "device", ""))
+        if isinstance(one.options, EthernetOptions) and device == CABLE:
+            what = f"{name}: {CABLE} is the network of ssh and of users: frames of V2X go to whoever is there"
+            notes.append(remark(place, what, "a radio's is another one"))
+        elif isinstance(one.options, UartOptions) and device == CONSOLE:
+            what = f"{name}: {CONSOLE} is the serial console, and would be none any more"
+            notes.append(mistake(place, what, "take another port, such as /dev/ttyUSB0"))
+        elif isinstance(one.options, UartOptions) and device in OTHER_PORTS:
+            what = f"{name}: {device} is at no pin of the header of this box"
+            notes.append(remark(place, what, "/dev/ttyUSB0 is the first by USB"))
 
 
 def _look_at_recorder(found: config.Config, given: StationFiles, notes: list[Note]) -> None:
