@@ -203,7 +203,8 @@ def _troubles(facts: Facts, width: int) -> Section:
     found += [_logged(one) for one in facts.troubles]
     if facts.unread:
         found.append(facts.unread)
-    return [line for one in found for line in _folded(one, width)[:FOLDED]] or ["no drops, no errors"]
+    none = [] if facts.last_words else ["no drops, no errors"]
+    return [line for one in found for line in _folded(one, width)[:FOLDED]] or none
 
 
 def _drop(drop: Status, now: float) -> str:

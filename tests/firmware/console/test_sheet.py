@@ -60,7 +60,9 @@ def test_why_a_station_has_ended_and_what_to_do_stand_on_the_first_lines() -> No
         "last_words": "x.toml: a: wrong",
         "remedy": "go",
     }
-    assert said({}, **words).splitlines()[1:4] == [words["service"], "its last words: x.toml: a: wrong", "go"]
+    text = said({}, **words)
+    assert text.splitlines()[1:4] == [words["service"], "its last words: x.toml: a: wrong", "go"]
+    assert "no errors" not in text
 
 
 def test_long_last_words_leave_the_screen_its_size() -> None:
