@@ -11,7 +11,6 @@ from typing import NamedTuple
 from board.errors import ConfigurationError, StationError
 from drivers.ethernet import EthernetOptions
 from drivers.mqtt_options import MqttOptions
-from drivers.uart import UartOptions
 from firmware import board_file, config, x509
 from firmware.box.card import FOLDER, is_brokers
 from firmware.box.note import Note, at, mistake, remark
@@ -112,17 +111,19 @@ def _look_at_endpoint(found: config.Config, given: StationFiles, notes: list[Not
 def _look_at_devices(found: config.Config, given: StationFiles, notes: list[Note]) -> None:
     """Interfaces at what the box itself is reached by."""
     for one in found.interfaces:
-        name = f"interfaces.{one.name}.device"
-        place, device = given.at(OWN, name), os.path.normpath(getattr(one.options, "device", ""))
-        if isinstance(one.options, EthernetOptions) and device == CABLE:
-            what = f"{name}: {CABLE} is the network of ssh and of users: frames of V2X go to whoever is there"
-            notes.append(remark(place, what, "a radio's is another one"))
-        elif isinstance(one.options, UartOptions) and device == CONSOLE:
-            what = f"{name}: {CONSOLE} is the serial console, and would be none any more"
-            notes.append(mistake(place, what, "take another port, such as /dev/ttyUSB0"))
-        elif isinstance(one.options, UartOptions) and device in OTHER_PORTS:
-            what = f"{name}: {device} is at no pin of the header of this box"
-            notes.append(remark(place, what, "/dev/ttyUSB0 is the first by USB"))
+        where = f"interfaces.{one.name}"
+        if isinstance(one.options, EthernetOptions) and one.options.device == CABLE:
+            what = f"{where}.device: {CABLE} is the network of ssh and of users: frames of V2X go to whoever is there"
+            notes.append(remark(given.at(OWN, f"{where}.device"), what, "a radio's is another one"))
+        for name in ("device", "port"):
+            path = os.path.normpath(getattr(one.options, name, ""))
+            place = given.at(OWN, f"{where}.{name}")
+            if path == CONSOLE:
+                what = f"{where}.{name}: {path} is the serial console, and would be none any more"
+                notes.append(mistake(place, what, "take another port, such as /dev/ttyUSB0"))
+            elif path in OTHER_PORTS:
+                what = f"{where}.{name}: {path} is at no pin of the header of this box"
+                notes.append(remark(place, what, "/dev/ttyUSB0 is the first by USB"))
 
 
 def _look_at_recorder(found: config.Config, given: StationFiles, notes: list[Note]) -> None:

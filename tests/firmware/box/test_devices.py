@@ -30,6 +30,12 @@ def test_the_port_of_the_serial_console_is_not_taken_away(look: Look, device: st
     ]
 
 
+def test_a_receiver_at_the_console_is_a_mistake_as_well(look: Look):
+    text = '[interfaces.place]\ndriver = "zed_f9p"\nport = "/dev/ttyS1"\n'
+    (told,) = mistakes(look({"captain.toml": text, "authorized_keys": KEY}))
+    assert told.startswith("captain.toml:3: interfaces.place.port: /dev/ttyS1 is the serial console")
+
+
 @pytest.mark.parametrize("device", ["/dev/ttyS0", "/dev/ttyAMA0"])
 def test_a_port_at_no_pin_is_told(look: Look, device: str):
     found = look(files("uart", device))
