@@ -15,7 +15,10 @@ NEW = ".new"
 
 
 class Refusals:
-    """Writes of state that the machine has refused: how many, and what was said of the last one."""
+    """Writes of state that the machine has refused: how many, and what was said of the last one.
+
+    hint  what to do; empty once it has taken one again.
+    """
 
     def __init__(self) -> None:
         self.count = 0
@@ -26,6 +29,9 @@ class Refusals:
         self.count += 1
         self.last, self.hint = error.message, error.hint
         return error
+
+    def over(self) -> None:
+        self.hint = ""
 
 
 # Of this process, as its memory is.
@@ -46,6 +52,7 @@ def keep(path: Path, octets: bytes, mode: int = 0o644) -> None:
         with contextlib.suppress(OSError):
             os.unlink(new)  # a part of a file would take the room that is lacking
         raise REFUSALS.note(refused(path, "written", error)) from error
+    REFUSALS.over()
 
 
 def forget(path: Path) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator
 from board.describe import remedy
 from board.errors import ConfigurationError
 from drivers.mqtt_broker import Broker, broker
-from firmware.tables import EndpointOptions, PayloadMatch, PolicyRow, StationOptions, Tables, TypeConfig
+from firmware.tables import EndpointOptions, PayloadMatch, PolicyRow, Tables, TypeConfig
 from firmware.topics import ROWS
 
 # Interface processes appear as an interface of this name.
@@ -21,7 +21,6 @@ def mistakes(tables: Tables, slots: Collection[str]) -> list[str]:
     slots  names of those that the board has.
     """
     return [
-        *_station(tables.station),
         *_interfaces(tables),
         *_slots(tables, slots),
         *_clients(tables),
@@ -29,11 +28,6 @@ def mistakes(tables: Tables, slots: Collection[str]) -> list[str]:
         *_types(tables.types),
         *_endpoint(tables.endpoint),
     ]
-
-
-def _station(station: StationOptions) -> Iterator[str]:
-    if not station.name.strip() or not station.name.isprintable():
-        yield f"station.name: {station.name!r} must have letters and nothing that does not print"
 
 
 def _interfaces(tables: Tables) -> Iterator[str]:

@@ -95,7 +95,9 @@ class Storage:
                 log.info("%s: what is written is kept again", self._folder)
             else:
                 log.warning("%s: %s: %s", self._folder, self._state, HINTS[self._state])
-        if not (self._is_noted or self._is_over) and (self._state is Kept.YES or not self._starts):
+        is_again = self._state is Kept.YES and before is not Kept.YES  # a write that is taken ends what was refused
+        is_due = not self._is_noted and (self._state is Kept.YES or not self._starts)
+        if (is_again or is_due) and not self._is_over:
             self._note()
 
     def _found(self) -> Kept:

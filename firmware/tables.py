@@ -5,12 +5,21 @@ from typing import Annotated, Any, Literal
 
 from board.describe import Check, Range
 from board.errors import ConfigurationError
+from board.toml import show
 
 Port = Annotated[int, Range(0, 65535)]
 Octet = Annotated[int, Range(0, 255)]
 StationId = Annotated[int, Range(0, 4294967295)]
 Priority = Annotated[int, Range(0, 7)]
 Seconds = Annotated[float, Range(0.0, 86400.0)]
+MOST_NAME = 64  # letters: as a name of DNS; status, confirms and the console's first line have it
+
+
+def _station_name(text: str) -> None:
+    if len(text) > MOST_NAME:
+        raise ConfigurationError(f"{show(text)} has {len(text)} letters", f"give at most {MOST_NAME}")
+    if not text.strip() or not text.isprintable():
+        raise ConfigurationError(f"{show(text)} must have letters and nothing that does not print", "correct it")
 
 
 def _socket(path: str) -> None:
@@ -41,7 +50,7 @@ class StationOptions:
     mac        own address; an empty one is made from host, name and port, locally administered.
     """
 
-    name: str = "captain"
+    name: Annotated[str, Check(_station_name)] = "captain"
     type: Annotated[int, Range(0, 31)] = 0
     is_mobile: bool = True
     profile: Literal["standard", "legacy"] = "standard"

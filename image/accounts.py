@@ -28,8 +28,9 @@ class User(NamedTuple):
 # Debian gives 100 to 999 to system users from both ends; these are in the middle.
 USERS = (User("captain", 560, "/var/lib/captain", NOBODY), User("operator", 561, "/home/operator", SHELL))
 GROUPS = (Group("gpio", 562), Group("pps", 563), Group("i2c", 564))
-# operator reads the journal, asks the station, and looks at the board.
-MEMBERS = {"operator": ("captain", "adm", "systemd-journal", "dialout", "gpio", "pps", "i2c"), "captain": ("dialout",)}
+# captain: the station's control socket, its recordings and the owner's captain.toml in force. systemd-journal: the
+# journal, in which the station says why it has ended. The others are the hardware's, as the station has them.
+MEMBERS = {"operator": ("captain", "systemd-journal", "dialout", "gpio", "pps", "i2c"), "captain": ("dialout",)}
 
 
 def add(tree: Tree) -> None:

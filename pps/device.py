@@ -21,7 +21,10 @@ from pps.pulse import OLDEST_NS, REST_S, STORM_NS, Above, Clocks, Pulse, Tally, 
 WAIT_NS = 1_500_000_000
 DEPTH = 8  # edges that wait for the loop; of more, the newest
 
-PPS = "the device tree has to have a pps-gpio; on Raspberry Pi OS `dtoverlay=pps-gpio,gpiopin=18` in config.txt"
+PPS = (
+    "the device tree has to have a pps-gpio: of the box's card by image/image.toml, device_tree.pulse_gpio; on "
+    "Raspberry Pi OS by `dtoverlay=pps-gpio,gpiopin=18` in config.txt"
+)
 PERMISSION = 'a udev rule gives it to a group: SUBSYSTEM=="pps", GROUP="gpio", MODE="0660"'
 HINTS = {
     errno.ENOENT: PPS,

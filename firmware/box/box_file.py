@@ -160,6 +160,9 @@ class Ethernet:
         if self.gateway is None:
             return
         network, gateway = ipaddress.ip_interface(self.address).network, ipaddress.ip_address(self.gateway)
+        if network.num_addresses == 1:
+            what = f'gateway: no "{gateway}" is in {network}, which has one address'
+            raise ConfigurationError(what, f"write its length in address, such as {_usual(network.network_address)}")
         if gateway not in network:
             raise ConfigurationError(f'gateway: "{gateway}" is not in the network {network} of the box', "correct one")
         ends = (network.network_address, network.broadcast_address) if network.num_addresses > 2 else ()
@@ -180,6 +183,10 @@ class BoxOptions:
     console: ConsoleOptions = ConsoleOptions()
     eth0: Ethernet | None = None
     time_servers: Annotated[tuple[str, ...], Check(_each(check_server))] = ()
+
+
+def _usual(address: Address) -> str:
+    return f"{address}/{24 if address.version == 4 else 64}"
 
 
 def _is_zone(path: Path) -> bool:

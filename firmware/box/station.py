@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from board.errors import ConfigurationError, StationError
+from drivers.ethernet import EthernetOptions
 from drivers.mqtt_options import MqttOptions
 from firmware import board_file, config, x509
 from firmware.box.card import FOLDER, is_brokers
@@ -25,6 +26,9 @@ FIRST_PORT = 1024  # that takes no right of its own; ip(7), ip_unprivileged_port
 ALL = ("0.0.0.0", "::", "*")
 IMAGES = "/etc/ssl/certs/"  # authorities of the image, which may be named as they are
 OWN, BOARD = "captain.toml", "board.toml"
+CABLE = "eth0"
+CONSOLE = "/dev/ttyS1"  # console.device of the image
+OTHER_PORTS = ("/dev/ttyS0", "/dev/ttyAMA0")  # of other systems' consoles, and of the Pi's Bluetooth
 
 
 Saying = tuple[Callable[[str, str, str], Note], str, str]  # mistake or remark, what, remedy
@@ -68,6 +72,7 @@ def look_at_station(given: StationFiles, notes: list[Note]) -> None:
         found = _loaded(given, notes)
         if found is not None:
             _look_at_endpoint(found, given, notes)
+            _look_at_devices(found, given, notes)
             _look_at_recorder(found, given, notes)
             _look_at_brokers(found, given, notes)
 
@@ -141,6 +146,24 @@ def _control(path: str) -> Saying | None:
         return None
     what = f"the station cannot write {os.path.dirname(whole)} on a box"
     return mistake, what, f'leave it out, or write "{RUN}NAME"'
+
+
+def _look_at_devices(found: config.Config, given: StationFiles, notes: list[Note]) -> None:
+    """Interfaces at what the box itself is reached by."""
+    for one in found.interfaces:
+        where = f"interfaces.{one.name}"
+        if isinstance(one.options, EthernetOptions) and one.options.device == CABLE:
+            what = f"{where}.device: {CABLE} is the network of ssh and of users: frames of V2X go to whoever is there"
+            notes.append(remark(given.at(OWN, f"{where}.device"), what, "a radio's is another one"))
+        for name in ("device", "port"):
+            path = os.path.normpath(getattr(one.options, name, ""))
+            place = given.at(OWN, f"{where}.{name}")
+            if path == CONSOLE:
+                what = f"{where}.{name}: {path} is the serial console, and would be none any more"
+                notes.append(mistake(place, what, "take another port, such as /dev/ttyUSB0"))
+            elif path in OTHER_PORTS:
+                what = f"{where}.{name}: {path} is at no pin of the header of this box"
+                notes.append(remark(place, what, "/dev/ttyUSB0 is the first by USB"))
 
 
 def _look_at_recorder(found: config.Config, given: StationFiles, notes: list[Note]) -> None:

@@ -5,16 +5,19 @@ import json
 import sys
 import textwrap
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from contextlib import chdir, nullcontext
 
 from board import echo
 from drivers.contract import Shared
 from firmware import config
 from firmware.codec import library
-from firmware.lab import board_checks, checks, mqtt_checks, ports, time_checks
+from firmware.config import Config, InterfaceConfig
+from firmware.lab import board_checks, checks, mqtt_checks, ports, service_checks, time_checks
 from firmware.lab.checks import Finding, Level
 from firmware.station import topics_of
-from firmware.user.arguments import add_configuration
+from firmware.user import systemd
+from firmware.user.arguments import add_configuration, as_service
 from firmware.user.table import clean, width_of
 from firmware.user.untrusted import within
 
@@ -27,12 +30,17 @@ certificates, and whether the broker accepts it), what the kernel lets sockets
 keep, the clock, where its time comes from, child processes, versions; and
 which messages can be decoded.
 
+Without options, where the station is a service (captain.service, as on a box),
+it takes the configuration, defaults and board that the service takes, and
+tells how the service does, with the station's last words.
+
 Each line is ok, a warning (it runs, but not as well), or a problem, with what
 to do about it below.
 """
 EPILOG = """\
 examples:
-  captain doctor                                the default, simulated board
+  captain doctor                                the service's station; without
+                                                one the simulated board
   captain doctor --config /etc/captain.toml --board none
   captain doctor --json | jq -r '.[] | select(.level != "ok") | .remedy'
 
@@ -50,11 +58,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(arguments: argparse.Namespace) -> int:
+    unit = as_service(arguments)
     found = []
-    for finding in examine(arguments):
-        found.append(finding)
-        if not arguments.json:
-            print("\n".join(lines(finding, width_of(sys.stdout))), flush=True)
+    with chdir(systemd.folder(unit)) if unit else nullcontext():
+        for finding in examine(arguments, unit):
+            found.append(finding)
+            if not arguments.json:
+                print("\n".join(lines(finding, width_of(sys.stdout))), flush=True)
     if arguments.json:
         print(json.dumps([finding._asdict() | {"level": finding.level.value} for finding in found], indent=1))
     problems = sum(finding.level is Level.PROBLEM for finding in found)
@@ -64,8 +74,10 @@ def main(arguments: argparse.Namespace) -> int:
     return 1 if problems else 0
 
 
-def examine(arguments: argparse.Namespace) -> Iterator[Finding]:
-    """All findings, in the order in which one would look."""
+def examine(arguments: argparse.Namespace, unit: systemd.Unit | None = None) -> Iterator[Finding]:
+    """All findings, in the order in which one would look. unit: the service that has these options."""
+    if unit is not None:
+        yield from service_checks.service(unit, systemd.journal)
     yield from checks.versions()
     yield from checks.clock(time.time())
     yield from checks.worker(echo.try_out)
@@ -78,28 +90,37 @@ def examine(arguments: argparse.Namespace) -> Iterator[Finding]:
         return
     endpoint = read.tables.endpoint
     running = ports.running(endpoint.from_users, endpoint.control)
-    yield from checks.endpoint(endpoint, running)
-    yield from board_checks.board(read.board)
-    yield from checks.neighbours(read.board, running)
-    shared = Shared(read.mac, types=tuple(kind.name for kind in topics_of(read.tables).kinds))
+    is_service, is_served = unit is not None, unit is not None and systemd.is_active(unit)
+    yield from checks.endpoint(endpoint, running, is_served)
+    yield from board_checks.board(read.board, is_service=is_service)
+    if not is_served:
+        yield from checks.neighbours(read.board, running)
     for interface in read.interfaces:
-        yield from checks.pin_file(interface)
-        is_running = interface.name in within(running or {}, "interfaces")
-        is_whole = True
-        if mqtt_checks.is_one(interface):
-            files = list(mqtt_checks.files(interface, shared, time.time()))
-            yield from files
-            is_whole = all(finding.level is not Level.PROBLEM for finding in files)
-            is_placed = read.tables.station.position is not None
-            yield from mqtt_checks.position(interface, shared, read.interfaces, is_placed)
-        if interface.queue.slot and not is_running:
-            yield from board_checks.slot_of(interface, read.board)
-        elif mqtt_checks.is_one(interface) and not is_running:
-            yield from mqtt_checks.reach(interface, shared) if is_whole else ()  # which would tell the same again
-        else:
-            yield from checks.interface(interface, read.mac, running)
+        yield from _interface(interface, read, running, is_service)
     yield from time_checks.time(read, running, time.time())
     yield from checks.receive_buffer(read.interfaces)
+
+
+def _interface(
+    interface: InterfaceConfig, read: Config, running: Mapping[str, object] | None, is_service: bool
+) -> Iterator[Finding]:
+    yield from checks.pin_file(interface)
+    shared = Shared(read.mac, types=tuple(kind.name for kind in topics_of(read.tables).kinds))
+    is_running = interface.name in within(running or {}, "interfaces")
+    is_whole = True
+    if mqtt_checks.is_one(interface):
+        closed = list(mqtt_checks.closed(interface)) if is_service else []
+        files = closed or list(mqtt_checks.files(interface, shared, time.time()))
+        yield from files
+        is_whole = not closed and all(finding.level is not Level.PROBLEM for finding in files)
+        is_placed = read.tables.station.position is not None
+        yield from mqtt_checks.position(interface, shared, read.interfaces, is_placed)
+    if interface.queue.slot and not is_running:
+        yield from board_checks.slot_of(interface, read.board)
+    elif mqtt_checks.is_one(interface) and not is_running:
+        yield from mqtt_checks.reach(interface, shared) if is_whole else ()  # which would tell the same again
+    else:
+        yield from checks.interface(interface, read.mac, running, is_service)
 
 
 def lines(finding: Finding, width: int) -> list[str]:

@@ -6,7 +6,7 @@ import logging
 import signal
 import sys
 from collections.abc import Mapping
-from contextlib import closing
+from contextlib import chdir, closing, nullcontext
 
 from board.errors import StationError
 from board.loop import Loop
@@ -15,8 +15,8 @@ from board.signals import Signals
 from firmware import config
 from firmware.lab import ports
 from firmware.station import Station
-from firmware.user import client
-from firmware.user.arguments import add_configuration
+from firmware.user import client, systemd
+from firmware.user.arguments import add_configuration, as_service
 from firmware.user.table import Screen, Table
 from firmware.user.untrusted import listed, text
 
@@ -27,7 +27,8 @@ that the station would not switch by itself.
 
 A station that runs on this machine with these options is asked; with --control
 the one there, and no other. Where none runs, one is started for the test,
-without users, and stopped again.
+without users, and stopped again. Without options, where the station is a
+service (captain.service, as on a box), they are the service's.
 """
 EPILOG = """\
 examples:
@@ -70,6 +71,12 @@ def _rows(arguments: argparse.Namespace) -> list[dict[str, object]]:
     """Of the station that is meant; what a station may be asked afterwards is left out where that one has gone."""
     if arguments.control:
         return _asked(client.Address(), arguments.control)
+    unit = as_service(arguments)
+    with chdir(systemd.folder(unit)) if unit else nullcontext():
+        return _configured(arguments)
+
+
+def _configured(arguments: argparse.Namespace) -> list[dict[str, object]]:
     endpoint = config.load(arguments.config, arguments.overrides, arguments.board, arguments.defaults).tables.endpoint
     if ports.running(endpoint.from_users, endpoint.control) is not None:
         return _asked(client.Address(from_users=endpoint.from_users), endpoint.control)

@@ -1,29 +1,26 @@
 """What the service manager says of the station, for when the station itself says nothing."""
 
-from collections.abc import Callable, Mapping
-from pathlib import Path
+from collections.abc import Callable, Sequence
 
 from board.errors import StationError
 from board.loop import Loop
 from board.tool import Tool
+from firmware.user import systemd
 
-UNIT = "captain.service"
-COMMAND = ("systemctl", "show", UNIT, "--property=LoadState,ActiveState,SubState,Result,NRestarts")
 LIMIT_S = 5.0
-MANAGER = Path("/run/systemd/system")  # sd_booted(3): is there where systemd runs
-
 BY_HAND = "it is started by `captain run`"
-BY_MANAGER = f"it is started by `systemctl start {UNIT}`"
 
 
 class Service:
-    """words  who starts the station, and what became of it."""
+    """words       what became of the station, or who starts it.
+    last_words  its own, of why it has ended.
+    remedy      what whoever reads this can do.
+    """
 
-    def __init__(self, loop: Loop, changed: Callable[[], None], manager: Path = MANAGER) -> None:
-        self.words = BY_HAND
+    def __init__(self, loop: Loop, changed: Callable[[], None]) -> None:
+        self.words, self.last_words, self.remedy = BY_HAND, "", ""
         self._loop = loop
         self._changed = changed
-        self._manager = manager
         self._tool: Tool | None = None
 
     @property
@@ -32,30 +29,28 @@ class Service:
 
     def look(self) -> None:
         """Ask, unless it is being asked; where there is no service manager nobody is."""
-        if self._tool is None and self._manager.exists():
-            try:
-                self._tool = Tool(self._loop, COMMAND, LIMIT_S, self._said, quick=True)
-            except StationError:
-                self.words = BY_HAND
+        if self._tool is None and systemd.MANAGER.exists():
+            self._ask(systemd.SHOW, self._shown)
 
     def leave(self) -> None:
         if self._tool is not None:
             self._tool.leave()
 
-    def _said(self, status: int | None, output: str) -> None:
+    def _ask(self, command: Sequence[str], said: Callable[[int | None, str], None]) -> None:
+        try:
+            self._tool = Tool(self._loop, command, LIMIT_S, said, quick=True)
+        except StationError:
+            self._tool = None
+
+    def _shown(self, status: int | None, output: str) -> None:
         self._tool = None
-        self.words = described(dict(line.split("=", 1) for line in output.splitlines() if "=" in line))
+        unit = systemd.read(output)
+        self.words, self.remedy = (systemd.state(unit), systemd.remedy(unit)) if unit else (BY_HAND, "")
+        if unit:
+            self._ask(systemd.SAID, self._said)
         self._changed()
 
-
-def described(unit: Mapping[str, str]) -> str:
-    """The properties of a unit in words."""
-    if unit.get("LoadState") != "loaded":
-        return BY_HAND
-    state, result = unit.get("ActiveState", ""), unit.get("Result", "")
-    parts = [f"{UNIT} is {state}" + (f" ({unit['SubState']})" if unit.get("SubState") not in (None, state) else "")]
-    if result not in ("", "success"):
-        parts.append(f"its last run: {result}")
-    if unit.get("NRestarts", "0") != "0":
-        parts.append(f"started again {unit['NRestarts']} times")
-    return f"{', '.join(parts)}; {BY_MANAGER}"
+    def _said(self, status: int | None, output: str) -> None:
+        self._tool = None
+        self.last_words = systemd.last_words(output)
+        self._changed()

@@ -28,17 +28,20 @@ Section = list[str]
 class Facts(NamedTuple):
     """What is known at one moment.
 
-    status    of the station; empty where none answers: `why` says why, and `service` who starts it.
-    rates     by interface.
-    is_open   whether other machines reach the endpoint.
-    notes     lines of whoever made this machine start.
-    troubles  of the journal, the newest first; unread: why they are not known, or empty.
-    now       Unix time in seconds.
+    status      of the station; empty where none answers: `why` says why, `service` what became of it or who starts
+                it, `last_words` what it has said of its end, `remedy` what to do.
+    rates       by interface.
+    is_open     whether other machines reach the endpoint.
+    notes       lines of whoever made this machine start.
+    troubles    of the journal, the newest first; unread: why they are not known, or empty.
+    now         Unix time in seconds.
     """
 
     status: Status
     why: str
     service: str
+    last_words: str
+    remedy: str
     rates: Mapping[str, Rate]
     devices: Sequence[Device]
     is_open: bool
@@ -81,7 +84,8 @@ def _notes(lines: Sequence[str], more: int, width: int) -> Section:
 
 
 def _nobody(facts: Facts, width: int) -> Section:
-    return [*_folded(facts.why, width), *_folded(facts.service, width)]
+    ended = f"its last words: {facts.last_words}" if facts.last_words else ""
+    return [line for said in (facts.why, facts.service, ended, facts.remedy) for line in _folded(said, width)]
 
 
 def _of_station(facts: Facts, width: int) -> Iterator[Section]:
@@ -199,7 +203,8 @@ def _troubles(facts: Facts, width: int) -> Section:
     found += [_logged(one) for one in facts.troubles]
     if facts.unread:
         found.append(facts.unread)
-    return [line for one in found for line in _folded(one, width)[:FOLDED]] or ["no drops, no errors"]
+    none = [] if facts.last_words else ["no drops, no errors"]
+    return [line for one in found for line in _folded(one, width)[:FOLDED]] or none
 
 
 def _drop(drop: Status, now: float) -> str:

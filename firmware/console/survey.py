@@ -67,6 +67,8 @@ class Survey:
             self._status,
             self._why,
             self._service.words,
+            self._service.last_words,
+            self._service.remedy,
             self._rates.of,
             devices(),
             is_open(_port(self._paths)),

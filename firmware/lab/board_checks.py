@@ -10,11 +10,18 @@ from firmware.board_file import Board
 from firmware.config import InterfaceConfig
 from firmware.lab.checks import Finding, Level
 
+I2C = (
+    "the device tree has to switch I2C on: of the box's card by image/image.toml, device_tree.i2c; on Raspberry Pi OS "
+    "by dtparam=i2c_arm=on (i2c_vc=on for i2c-0) in config.txt; and load i2c-dev"
+)
 TREE = "`lsusb -t` shows the hubs; correct usb of the slots in the board file"
 
 
-def board(board: Board, machine: Machine = REAL) -> Iterator[Finding]:
-    """The board as a whole, then what it needs of the kernel: buses, GPIO chips, hubs."""
+def board(board: Board, machine: Machine = REAL, is_service: bool = False) -> Iterator[Finding]:
+    """The board as a whole, then what it needs of the kernel: buses, GPIO chips, hubs.
+
+    is_service  the station is another user's, who may do what this one may not.
+    """
     tables = ("lines", "expanders", "rails", "temperatures", "slots")
     counts = ", ".join(f"{len(getattr(board, name))} {name}" for name in tables if getattr(board, name))
     yield Finding(Level.OK, "board", f"{board.name}: {counts or 'no hardware'}")
@@ -22,11 +29,12 @@ def board(board: Board, machine: Machine = REAL) -> Iterator[Finding]:
         return
     for name, bus in board.buses.items():
         if not Path(bus.path).exists():
-            remedy = "switch I2C on: dtparam=i2c_arm=on (i2c_vc=on for i2c-0) in config.txt, and load i2c-dev"
-            yield Finding(Level.PROBLEM, f"bus {name}", f"{bus.path} does not exist", remedy)
+            yield Finding(Level.PROBLEM, f"bus {name}", f"{bus.path} does not exist", I2C)
     if any(line.chip or line.line for line in board.lines.values()) and not list(machine.dev.glob("gpiochip*")):
         yield Finding(Level.PROBLEM, "lines", f"{machine.dev} has no GPIO chip", "is this the right board file?")
     yield from _hubs(board, machine)
+    if not is_service:
+        yield from _ports(board)
 
 
 def slot_of(one: InterfaceConfig, board: Board, machine: Machine = REAL) -> Iterator[Finding]:
@@ -50,6 +58,9 @@ def _hubs(board: Board, machine: Machine) -> Iterator[Finding]:
     for hub in sorted(hubs):
         if not (devices / hub).exists():
             yield Finding(Level.WARNING, "slots", f"there is no USB hub at {hub} now", TREE)
+
+
+def _ports(board: Board) -> Iterator[Finding]:
     switched = [name for name, slot in board.slots.items() if slot.usb and not slot.power]
     if switched and os.geteuid() != 0:
         names = ", ".join(switched)

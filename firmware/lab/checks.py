@@ -79,10 +79,13 @@ def clock(now: float, is_monotonic: bool = time.get_clock_info("monotonic").mono
         yield Finding(Level.PROBLEM, "clock", "the monotonic clock goes back", "take another kernel clock source")
 
 
-def endpoint(wanted: EndpointOptions, running: Mapping[str, object] | None) -> Iterator[Finding]:
+def endpoint(
+    wanted: EndpointOptions, running: Mapping[str, object] | None, is_served: bool = False
+) -> Iterator[Finding]:
     """Whether the station's ports can be had, and who has those that cannot.
 
-    running  the status of a station of ours that has them.
+    running    the status of a station of ours that has them.
+    is_served  the very station that is looked at is a service, and runs: they are its own.
     """
     host = wanted.address
     try:
@@ -98,6 +101,8 @@ def endpoint(wanted: EndpointOptions, running: Mapping[str, object] | None) -> I
     if not taken:
         numbers = ", ".join(str(getattr(wanted, key)) for key in PORTS)
         yield Finding(Level.OK, "endpoint", f"ports {numbers} of {host} are free")
+    elif is_served:
+        yield Finding(Level.OK, "endpoint", f"ports {numbers} of {host} are the running station's")
     elif running is not None:
         remedy = "a second station needs ports of its own: --set endpoint.from_users=PORT and so on"
         yield Finding(Level.WARNING, "endpoint", f"ports {numbers} of {host} belong to {ports.holder(running)}", remedy)
@@ -110,10 +115,13 @@ def _key(wanted: EndpointOptions, port: int) -> str:
     return next(key for key in PORTS if getattr(wanted, key) == port)
 
 
-def interface(one: InterfaceConfig, mac: bytes, running: Mapping[str, object] | None) -> Iterator[Finding]:
+def interface(
+    one: InterfaceConfig, mac: bytes, running: Mapping[str, object] | None, is_service: bool = False
+) -> Iterator[Finding]:
     """Whether an interface could start: its driver is started for a moment and stopped.
 
-    running  the status of a station of ours that runs already, and has the device: it is asked instead.
+    running     the status of a station of ours that runs already, and has the device: it is asked instead.
+    is_service  the station is another user's, who may do what this one may not.
     """
     subject = f"interface {one.name}"
     if running is not None and (told := within(within(running, "interfaces"), one.name)):
@@ -124,6 +132,9 @@ def interface(one: InterfaceConfig, mac: bytes, running: Mapping[str, object] | 
     try:
         trial.run(driver)
     except StationError as error:
+        if is_service and isinstance(error.__cause__, PermissionError):
+            yield Finding(Level.OK, subject, f"{one.queue.driver}: only the service may try it: {error.message}")
+            return
         remedy = error.hint or f"see the options of [interfaces.{one.name}]"
         yield Finding(Level.PROBLEM, subject, f"{one.queue.driver}: {error.message}", remedy)
         return

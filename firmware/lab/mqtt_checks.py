@@ -1,5 +1,6 @@
 """What an interface at a broker needs of this machine: its files, and the way to the broker."""
 
+import os
 from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -58,6 +59,14 @@ def _read(wanted: MqttSettings) -> None:
 
     mqtt_client.profile_of(wanted)
     mqtt_client.check(wanted)
+
+
+def closed(one: InterfaceConfig) -> Iterator[Finding]:
+    """Files that are there, and that this user may not read: they are the service's, and are not looked at."""
+    for _, path, _ in one.options.files():
+        if os.path.exists(path) and not os.access(path, os.R_OK, effective_ids=True):
+            what = f"{path} is the service's alone; `captain box check` looks at it where it comes from"
+            yield Finding(Level.OK, f"interface {one.name}", what)
 
 
 def position(

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from board.address import host_and_port
 from board.describe import remedy
 from firmware import topics
+from firmware.user import systemd
 from firmware.user.client import Address
 
 MOST_MESSAGES = 10**9
@@ -66,6 +67,18 @@ def add_configuration(parser: argparse.ArgumentParser) -> None:
         dest="overrides",
         help="overrides one option of captain.toml or of an interface of the board; may be repeated",
     )
+
+
+def as_service(options: argparse.Namespace) -> systemd.Unit | None:
+    """The unit whose station is meant where no option of add_configuration() is given; its options become these."""
+    if options.overrides or any(value is not None for value in (options.config, options.defaults, options.board)):
+        return None
+    unit = systemd.ask()
+    if unit is not None:
+        parser = argparse.ArgumentParser(add_help=False)
+        add_configuration(parser)
+        parser.parse_known_args(systemd.options(unit), options)
+    return unit
 
 
 # -- values; each raises ArgumentTypeError

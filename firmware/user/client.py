@@ -15,6 +15,7 @@ import zmq
 
 from board.errors import StationError
 from firmware.control_socket import default_paths
+from firmware.user import systemd
 
 # A heartbeat and a status come once a second: three of them lost is nobody there.
 ANSWER_S = 3.0
@@ -32,7 +33,8 @@ Context: TypeAlias = zmq.Context[zmq.Socket[bytes]]
 PEER = struct.Struct("=iII")  # struct ucred: process, user, group
 
 LOCAL = ("127.0.0.1", "localhost", "::1")
-START_ONE = "start one with `captain run`, or name another with --station HOST:PORT"
+OTHER = "or name another with --station HOST:PORT"
+START_ONE = f"start one with `captain run`, {OTHER}"
 
 
 class Address(NamedTuple):
@@ -79,7 +81,7 @@ def reach(host: str, number: int, timeout: float = ANSWER_S) -> None:
         socket.create_connection((host, number), timeout).close()
     except (OSError, UnicodeError) as error:  # UnicodeError: a name that DNS cannot have
         why = getattr(error, "strerror", None) or str(error)
-        raise StationError(f"no station answers at {host}:{number}: {why}", START_ONE) from error
+        raise StationError(f"no station answers at {host}:{number}: {why}", _start_one(host)) from error
 
 
 def subscribe(context: Context, place: Address, number: int, *topics: str) -> Socket:
@@ -150,14 +152,19 @@ def ask(path: Path, do: str, timeout: float = ANSWER_S, **more: object) -> dict[
         raise _forbidden(path) from error
     except OSError as error:
         why = error.strerror or str(error)
-        raise StationError(f"{path}: no station answers: {why}", START_ONE) from error
+        raise StationError(f"{path}: no station answers: {why}", _start_one()) from error
     except (ValueError, RecursionError) as error:
-        raise StationError(f"{path}: what answers there is not a station: {error}", START_ONE) from error
+        raise StationError(f"{path}: what answers there is not a station: {error}", _start_one()) from error
     if not isinstance(answer, dict):
-        raise StationError(f"{path}: what answers there is not a station: {line[:40]!r}", START_ONE)
+        raise StationError(f"{path}: what answers there is not a station: {line[:40]!r}", _start_one())
     if answer.get("ok") is not True:
         raise StationError(_refused(do, more, str(answer.get("error", ""))), str(answer.get("hint", "")))
     return answer
+
+
+def _start_one(host: str = LOCAL[0]) -> str:
+    """What to do where no station answers; where it is a service, a second one is no help."""
+    return f"{systemd.ASK_IT}; {OTHER}" if host in LOCAL and systemd.is_installed() else START_ONE
 
 
 def _refused(do: str, more: Mapping[str, object], error: str) -> str:
@@ -196,7 +203,7 @@ def _ask(path: Path, question: bytes, deadline: float) -> bytes:
         end.settimeout(max(0.001, deadline - time.monotonic()))
         end.connect(str(path))
         if path.parent.stat().st_mode & stat.S_IWOTH and (user := _peer_user(end)) not in (0, os.getuid()):
-            raise StationError(f"{path}: user {user} listens there, who may be anybody", START_ONE)
+            raise StationError(f"{path}: user {user} listens there, who may be anybody", _start_one())
         end.sendall(question)
         line = b""
         while not line.endswith(b"\n"):
@@ -232,7 +239,7 @@ def _not_found(place: Address) -> StationError:
     try:
         reach(place.host, place.from_users, FOUND_S)
     except StationError:
-        return StationError(f"no station of this machine has port {place.from_users}", START_ONE)
+        return StationError(f"no station of this machine has port {place.from_users}", _start_one())
     return StationError(
         f"a station may be at port {place.from_users}, but its control socket is at none of the usual places",
         "name it with --control PATH: its option endpoint.control",

@@ -7,12 +7,14 @@ from firmware.user.untrusted import number, text
 
 def trouble(told: Mapping[str, object]) -> str:
     """Why something is not kept, and what to do; empty where all is well, and where nothing is expected."""
-    state, refused = text(told, "state"), number(told, "refused")
+    state, hint, refused = text(told, "state"), text(told, "hint"), number(told, "refused")
     if not told or (state == "kept" and not refused):
         return ""
-    words = [f"storage: {text(told, 'folder')} is {state}", text(told, "hint")]
+    is_over = state == "kept" and not hint
+    words = [f"storage: {text(told, 'folder')} is {state}{' again' if is_over else ''}", hint]
     if refused:
-        words.append(f"{refused:.0f} writes refused, the last: {text(told, 'last_refusal')}")
+        count = f"{refused:.0f} writes {'were ' if is_over else ''}refused"
+        words.append(f"{count}, the last: {text(told, 'last_refusal')}")
     return "; ".join(word for word in words if word)
 
 

@@ -401,6 +401,7 @@ def test_two_stations_of_one_name_on_one_host_have_addresses_of_their_own() -> N
     [
         ('[station]\nname = ""', "station.name"),
         ('[station]\nname = "a\\nb"', "station.name"),
+        (f'[station]\nname = "{200_000 * "a"}"', "has 200000 letters; give at most 64"),
         ('[endpoint]\nipc_in = "ipc:///tmp/x"\nipc_out = "ipc:///tmp/x"', "endpoint: ipc_in and ipc_out"),
         ("[[policy]]\nmatch.size = { min = 300, max = 100 }", "policy[0].match.size"),
     ],

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from board import state_file
+from board.errors import StorageError
 from board.machine import Machine
 from firmware import storage
 from firmware.storage import Kept, Storage
@@ -133,6 +134,27 @@ def test_a_folder_that_is_not_there_is_told_and_comes_back(bench: Bench):
     assert told["state"] == "kept"
     assert json.loads((bench.folder / "starts.json").read_text())["starts"] == 1
     assert told["refused"] == 1  # what was refused stays counted
+
+
+@pytest.mark.parametrize("is_noticed", [True, False])
+def test_what_to_do_about_a_refusal_is_told_until_a_write_is_taken_again(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch, is_noticed: bool
+):
+    station = bench.started()
+    with monkeypatch.context() as patch:
+        refusing(patch, errno.ENOSPC)
+        if is_noticed:
+            file_system(patch, **FULL)
+        with pytest.raises(StorageError):
+            state_file.keep(bench.folder / "leap.json", b"{}")
+        bench.loop.run_for(20)
+        assert "remove recordings" in str(station.status()["hint"])
+    bench.loop.run_for(20)
+    if not is_noticed:  # what the folder is never was another
+        state_file.keep(bench.folder / "leap.json", b"{}")
+    told = station.status()
+    assert (told["state"], told["hint"], told["refused"]) == ("kept", "", 1)
+    assert "No space left" in str(told["last_refusal"])
 
 
 @pytest.mark.parametrize("kind", ["tmpfs", "overlay"])

@@ -157,6 +157,8 @@ def test_users_have_fixed_numbers_and_nobody_has_a_password():
     assert groups["captain"] == "x:560:operator"
     assert groups["i2c"] == "x:103:operator"  # the number that Debian's package has chosen
     assert groups["gpio"] == "x:562:operator"
+    assert groups["systemd-journal"] == "x:999:operator"
+    assert groups["adm"] == "x:4:"  # its files are in /var/log, where there are none
 
 
 def test_a_user_is_of_the_group_of_its_name_also_where_debian_has_one():

@@ -54,3 +54,23 @@ def test_a_time_zone_is_a_file_of_that_kind(tmp_path: Path, monkeypatch: pytest.
     check_time_zone("UTC")
     with pytest.raises(ConfigurationError):
         check_time_zone("leapseconds")
+
+
+@pytest.mark.parametrize(
+    ("address", "gateway"),
+    [("10.0.0.1/31", "10.0.0.0"), ("10.0.0.0/31", "10.0.0.1"), ("2001:db8::/127", "2001:db8::1")],
+)
+def test_both_addresses_of_a_network_of_two_are_hosts(address: str, gateway: str):
+    # RFC 3021; RFC 6164
+    check_interface_address(address)
+    assert Ethernet(address, gateway).gateway == gateway
+
+
+@pytest.mark.parametrize(
+    ("address", "gateway", "usual"),
+    [("10.0.0.2/32", "10.0.0.1", "10.0.0.2/24"), ("2001:db8::7/128", "2001:db8::1", "2001:db8::7/64")],
+)
+def test_a_network_of_one_address_has_no_gateway(address: str, gateway: str, usual: str):
+    with pytest.raises(ConfigurationError, match="which has one address") as refused:
+        Ethernet(address, gateway)
+    assert usual in refused.value.hint

@@ -1,8 +1,10 @@
 import socket
+from pathlib import Path
 
 import pytest
 
 from firmware.lab import ports
+from firmware.user import systemd
 from tests.broker.fixtures import brokers, certificates
 
 __all__ = ["brokers", "certificates"]
@@ -17,6 +19,12 @@ def block() -> int:
             first: int = probe.getsockname()[1]
         if first < 65_000 and all(ports.is_free("127.0.0.1", port) for port in range(first, first + 20)):
             return first
+
+
+@pytest.fixture(autouse=True)
+def no_service(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The station of the machine that the tests run on is not looked at."""
+    monkeypatch.setattr(systemd, "MANAGER", Path("/nonexistent"))
 
 
 @pytest.fixture(autouse=True)

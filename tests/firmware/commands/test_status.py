@@ -76,8 +76,12 @@ def test_without_paths_nothing_is_said_of_them():
         ({"state": "kept", "refused": 0}, None),
         ({"state": "memory", "hint": "all is lost"}, "storage: /x is memory; all is lost"),
         (
-            {"state": "kept", "refused": 2, "last_refusal": "/x/y: No space"},
-            "storage: /x is kept; 2 writes refused, the last: /x/y: No space",
+            {"state": "kept", "hint": "make room", "refused": 2, "last_refusal": "/x/y: No space"},
+            "storage: /x is kept; make room; 2 writes refused, the last: /x/y: No space",
+        ),
+        (
+            {"state": "kept", "hint": "", "refused": 2, "last_refusal": "/x/y: No space"},
+            "storage: /x is kept again; 2 writes were refused, the last: /x/y: No space",
         ),
     ],
 )

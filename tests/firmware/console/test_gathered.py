@@ -10,13 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from firmware.console import journal as journal_module
-from firmware.console import service as service_module
 from firmware.console.journal import MOST, Journal, Trouble, troubles
 from firmware.console.notes import MOST as MOST_OCTETS
 from firmware.console.notes import MOST_LINES, Notes
 from firmware.console.rates import Rate, Rates
-from firmware.console.service import BY_HAND, Service, described
+from firmware.console.service import BY_HAND, Service
 from firmware.console.survey import _port
+from firmware.user import systemd
 from tests.virtual import VirtualLoop
 
 
@@ -222,42 +222,48 @@ def test_without_a_journal_there_are_no_troubles(loop: VirtualLoop, monkeypatch:
 
 # -- the service manager
 
-UNIT = {"LoadState": "loaded", "ActiveState": "active", "SubState": "running", "Result": "success", "NRestarts": "0"}
 
-
-@pytest.mark.parametrize(
-    ("unit", "words"),
-    [
-        ({}, "captain.service is active (running); it is started by `systemctl start captain.service`"),
-        ({"ActiveState": "inactive", "SubState": "dead"}, "captain.service is inactive (dead); it is started by "),
-        (
-            {"ActiveState": "failed", "SubState": "failed", "Result": "exit-code", "NRestarts": "5"},
-            "captain.service is failed, its last run: exit-code, started again 5 times; it is started by ",
-        ),
-        ({"ActiveState": "activating", "SubState": "auto-restart"}, "captain.service is activating (auto-restart); "),
-        ({"LoadState": "not-found"}, BY_HAND),
-    ],
-)
-def test_a_unit_is_told_in_words(unit: dict[str, str], words: str) -> None:
-    assert described(UNIT | unit).startswith(words)
-
-
-def test_the_service_manager_is_asked_where_there_is_one(
+def test_the_service_manager_is_asked_what_became_of_the_station_and_the_journal_why(
     loop: VirtualLoop, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    said = tmp_path / "said"
-    said.write_text("".join(f"{key}={value}\n" for key, value in UNIT.items()) + "rubbish\n")
-    monkeypatch.setattr(service_module, "COMMAND", ("cat", str(said)))
+    shown, said = tmp_path / "shown", tmp_path / "said"
+    shown.write_text("LoadState=loaded\nActiveState=activating\nSubState=auto-restart\nNRestarts=3\nrubbish\n")
+    said.write_text(entry("captain: no port is free") + "\n")
+    monkeypatch.setattr(systemd, "SHOW", ("cat", str(shown)))
+    monkeypatch.setattr(systemd, "SAID", ("cat", str(said)))
+    monkeypatch.setattr(systemd, "MANAGER", tmp_path)
     loop.patience_s = 20.0
     told: list[None] = []
-    service = Service(loop, lambda: told.append(None), manager=tmp_path)
+    service = Service(loop, lambda: told.append(None))
+    service.look()
+    loop.run_until(lambda: service.is_read)
+    assert service.words == "captain.service is activating (auto-restart), started again 3 times"
+    assert service.last_words == "no port is free"
+    assert service.remedy == "correct what it says, then `systemctl restart captain.service`"
+    assert len(told) == 2
+
+
+@pytest.mark.parametrize("shown", ["LoadState=not-found\n", ""])
+def test_a_station_that_is_no_service_is_started_by_hand(
+    loop: VirtualLoop, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shown: str
+) -> None:
+    (tmp_path / "shown").write_text(shown)
+    monkeypatch.setattr(systemd, "SHOW", ("cat", str(tmp_path / "shown")))
+    monkeypatch.setattr(systemd, "MANAGER", tmp_path)
+    loop.patience_s = 20.0
+    told: list[None] = []
+    service = Service(loop, lambda: told.append(None))
     service.look()
     loop.run_until(lambda: bool(told))
-    assert service.words == described(UNIT)
-    alone = Service(loop, lambda: told.append(None), manager=tmp_path / "none")
-    alone.look()
-    assert alone.is_read
-    assert alone.words == BY_HAND
+    assert (service.words, service.last_words, service.remedy) == (BY_HAND, "", "")
+
+
+def test_without_a_service_manager_nobody_is_asked(loop: VirtualLoop, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(systemd, "MANAGER", Path("/nonexistent"))
+    service = Service(loop, lambda: None)
+    service.look()
+    assert service.is_read
+    assert service.words == BY_HAND
 
 
 @pytest.mark.parametrize(

@@ -21,6 +21,8 @@ def facts(status: dict[str, Any], **more: Any) -> Facts:
     given = {
         "why": "no station answers: /x: Connection refused",
         "service": "it is started by `captain run`",
+        "last_words": "",
+        "remedy": "",
         "rates": {},
         "devices": [],
         "is_open": False,
@@ -50,6 +52,23 @@ def test_no_station_is_told_with_why_and_who_starts_it() -> None:
         "no drops, no errors",
     ]
     assert "no station" in head(facts({}))
+
+
+def test_why_a_station_has_ended_and_what_to_do_stand_on_the_first_lines() -> None:
+    words = {
+        "service": "captain.service is activating (auto-restart)",
+        "last_words": "x.toml: a: wrong",
+        "remedy": "go",
+    }
+    text = said({}, **words)
+    assert text.splitlines()[1:4] == [words["service"], "its last words: x.toml: a: wrong", "go"]
+    assert "no errors" not in text
+
+
+def test_long_last_words_leave_the_screen_its_size() -> None:
+    section = sections(facts({}, last_words="word " * 120, remedy="correct it"), 79)[0]
+    assert len(section) < 20
+    assert section[-1] == "correct it"
 
 
 def test_a_clock_that_is_not_set_is_told(status: dict[str, Any]) -> None:
