@@ -6,12 +6,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from image import disk, flash, kernel, slot_names, state, verify_boot, verify_bundle, verify_slot
+from image import disk, flash, kernel, slot_names, state, verify_boot, verify_bundle, verify_slot, verify_words
 from image.description import Description, Partition
 from image.errors import ImageError
 from image.ext4 import FileSystem
-from image.program import run
-from image.project import PROJECT, version
+from image.project import version
 
 MIB = disk.MIB
 CHUNK = 16 * MIB
@@ -22,8 +21,6 @@ WANTED = (
     "etc/rauc/keyring.pem", slot_names.PATH,
 )  # fmt: skip
 UNWANTED = ("etc/apt", "var/lib/apt", "var/lib/dpkg", "etc/ssh/ssh_host_*", "root/.ssh", "home/operator/.ssh")
-# Of a host or of a person: OpenSSH's own form, in which libraries carry none for their tests.
-SSH_KEY = rb"-----BEGIN OPENSSH PRIVATE KEY-----\s[A-Za-z0-9+/]{16}"
 
 
 class Row(NamedTuple):
@@ -88,7 +85,7 @@ class Card:
             except ImageError as error:  # of a file system that is damaged; the others are looked at all the same
                 first, _, rest = str(error).partition("\n")  # the command, and what it says
                 yield Row(f"{what} can be read", "; ".join((rest or first).splitlines()))
-        yield from self._unwanted_words()
+        yield from self._unwanted_words(self._known_keys())
 
     def _as_built(self, checksums: Path) -> Row:
         """Whatever was changed since: the other checks look at what they know."""
@@ -208,26 +205,20 @@ class Card:
             missing = [name for name in group if f"usr/share/doc/{name}" not in there]
             yield Row("packages and their licences", f"{missing} are not there" if missing else "")
 
-    def _unwanted_words(self) -> Iterator[Row]:
-        """Where it was built, anywhere on the card, file or not: one pass over the octets."""
-        words = {"the build's path": inside(PROJECT)}
-        words |= {f"a mirror's name, {name}": re.escape(name.encode()) for name in mirrors()}
-        words |= {"a private key of ssh": SSH_KEY}
-        words |= {"the key of updates": re.escape(self._secret)} if self._secret else {}
-        found: dict[str, int] = {}
-        longest = max(map(len, words.values())) + 1
-        with self._image.open("rb") as file:
-            at, tail = 0, b""
-            while octets := file.read(CHUNK):
-                if octets.strip(b"\0"):
-                    for what, word in words.items():
-                        # What begins the tail was whole in the chunk before, with the octet before it.
-                        if seen := re.compile(word).search(tail + octets, bool(tail)):
-                            found.setdefault(what, at - len(tail) + seen.start())
-                tail, at = octets[-longest:], at + len(octets)
-        for what in words:
+    def _unwanted_words(self, known_keys: bytes = b"") -> Iterator[Row]:
+        words = verify_words.unwanted(self._secret, known_keys)
+        found = verify_words.places(self._image, words)
+        for what in (word.what for word in words):
             place = self._where(found[what]) if what in found else ""
             yield Row(f"{what} is nowhere", f"at octet {found[what]}, {place}" if what in found else "")
+
+    def _known_keys(self) -> bytes:
+        try:
+            with FileSystem(self._image, self._places["root-a"].offset, self._tools) as slot:
+                paths = [path for path in slot.paths() if verify_words.TESTED.fullmatch(path) and slot.size(path)]
+                return b"".join(map(slot.read, paths))
+        except ImageError:  # told where the slot is looked at
+            return b""
 
     def _where(self, offset: int) -> str:
         for name, place in self._places.items():
@@ -243,19 +234,6 @@ class Card:
                 return f", {slot.owner(offset)}"
         except ImageError:
             return ", which cannot be read"
-
-
-def inside(folder: Path) -> bytes:
-    """A pattern of paths of files in it. Of /src other paths have a part, and so has packed data, once in a while."""
-    path = re.escape(bytes(folder)) + b"/"
-    return path + rb"(?<![\w./+-]" + path + b")"  # it begins with what is to be found: that is searched fast
-
-
-def mirrors() -> list[str]:
-    """Hosts that this machine has its packages from."""
-    sites = run(["apt-get", "indextargets", "--format", "$(SITE)", "Created-By: Packages"])
-    hosts = {re.sub("^[a-z+]+://", "", line).split("/")[0] for line in sites.split()}
-    return sorted(host for host in hosts if host)
 
 
 def _read(path: Path, offset: int, size: int) -> bytes:
