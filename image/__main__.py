@@ -114,7 +114,7 @@ def _tell(folder: Path, described: description.Description, card: build.Card, to
 
 
 def _verified(described: description.Description, folder: Path, card: build.Card, signer: keys.Keys) -> int:
-    looked = verify.Card(described, card.image, folder, keys.secret(signer), card.bundle, card.checksums)
+    looked = verify.Card(described, card.image, folder, keys.secret(signer), card)
     rows: list[verify.Row] = []
     try:
         rows.extend(looked.rows())

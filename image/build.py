@@ -52,12 +52,13 @@ class Build:
 
     def __init__(self, description: Description, folder: Path = BUILT) -> None:
         self.description = description
+        date = epoch()  # refused before anything is made
         self.steps = Steps(folder)
         self._archive = Archive(folder / "archive", description.base)
         self._native = Archive(folder / "native", description.base, _native_architecture())
         self._files = self.steps.folder / "archive/archives"
         self._native_files = self.steps.folder / "native/archives"
-        self.keys = keys.chosen(self.steps.folder / KEYS, epoch())
+        self.keys = keys.chosen(self.steps.folder / KEYS, date)
 
     def card(self, upgrade: bool = False) -> Card:
         """Everything. upgrade: newest packages, even where there is a kept set. Raises ImageError."""
@@ -221,7 +222,10 @@ class Build:
 
         def make(_: Path) -> None:
             self.assemble(parts, card.image)
-            write_list(card.packages, [*lists["userland"], *lists["unpacked"]])
+            # What apt takes for essential, mmdebstrap does not: itself.
+            installed = root.installed(self.steps.folder / "userland/root.tar")
+            userland = [package for package in lists["userland"] if package.name in installed]
+            write_list(card.packages, [*userland, *lists["unpacked"]])
             licences.pack(parts / "root.tar", card.licences)
             kept = (card.image, card.bundle, card.packages, card.licences)
             card.checksums.write_text(checksum.sums(kept))

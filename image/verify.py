@@ -2,11 +2,23 @@
 
 import re
 import stat
+import struct
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from image import disk, flash, kernel, slot_names, state, verify_boot, verify_bundle, verify_slot, verify_words
+from image import (
+    build,
+    disk,
+    kernel,
+    slot_names,
+    state,
+    verify_beside,
+    verify_boot,
+    verify_bundle,
+    verify_slot,
+    verify_words,
+)
 from image.description import Description, Partition
 from image.errors import ImageError
 from image.ext4 import FileSystem
@@ -21,6 +33,8 @@ WANTED = (
     "etc/rauc/keyring.pem", slot_names.PATH,
 )  # fmt: skip
 UNWANTED = ("etc/apt", "var/lib/apt", "var/lib/dpkg", "etc/ssh/ssh_host_*", "root/.ssh", "home/operator/.ssh")
+# What is raised where accounts, programs and archives are read of which octets were changed.
+DAMAGED = (ValueError, TypeError, LookupError, EOFError, struct.error)
 
 
 class Row(NamedTuple):
@@ -38,8 +52,7 @@ class Card:
 
     built      folder of the build: e2fsprogs and the card's packages, unpacked, and the early boot.
     secret     octets of the key that updates are signed with; none where it is in hardware.
-    update     the bundle that was made with it.
-    checksums  of what was built, in a file beside it.
+    made       what was built with it, and lies beside it.
     """
 
     def __init__(
@@ -48,17 +61,16 @@ class Card:
         image: Path,
         built: Path,
         secret: bytes = b"",
-        update: Path | None = None,
-        checksums: Path | None = None,
+        made: build.Card | None = None,
     ) -> None:
         self._description = description
         self._image = image
+        self._built = built
         self._tools = built / "tools"
         self._unpacked = built / "kernel/tree"
         self._early = built / "early/initrd"
         self._secret = secret
-        self._update = update
-        self._checksums = checksums
+        self._made = made
         self._places = {place.partition.name: place for place in disk.places(description.disk)}
 
     def rows(self) -> Iterator[Row]:
@@ -66,8 +78,8 @@ class Card:
         for path in (self._image, self._tools, self._unpacked, self._early):
             if not path.exists():
                 raise ImageError(f"{path}: is not there", "make image builds it")
-        if self._checksums is not None:
-            yield self._as_built(self._checksums)
+        if self._made:
+            yield from (Row(*check) for check in verify_beside.checksums(self._made))
         yield self._table()
         if self._image.stat().st_size < self._description.disk.size_mib * MIB:
             return
@@ -85,15 +97,9 @@ class Card:
             except ImageError as error:  # of a file system that is damaged; the others are looked at all the same
                 first, _, rest = str(error).partition("\n")  # the command, and what it says
                 yield Row(f"{what} can be read", "; ".join((rest or first).splitlines()))
+            except DAMAGED as error:
+                yield Row(f"{what} can be read", f"a file in it is damaged: {error!r}")
         yield from self._unwanted_words(self._known_keys())
-
-    def _as_built(self, checksums: Path) -> Row:
-        """Whatever was changed since: the other checks look at what they know."""
-        try:
-            flash.compare(self._image, checksums)
-        except ImageError as error:
-            return Row("the checksum beside it", str(error).splitlines()[0])
-        return Row("the checksum beside it")
 
     def _table(self) -> Row:
         plan = self._description.disk
@@ -121,8 +127,15 @@ class Card:
 
     def _counters(self) -> Row:
         place = self._places["state"]
-        found = state.newest(_read(self._image, place.offset, state.APART + state.SIZE))
-        return Row("the boot counters", "" if found == state.State() else f"{found} and not {state.State()}")
+        octets = _read(self._image, place.offset, place.partition.size_mib * MIB)
+        wanted = state.blank().ljust(len(octets), b"\0")
+        if octets == wanted:
+            return Row("the boot counters")
+        for copy, at in ((1, 0), (2, state.APART)):
+            one, other = (state.unpacked(half[at : at + state.SIZE]) for half in (octets, wanted))
+            if one != other:
+                return Row("the boot counters", f"copy {copy} is {one} and not {other}")
+        return Row("the boot counters", "there is something beside both copies")
 
     def _boot_partition(self) -> Iterator[Row]:
         place = self._places["boot"]
@@ -175,10 +188,12 @@ class Card:
         octets = {"boot/Image": kernel.Kernel(self._unpacked).image, "boot/initrd": self._early}
         read = {path: source.read_bytes() for path, source in octets.items()}
         yield from (Row(*check) for check in verify_slot.composed(slot, self._description, read))
-        if self._update:
+        if self._made:
             keyring = slot.read("etc/rauc/keyring.pem")
-            checks = verify_bundle.checks(self._description, version(), self._update, keyring)
+            checks = verify_bundle.checks(self._description, version(), self._made.bundle, keyring)
             yield from (Row(*check) for check in checks)
+            beside = verify_beside.agreeing(self._made, self._built, there)
+            yield from (Row(*check) for check in beside)
         words = [line.split(":") for line in slot.read("etc/shadow").decode().splitlines()]
         able = [row[0] for row in words if row[1] not in ("*", "!", "!*")]
         yield Row("nobody has a password", f"{able} have" if able else "")

@@ -36,6 +36,16 @@ def test_a_folder_that_nobody_can_make_is_told(monkeypatch: pytest.MonkeyPatch, 
     assert "image: /proc/x: nothing can be built in it: " in said(monkeypatch, capsys, "--to", "/proc/x", "build")[1]
 
 
+def test_a_date_that_is_none_is_told_before_anything_is_made(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "abc")
+    assert said(monkeypatch, capsys, "--to", str(tmp_path / "built"), "build")[1].startswith(
+        "image: SOURCE_DATE_EPOCH: "
+    )
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_link_to_itself_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
     (tmp_path / "loop").symlink_to("loop")
     code, told = said(monkeypatch, capsys, "--to", str(tmp_path / "loop"), "build")

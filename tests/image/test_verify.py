@@ -1,13 +1,12 @@
 """What is found on a card that is not what its description says. Whole cards: python -m tests.image, .ci/image verify."""
 
-import os
 import struct
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
-from image import checksum, disk, state
+from image import disk, state
 from image.description import read
 from image.errors import ImageError
 from image.verify import Card, Row
@@ -98,20 +97,22 @@ def built(folder: Path) -> Path:
     return folder
 
 
-def test_a_card_that_was_changed_since_it_was_built_is_told(tmp_path: Path):
-    path, sums = card(tmp_path / "card"), tmp_path / "sums"
-    os.truncate(path, MIB)  # of two thousand: it is looked at first, and read whole
-    sums.write_text(checksum.sums([path]))
-    looked = Card(OWN, path, built(tmp_path / "built"), checksums=sums)
-    assert next(looked.rows()) == Row("the checksum beside it")
-    os.truncate(path, MIB - 1)
-    assert next(looked.rows()) == Row("the checksum beside it", f"{path}: is another one than was built")
-
-
-def test_what_cannot_be_read_is_told_and_the_rest_is_looked_at(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        (
+            ImageError("mcopy -i card: ended with 1:\ninit :: non DOS media\nCannot initialize '::'"),
+            "init :: non DOS media; Cannot initialize '::'",
+        ),
+        (ValueError("bad marshal data"), "a file in it is damaged: ValueError('bad marshal data')"),
+    ],
+)
+def test_what_cannot_be_read_is_told_and_the_rest_is_looked_at(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception, said: str
+):
     def damaged(self: Card) -> Iterator[Row]:
         yield Row("the first of it")
-        raise ImageError("mcopy -i card: ended with 1:\ninit :: non DOS media\nCannot initialize '::'")
+        raise error
 
     def sound(self: Card, known_keys: bytes = b"") -> Iterator[Row]:
         yield Row("what is sound")
@@ -126,7 +127,6 @@ def test_what_cannot_be_read_is_told_and_the_rest_is_looked_at(tmp_path: Path, m
     monkeypatch.setattr(Card, "_same_slots", nothing)
     monkeypatch.setattr(Card, "_known_keys", lambda card: b"")
     rows = list(Card(OWN, card(tmp_path / "card"), built(tmp_path / "built")).rows())
-    said = "init :: non DOS media; Cannot initialize '::'"
     assert rows[-6:] == [
         Row("the first of it"),
         Row("the boot partition can be read", said),
@@ -137,12 +137,29 @@ def test_what_cannot_be_read_is_told_and_the_rest_is_looked_at(tmp_path: Path, m
     ]
 
 
-def test_counters_of_a_card_that_was_used_are_told(tmp_path: Path):
+USED = state.packed(state.State(("B", "A"), 3, 2), 2)
+
+
+@pytest.mark.parametrize(
+    ("at", "octets", "said"),
+    [
+        (0, USED, "copy 1 is (State(order=('B', 'A'), a_left=3, b_left=2, new='0', again='0'), 2) and not (State("),
+        (state.APART, USED, "copy 2 is (State(order=('B', 'A'), a_left=3, b_left=2, new='0', again='0'), 2) and not"),
+        (
+            0,
+            state.packed(state.State(), 9),
+            "copy 1 is (State(order=('A', 'B'), a_left=3, b_left=3, new='0', again='0'), 9)",
+        ),
+        (0, bytes(state.SIZE), "copy 1 is None and not"),
+        (state.APART, b"x", "copy 2 is None and not"),
+        (state.SIZE, b"x", "there is something beside both copies"),
+        (8 * MIB - 1, b"x", "there is something beside both copies"),
+    ],
+)
+def test_counters_that_are_not_as_they_were_made_are_told(tmp_path: Path, at: int, octets: bytes, said: str):
     path = card(tmp_path / "card")
     offset = next(place.offset for place in disk.places(OWN.disk) if place.partition.name == "state")
     with path.open("r+b") as file:
-        file.seek(offset)
-        file.write(state.packed(state.State(("B", "A"), 3, 2), 2))
-    assert trouble(path)["the boot counters"].startswith(
-        "State(order=('B', 'A'), a_left=3, b_left=2, new='0', again='0')"
-    )
+        file.seek(offset + at)
+        file.write(octets)
+    assert trouble(path)["the boot counters"].startswith(said)
