@@ -1,10 +1,14 @@
 """image.toml, and what is said of every mistake in it."""
 
+import contextlib
+import json
 import re
 import tomllib
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as some
 
 from image import boot, device_tree, verify_boot
 from image.description import ON_BOOT, Description, read
@@ -161,6 +165,31 @@ def test_all_mistakes_are_told_in_one_round(tmp_path: Path):
     path = changed(tmp_path, "baud = 115200", "baud = 1")
     path.write_text(path.read_text().replace("pulse_gpio = 18", "pulse_gpio = -1"))
     with pytest.raises(ImageError, match=r"(?s)device_tree\.pulse_gpio.*\n.*console\.baud"):
+        read(path)
+
+
+LINES = [at for at, line in enumerate(OWN.read_text().splitlines()) if re.match(r'[\w"+.-]+ *=', line)]
+WORDS = some.text(some.characters(exclude_categories=["Cs"])).map(json.dumps)
+RUBBISH = (
+    WORDS | some.integers().map(str) | some.sampled_from(["true", "nan", "1979-05-27", "{}", "[[]]", "[{a = 1}]", ""])
+)
+
+
+@given(at=some.sampled_from(LINES), rubbish=RUBBISH)
+def test_rubbish_in_a_line_is_read_or_told_in_words(tmp_path_factory: pytest.TempPathFactory, at: int, rubbish: str):
+    lines = OWN.read_text().splitlines()
+    lines[at] = f"{lines[at].partition('=')[0]}= {rubbish}"
+    path = tmp_path_factory.getbasetemp() / "rubbish.toml"
+    path.write_text("\n".join(lines))
+    with contextlib.suppress(ImageError):
+        read(path)
+
+
+@given(octets=some.binary())
+def test_random_octets_are_told_in_words(tmp_path_factory: pytest.TempPathFactory, octets: bytes):
+    path = tmp_path_factory.getbasetemp() / "random.toml"
+    path.write_bytes(octets)
+    with pytest.raises(ImageError, match=r"random\.toml: "):
         read(path)
 
 
