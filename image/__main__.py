@@ -1,12 +1,20 @@
 """make image, make release, make flash: builds the card, looks it through, hands it out, writes it."""
 
 import argparse
+import errno
 import sys
 import time
 from pathlib import Path
 
-from image import build, description, figures, flash, keys, release, twice, verify
+from image import build, description, figures, flash, keys, release, step, twice, verify
 from image.errors import ImageError
+
+HINTS = {
+    errno.EACCES: "as root, or as who has built it",
+    errno.EPERM: "as root, or as who has built it",
+    errno.ENOSPC: "make room, or name a folder elsewhere: --to DIR",
+    errno.EROFS: "name a folder elsewhere: --to DIR",
+}
 
 
 def main() -> int:
@@ -16,7 +24,13 @@ def main() -> int:
         return verbs[arguments.verb](arguments, description.read(arguments.description))
     except ImageError as error:
         print(f"image: {error}", file=sys.stderr)
-        return 1
+    except OSError as error:  # of a file, folder or disk, which are the user's
+        what = f"{error.filename or arguments.to}: {error.strerror}"
+        print(f"image: {ImageError(what, HINTS.get(error.errno or 0, ''))}", file=sys.stderr)
+    except KeyboardInterrupt:
+        print("image: stopped: a step that was not finished is made again", file=sys.stderr)
+        return 130
+    return 1
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -25,7 +39,7 @@ def _parser() -> argparse.ArgumentParser:
         "--description", metavar="FILE", type=Path, default=build.HERE / "image.toml", help="default: image/image.toml"
     )
     parser.add_argument(
-        "--to", metavar="DIR", type=Path, default=build.BUILT, help="where it works; the card lies beside it"
+        "--to", metavar="DIR", type=_folder, default=build.BUILT, help="where it works; the card lies beside it"
     )
     verbs = parser.add_subparsers(dest="verb", required=True)
     making = verbs.add_parser("build", help="make the card, and look it through")
@@ -38,17 +52,27 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
+def _folder(word: str) -> Path:
+    try:
+        return Path(word).resolve()
+    except (OSError, RuntimeError) as error:  # RuntimeError: of links that lead to themselves
+        raise argparse.ArgumentTypeError(f"{word}: cannot be followed: {error}") from error
+
+
 def _build(arguments: argparse.Namespace, described: description.Description) -> int:
     began = time.monotonic()
     made = build.Build(described, arguments.to)
     card = made.card(arguments.upgrade)
     _tell(made.steps.folder, described, card, time.monotonic() - began)
-    return _verified(made, card)
+    return _verified(described, made.steps.folder, card, made.keys)
 
 
 def _verify(arguments: argparse.Namespace, described: description.Description) -> int:
-    made = build.Build(described, arguments.to)
-    return _verified(made, made.planned())
+    with step.at_rest(arguments.to):
+        card = build.planned(described, arguments.to)
+        if not card.image.exists():
+            raise ImageError(f"{card.image}: is not there", "make image builds it")
+        return _verified(described, arguments.to, card, keys.kept(arguments.to / build.KEYS))
 
 
 def _twice(arguments: argparse.Namespace, described: description.Description) -> int:
@@ -65,7 +89,7 @@ def _twice(arguments: argparse.Namespace, described: description.Description) ->
 def _release(arguments: argparse.Namespace, described: description.Description) -> int:
     made = build.Build(described, arguments.to)
     card = made.card()
-    if _verified(made, card):
+    if _verified(described, made.steps.folder, card, made.keys):
         return 1
     to = made.steps.folder.parent / "release"
     rows = list(release.make(made, card, to))
@@ -78,8 +102,9 @@ def _release(arguments: argparse.Namespace, described: description.Description) 
 
 
 def _flash(arguments: argparse.Namespace, described: description.Description) -> int:
-    card = build.Build(described, arguments.to).planned()
-    flash.flash(card.image, card.checksums, arguments.device)
+    with step.at_rest(arguments.to):
+        card = build.planned(described, arguments.to)
+        flash.flash(card.image, card.checksums, arguments.device)
     return 0
 
 
@@ -88,9 +113,8 @@ def _tell(folder: Path, described: description.Description, card: build.Card, to
     print(card.image)
 
 
-def _verified(made: build.Build, card: build.Card) -> int:
-    secret = keys.secret(made.keys)
-    looked = verify.Card(made.description, card.image, made.steps.folder, secret, card.bundle, card.checksums)
+def _verified(described: description.Description, folder: Path, card: build.Card, signer: keys.Keys) -> int:
+    looked = verify.Card(described, card.image, folder, keys.secret(signer), card)
     rows: list[verify.Row] = []
     try:
         rows.extend(looked.rows())

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from image import device_tree
 from image.description import Description, DeviceTree
+from image.errors import ImageError
 from image.kernel import Kernel
 from image.program import run
 
@@ -59,9 +60,10 @@ def make(description: Description, kernel: Kernel, board: Path, folder: Path) ->
     """The partition's files in a folder. board: path of the board file. Raises ImageError."""
     device_tree.wanted_by(device_tree.read_board(board), description.device_tree)
     shutil.copytree(FILES, folder)
-    for name in description.firmware.files:
-        shutil.copy(kernel.folder / description.firmware.folder / name, folder / name)
-    shutil.copy(kernel.folder / description.loader.file, folder / LOADER)
+    firmware, loader = description.firmware, description.loader
+    for name in firmware.files:
+        shutil.copy(_packed(kernel, "firmware.files", f"{firmware.folder}/{name}", firmware.package), folder / name)
+    shutil.copy(_packed(kernel, "loader.file", loader.file, loader.package), folder / LOADER)
     trees(description.device_tree, kernel, folder)
     (folder / "config.txt").write_text(config(description))
     text = folder.parent / "boot.cmd"
@@ -72,10 +74,20 @@ def make(description: Description, kernel: Kernel, board: Path, folder: Path) ->
     )
 
 
+def _packed(kernel: Kernel, key: str, path: str, package: str) -> Path:
+    source = kernel.folder / path
+    if not source.is_file():
+        raise ImageError(f"{key}: {path}: is not in {package}", f"{source.parent} has those that are")
+    return source
+
+
 def trees(tree: DeviceTree, kernel: Kernel, folder: Path) -> None:
     """What the firmware makes the kernel's device tree of. Raises ImageError."""
     for name in tree.files:
         source = kernel.device_tree(tree.folder, name)
+        if not source.is_file():
+            what = f"device_tree.files: {tree.folder}/{name}: is not in the kernel of {kernel.version}"
+            raise ImageError(what, f"{source.parent} has those that are")
         if tree.way == "dtc":
             device_tree.compiled(tree, source, folder / name)
         else:

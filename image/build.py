@@ -31,6 +31,7 @@ from image.step import Steps, key
 HERE = Path(__file__).parent
 FROZEN = HERE / "frozen.py"
 BUILT = PROJECT / "build/image"
+KEYS = "keys"
 GROUPS = ("userland", "unpacked", "freezer", "here", "tools")
 
 
@@ -51,12 +52,13 @@ class Build:
 
     def __init__(self, description: Description, folder: Path = BUILT) -> None:
         self.description = description
+        date = epoch()  # refused before anything is made
         self.steps = Steps(folder)
         self._archive = Archive(folder / "archive", description.base)
         self._native = Archive(folder / "native", description.base, _native_architecture())
         self._files = self.steps.folder / "archive/archives"
         self._native_files = self.steps.folder / "native/archives"
-        self.keys = keys.chosen(self.steps.folder / "keys", epoch())
+        self.keys = keys.chosen(self.steps.folder / KEYS, date)
 
     def card(self, upgrade: bool = False) -> Card:
         """Everything. upgrade: newest packages, even where there is a kept set. Raises ImageError."""
@@ -215,26 +217,15 @@ class Build:
         made_from = [key(step) for step in (tools, userland, unpacked, early, program)]
         return self.steps.made("parts", [str(description), str(now), *written.values(), *made_from, board, *own], make)
 
-    def planned(self) -> Card:
-        """Where everything lies once it is built: beside the folder that it is built in."""
-        description, folder = self.description, self.steps.folder
-        name = f"{description.name}-{version()}-{description.base.architecture}"
-        return Card(
-            folder.parent / f"{name}.img",
-            folder / "parts/root.ext4",
-            folder.parent / f"{name}.raucb",
-            folder.parent / f"{name}.packages.json",
-            folder.parent / f"{name}.licences.tar.xz",
-            folder.parent / f"{name}.sha256",
-            self.steps.took,
-        )
-
     def _card(self, parts: Path, lists: dict[str, list[Package]]) -> Card:
-        card = self.planned()
+        card = planned(self.description, self.steps.folder)._replace(took=self.steps.took)
 
         def make(_: Path) -> None:
             self.assemble(parts, card.image)
-            write_list(card.packages, [*lists["userland"], *lists["unpacked"]])
+            # What apt takes for essential, mmdebstrap does not: itself.
+            installed = root.installed(self.steps.folder / "userland/root.tar")
+            userland = [package for package in lists["userland"] if package.name in installed]
+            write_list(card.packages, [*userland, *lists["unpacked"]])
             licences.pack(parts / "root.tar", card.licences)
             kept = (card.image, card.bundle, card.packages, card.licences)
             card.checksums.write_text(checksum.sums(kept))
@@ -262,6 +253,21 @@ class Build:
             lambda _: bundle.make(parts / "root.ext4", words, version(), now, self.keys, tools, target),
             forced=not target.exists(),
         )
+
+
+def planned(description: Description, folder: Path) -> Card:
+    """Where everything lies once it is built: beside the folder that it is built in. Nothing is made."""
+    name = f"{description.name}-{version()}-{description.base.architecture}"
+    beside = folder.resolve().parent
+    return Card(
+        beside / f"{name}.img",
+        folder.resolve() / "parts/root.ext4",
+        beside / f"{name}.raucb",
+        beside / f"{name}.packages.json",
+        beside / f"{name}.licences.tar.xz",
+        beside / f"{name}.sha256",
+        {},
+    )
 
 
 def _native_architecture() -> str:

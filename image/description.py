@@ -1,32 +1,39 @@
 """image.toml: what the card is made of. Every mistake in it is told with its place, its value and a remedy."""
 
-import difflib
 import json
-import tomllib
-import types
-from dataclasses import MISSING, asdict, dataclass, fields, is_dataclass
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
+from typing import Literal
 
-from image import state
+from board import describe
+from board.errors import ConfigurationError
+from board.toml import show
+from image import state, values
 from image.errors import ImageError
 
-T = TypeVar("T")
-
-LARGEST_LABEL = 0xFFFFFFFF
-FIRST_LOGICAL = 5  # of an MBR: partitions 1 to 4 are in its table, 4 holds the rest
-WORDS = {str: "text in quotes", int: "an integer", bool: "true or false", dict: "a table", list: "an array"}
+# Of ours on the boot partition, whose names no other file there may have; a FAT takes A for a.
+ON_BOOT = ("u-boot.bin", "boot.scr", "config.txt", "README.txt", "overlays")
+PARTITIONS = {"boot": "fat", "root-a": "root", "root-b": "root", "state": "raw", "data": "data"}
+NUMBERS = [1, 2, 3, 5, 6]
+# MiB that a partition of a kind has at least, and for what.
+LEAST = {
+    "fat": (33, "a FAT32 has 65525 clusters of 512 octets and more"),
+    "root": (512, "Debian's userland, kernel and captain take 350 MB, and a later version may take more"),
+    "raw": (8, "its second copy begins at 4 MiB"),
+    "data": (256, "its journal has 16 MiB, the log 48, an update that is fetched 160"),
+}
 
 
 @dataclass(frozen=True)
 class Beside:
     """[[base.beside]]: one more archive. site: its URL; keyring: path of the keys that its lists are signed with."""
 
-    site: str
-    suite: str
-    components: tuple[str, ...]
-    keyring: str
+    site: values.Site
+    suite: values.Suite
+    components: values.Components
+    keyring: values.Keyring
 
 
 @dataclass(frozen=True)
@@ -36,11 +43,11 @@ class Base:
     mends  what the suite's name is followed by where its mends are: -security; the same keys and components.
     """
 
-    suite: str
+    suite: values.Suite
     architecture: Literal["arm64"]
-    components: tuple[str, ...]
-    keyring: str
-    mends: tuple[str, ...] = ()
+    components: values.Components
+    keyring: values.Keyring
+    mends: values.Mends = ()
     beside: tuple[Beside, ...] = ()
 
 
@@ -48,26 +55,26 @@ class Base:
 class Kernel:
     """[kernel]: modules are those of the early boot; command_line is added to what the boot script says."""
 
-    package: str
-    modules: tuple[str, ...]
-    command_line: str = ""
+    package: values.Package
+    modules: values.Modules
+    command_line: values.CommandLine = ""
 
 
 @dataclass(frozen=True)
 class Firmware:
     """[firmware]: files of a folder of the package, which go to the boot partition."""
 
-    package: str
-    folder: str
-    files: tuple[str, ...]
+    package: values.Package
+    folder: values.Path
+    files: values.Files
 
 
 @dataclass(frozen=True)
 class Loader:
     """[loader]: U-Boot for the board."""
 
-    package: str
-    file: str
+    package: values.Package
+    file: values.Path
 
 
 @dataclass(frozen=True)
@@ -75,20 +82,20 @@ class DeviceTree:
     """[device_tree]: how the board's needs get into the tree: by dtc when the image is built, or by the firmware."""
 
     way: Literal["dtc", "overlays"]
-    folder: str
-    files: tuple[str, ...]
-    board: str
-    pulse_gpio: int | None = None
-    i2c: tuple[int, ...] = ()
-    uarts: tuple[int, ...] = ()
+    folder: values.Path
+    files: values.Trees
+    board: values.Board
+    pulse_gpio: values.Gpio | None = None
+    i2c: values.I2c = ()
+    uarts: values.Uarts = ()
 
 
 @dataclass(frozen=True)
 class Console:
     """[console]: the serial port that a person is shown the station at."""
 
-    device: str
-    baud: int
+    device: values.Tty
+    baud: values.Baud
 
 
 @dataclass(frozen=True)
@@ -98,7 +105,7 @@ class Partition:
     name: str
     number: int
     kind: Literal["fat", "root", "raw", "data"]
-    size_mib: int
+    size_mib: values.Mib
     id: str = ""
 
 
@@ -106,8 +113,8 @@ class Partition:
 class Disk:
     """[disk]: the whole card, with a table of the kind that the Pi's boot ROM reads."""
 
-    label_id: int
-    size_mib: int
+    label_id: values.LabelId
+    size_mib: values.Mib
     partitions: tuple[Partition, ...]
 
     def partition(self, name: str) -> Partition:
@@ -122,16 +129,16 @@ class Disk:
 class Packages:
     """[packages.*]: name = reason."""
 
-    install: dict[str, str]
-    unpack: dict[str, str]
-    freeze: dict[str, str]
+    install: values.Packages
+    unpack: values.Packages
+    freeze: values.Packages
 
 
 @dataclass(frozen=True)
 class Description:
     """The whole of image.toml."""
 
-    name: str
+    name: values.Name
     base: Base
     kernel: Kernel
     firmware: Firmware
@@ -154,119 +161,67 @@ class Description:
 
 
 def read(path: Path) -> Description:
-    """The description in a file. Raises ImageError."""
+    """The description in a file. Raises ImageError with a line for each mistake."""
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ImageError(f"{path}: cannot be read: {error.strerror}", "name a file like image/image.toml") from error
-    except ValueError as error:  # UnicodeDecodeError and TOMLDecodeError
-        raise ImageError(f"{path}: is not TOML: {error}") from error
-    try:
-        found = _filled(Description, table, "")
-        _look_through(found)
-    except ImageError as error:
-        raise ImageError(f"{path.name}: {error}") from error
+        found = describe.read(Description, describe.load(path), str(path))
+    except ConfigurationError as error:
+        raise ImageError(error.message, error.hint) from error
+    if mistakes := [f"{path}: {mistake}" for mistake in _mistakes(found)]:
+        raise ImageError("\n".join(mistakes))
     return found
 
 
-def _filled(kind: type[T], table: dict[str, Any], place: str) -> T:
-    """A table as a dataclass."""
-    hints = get_type_hints(kind)
-    for key in table:
-        if key not in hints:
-            near = difflib.get_close_matches(key, hints, 1)
-            raise ImageError(
-                f"{place}{key}: there is no such key", f"did you mean {near[0]}?" if near else _known(hints)
-            )
-    values = {}
-    assert is_dataclass(kind)
-    for field in fields(kind):
-        if field.name in table:
-            values[field.name] = _value(hints[field.name], table[field.name], place + field.name)
-        elif field.default is MISSING:
-            raise ImageError(f"{place}{field.name}: is missing")
-    return kind(**values)
-
-
-def _known(hints: dict[str, Any]) -> str:
-    return "known: " + ", ".join(hints)
-
-
-def _value(kind: Any, value: Any, place: str) -> Any:
-    origin = get_origin(kind)
-    if origin is Literal:
-        if value not in get_args(kind):
-            raise ImageError(f"{place}: {value!r} is none of {', '.join(get_args(kind))}")
-        return value
-    if origin is types.UnionType:
-        return _value(get_args(kind)[0], value, place)  # X | None: TOML has no null
-    if origin is tuple:
-        _demand(list, value, place)
-        return tuple(_value(get_args(kind)[0], each, f"{place}[{index}]") for index, each in enumerate(value))
-    if origin is dict:
-        _demand(dict, value, place)
-        return {key: _value(get_args(kind)[1], each, f"{place}.{key}") for key, each in value.items()}
-    if is_dataclass(kind):
-        _demand(dict, value, place)
-        return _filled(kind, value, place + ".")  # type: ignore[arg-type]
-    _demand(kind, value, place)
-    return value
-
-
-def _demand(kind: type, value: Any, place: str) -> None:
-    if type(value) is not kind:
-        raise ImageError(f"{place}: {value!r} is not {WORDS[kind]}")
-
-
-def _look_through(found: Description) -> None:
+def _mistakes(found: Description) -> Iterator[str]:
     """What each value by itself cannot show."""
-    disk = found.disk
-    if not 0 < disk.label_id <= LARGEST_LABEL:
-        raise ImageError(f"disk.label_id: {disk.label_id:#x} has more than 32 bits, or none")
-    _look_through_partitions(disk)
+    yield from _of_disk(found.disk)
+    yield from _of_partitions(found.disk)
+    twice = found.packages.install.keys() & found.packages.unpack.keys()
+    yield from (f"packages: {name} is in install and in unpack; it is needed once" for name in sorted(twice))
+    taken = {name.lower() for name in ON_BOOT}
+    for name in (*found.firmware.files, *found.device_tree.files):
+        if name.lower() in taken:
+            yield f"firmware.files, device_tree.files: there is another {name} on the boot partition; leave it out"
+        taken.add(name.lower())
+
+
+def _of_disk(disk: Disk) -> Iterator[str]:
     used = sum(partition.size_mib for partition in disk.partitions)
     room = disk.size_mib - 8  # the table, the logical partitions' own, and the steps of 4 MiB between
     if used > room:
-        raise ImageError(
-            f"disk.size_mib: {disk.size_mib}: the partitions take {used} of {room} MiB", "make one smaller"
-        )
+        yield f"disk.size_mib: {disk.size_mib}: the partitions take {used} of {room} MiB; make one smaller"
     if disk.size_mib & (disk.size_mib - 1):
-        raise ImageError(f"disk.size_mib: {disk.size_mib} is no power of two", "an emulated card has to be one")
-    for name in (*found.packages.install, *found.packages.unpack, *found.packages.freeze):
-        groups = [group for group in ("install", "unpack") if name in getattr(found.packages, group)]
-        if len(groups) > 1:
-            raise ImageError(f"packages: {name} is in {' and in '.join(groups)}", "it is needed once")
-    for group in ("install", "unpack", "freeze"):
-        for name, reason in getattr(found.packages, group).items():
-            if not reason.strip():
-                raise ImageError(f"packages.{group}.{name}: has no reason", "say what it is for, or leave it out")
-    tree = found.device_tree
-    for place, number, low, high in (
-        *((f"device_tree.i2c[{index}]", number, 0, 6) for index, number in enumerate(tree.i2c)),
-        *((f"device_tree.uarts[{index}]", number, 2, 5) for index, number in enumerate(tree.uarts)),
-        *([("device_tree.pulse_gpio", tree.pulse_gpio, 0, 27)] if tree.pulse_gpio is not None else []),
-    ):
-        if not low <= number <= high:
-            raise ImageError(f"{place}: {number} is not {low} to {high}")
+        yield f"disk.size_mib: {disk.size_mib} is no power of two; an emulated card has to be one"
 
 
-def _look_through_partitions(disk: Disk) -> None:
-    wanted = {"boot": "fat", "root-a": "root", "root-b": "root", "state": "raw", "data": "data"}
+def _of_partitions(disk: Disk) -> Iterator[str]:
     kinds = {partition.name: partition.kind for partition in disk.partitions}
-    if kinds != wanted or len(disk.partitions) != len(wanted):
-        raise ImageError(f"disk.partitions: {kinds} are not the five that the boot script knows", f"they are {wanted}")
+    if kinds != PARTITIONS or len(disk.partitions) != len(PARTITIONS):
+        yield f"disk.partitions: {kinds} are not the five that the boot script knows; they are {PARTITIONS}"
+        return
     numbers = [partition.number for partition in disk.partitions]
-    if numbers != [1, 2, 3, 5, 6]:
-        raise ImageError(
-            f"disk.partitions: {numbers} are not 1, 2, 3, 5, 6", "the boot script counts on them; 4 holds 5 and 6"
+    if numbers != NUMBERS:
+        yield f"disk.partitions: {numbers} are not {NUMBERS}; the boot script counts on them, and 4 holds 5 and 6"
+    one, other, data = (disk.partition(name) for name in ("root-a", "root-b", "data"))
+    if one.size_mib != other.size_mib:
+        yield (
+            f"disk.partitions: root-a and root-b have {one.size_mib} and {other.size_mib} MiB, not the same size; "
+            "an update has to fit either"
         )
-    if disk.partition("root-a").size_mib != disk.partition("root-b").size_mib:
-        raise ImageError("disk.partitions: root-a and root-b have not the same size", "an update has to fit either")
-    if disk.partition("state").size_mib < 8:
-        raise ImageError("disk.partitions: state has less than 8 MiB", "its second copy begins at 4 MiB")
+    if one.id != other.id:
+        yield f"disk.partitions: root-a and root-b have not the same id: {one.id}, {other.id}; they are copies"
+    if data.id in (one.id, other.id):
+        yield f"disk.partitions: data and a root have the same id: {data.id}; give data another"
     for partition in disk.partitions:
-        digits = {"fat": (8,), "root": (8, 4, 4, 4, 12), "data": (8, 4, 4, 4, 12), "raw": ()}[partition.kind]
-        parts = partition.id.split("-") if partition.id else []
-        if tuple(map(len, parts)) != digits or any(set(part) - set("0123456789abcdef") for part in parts):
-            form = "-".join("x" * count for count in digits) or "nothing"
-            raise ImageError(f"disk.partitions: {partition.name}: id {partition.id!r} has not the form {form}")
+        yield from _of_partition(partition)
+
+
+def _of_partition(partition: Partition) -> Iterator[str]:
+    place = f"disk.partitions: {partition.name}"
+    least, reason = LEAST[partition.kind]
+    if partition.size_mib < least:
+        yield f"{place}: size_mib {partition.size_mib} is less than {least} MiB; {reason}"
+    digits = {"fat": (8,), "root": (8, 4, 4, 4, 12), "data": (8, 4, 4, 4, 12), "raw": ()}[partition.kind]
+    parts = partition.id.split("-") if partition.id else []
+    if tuple(map(len, parts)) != digits or any(set(part) - set("0123456789abcdef") for part in parts):
+        form = "-".join("x" * count for count in digits) or "nothing"
+        yield f"{place}: id {show(partition.id)} has not the form {form}"

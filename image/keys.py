@@ -62,11 +62,23 @@ def chosen(folder: Path, epoch: int, environment: Mapping[str, str] = os.environ
     folder  where the development key is kept from build to build.
     epoch   of the build, in Unix seconds: a new key's certificate is valid from there.
     """
+    return _of_release(environment) or development(folder, epoch)
+
+
+def kept(folder: Path, environment: Mapping[str, str] = os.environ) -> Keys:
+    """The same of a card that was built: none is made. Raises ImageError where there is none."""
+    found = _of_release(environment) or _of_development(folder)
+    if not found.certificate.exists():
+        raise ImageError(f"{found.certificate}: is not there", "make image makes it, and the card")
+    return found
+
+
+def _of_release(environment: Mapping[str, str]) -> Keys | None:
     key, certificate = environment.get(KEY, ""), environment.get(CERTIFICATE, "")
     if not key and not certificate:
         if environment.get(KEYRING):
             raise ImageError(f"{KEYRING} is set, and nothing to sign with", f"set {KEY} and {CERTIFICATE} as well")
-        return development(folder, epoch)
+        return None
     for name, value in ((KEY, key), (CERTIFICATE, certificate)):
         if not value:
             raise ImageError(f"{name} is not set", "a release has a key and its certificate: set both, or neither")
@@ -80,11 +92,16 @@ def chosen(folder: Path, epoch: int, environment: Mapping[str, str] = os.environ
 
 def development(folder: Path, epoch: int) -> Keys:
     """The key of this build folder; made where there is none. Raises ImageError."""
-    key, certificate = folder / "development.key.pem", folder / "development.cert.pem"
-    if not (key.exists() and certificate.exists()):
+    found = _of_development(folder)
+    if not (Path(found.key).exists() and found.certificate.exists()):
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        make(key, certificate, "development", epoch)
-    return Keys(DEVELOPMENT, str(key), certificate, certificate)
+        make(Path(found.key), found.certificate, "development", epoch)
+    return found
+
+
+def _of_development(folder: Path) -> Keys:
+    certificate = folder / "development.cert.pem"
+    return Keys(DEVELOPMENT, str(folder / "development.key.pem"), certificate, certificate)
 
 
 def make(key: Path, certificate: Path, name: str, epoch: int) -> None:

@@ -61,6 +61,17 @@ def pack(tree: Path, target: Path) -> None:
                 archive.addfile(member, source.extractfile(member) if member.isreg() else None)
 
 
+def packed(archive: Path) -> set[str]:
+    """Paths in such an archive. Raises OSError, TarError, LZMAError and EOFError."""
+    with tarfile.open(archive, "r:xz") as tar:
+        return set(tar.getnames())
+
+
+def in_slot(paths: Iterable[str]) -> set[str]:
+    """Those of a slot's paths that such an archive has."""
+    return {path for path in paths if _IN_A_SLOT.fullmatch(path)}
+
+
 def _of_packages(program: Path, site: Path) -> Iterable[tuple[str, bytes]]:
     names = carried(program)
     for about in sorted(site.glob("*.dist-info")):

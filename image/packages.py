@@ -143,7 +143,11 @@ def write_list(path: Path, packages: Sequence[Package]) -> None:
 
 
 def read_list(path: Path) -> list[Package]:
-    return [Package(**row) for row in json.loads(path.read_text())]
+    """Raises ImageError and OSError."""
+    try:
+        return [Package(**row) for row in json.loads(path.read_text())]
+    except (TypeError, ValueError) as error:
+        raise ImageError(f"{path}: is no list of packages: {error}", "python -m image build --upgrade") from error
 
 
 def write_index(folder: Path, packages: Iterable[Package]) -> None:

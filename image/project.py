@@ -8,19 +8,27 @@ from image.errors import ImageError
 from image.program import run
 
 PROJECT = Path(__file__).resolve().parent.parent
+# 2106-02-07: times in squashfs, which the update is, and in cpio, which the early boot is, have 32 bits.
+LATEST = 0xFFFFFFFF
 
 _CHRONY = "from pps import chrony_configuration as c; print(c.configuration(), c.access('captain'), sep='\\0')"
 
 
 def epoch() -> int:
     """The date of the build: SOURCE_DATE_EPOCH, or that of the last commit. Unix seconds. Raises ImageError."""
-    given = os.environ.get("SOURCE_DATE_EPOCH", "")
-    if given.isdecimal():
-        return int(given)
+    if given := os.environ.get("SOURCE_DATE_EPOCH", ""):
+        return _seconds(given)
     try:
         return int(run(["git", "log", "-1", "--format=%ct"], folder=PROJECT))
     except (ImageError, ValueError) as error:
         raise ImageError("the date of the build is not known: this is no git tree", "set SOURCE_DATE_EPOCH") from error
+
+
+def _seconds(given: str) -> int:
+    if not re.fullmatch("[0-9]{1,10}", given) or int(given) > LATEST:
+        what = f"SOURCE_DATE_EPOCH: {given[:40]!r} is not 0 to {LATEST}"
+        raise ImageError(what, "give Unix seconds, as date +%s does, or leave it out")
+    return int(given)
 
 
 def version() -> str:

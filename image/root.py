@@ -1,11 +1,14 @@
 """The root file system: Debian's userland by its own scripts, then what is ours, and nothing of where it was built."""
 
+import re
+import tarfile
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 from image import accounts
 from image.description import Description
+from image.errors import ImageError
 from image.kernel import Kernel
 from image.packages import Package, write_index
 from image.program import run
@@ -14,6 +17,7 @@ from image.tree import Tree
 OVERLAY = Path(__file__).parent / "overlay"
 PLACE = "usr/lib/captain"  # of the program
 DOCUMENTS = "usr/share/doc/captain"
+DPKG = "var/lib/dpkg"
 
 # Times that scripts write into files, such as the day of an account: of no day.
 EPOCH = "1735689600"  # 2025-01-01
@@ -23,7 +27,7 @@ EPOCH = "1735689600"  # 2025-01-01
 REMOVED = (
     "etc/apt", "etc/machine-id", "etc/hostname", "etc/resolv.conf", "etc/*-", "etc/ssh/ssh_host_*", "etc/dpkg",
     "etc/.pwd.lock", "var/lib/apt", "var/cache", "var/log", "var/lib/dbus/machine-id", "var/lib/systemd", "var/backups",
-    "var/lib/dpkg", "usr/share/man", "usr/share/info", "usr/share/locale", "usr/share/lintian", "usr/share/bug",
+    DPKG, "usr/share/man", "usr/share/info", "usr/share/locale", "usr/share/lintian", "usr/share/bug",
     "usr/share/doc-base", "usr/share/bash-completion", "usr/share/zsh", "run", "tmp", "var/tmp", "dev", "proc", "sys",
     "boot", "*/__pycache__", "root/.ssh",
     # What packages depend on for what this box never does, 75 MB: perl's modules, character sets, hwdb's sources.
@@ -53,6 +57,7 @@ WANTED = {
     "sockets.target": ("systemd-networkd.socket", "captain-restart.socket"),
 }  # fmt: skip
 _UNITS = "etc/systemd/system"
+_FIELD = re.compile("^(Package|Status|Version): (.*)$", re.MULTILINE)
 
 
 def install(packages: Sequence[Package], archives: Path, names: Sequence[str], target: Path) -> None:
@@ -65,6 +70,18 @@ def install(packages: Sequence[Package], archives: Path, names: Sequence[str], t
     wanted = ["--variant=essential", "--architectures=arm64", "--format=tar", f"--include={','.join(names)}"]
     source = f"deb [trusted=yes] copy:{archives} ./"  # compared with apt's signed lists when they were fetched
     run(["mmdebstrap", "--quiet", *wanted, *options, "", target, source], environment={"SOURCE_DATE_EPOCH": EPOCH})
+
+
+def installed(userland: Path) -> dict[str, str]:
+    """Versions by package in such a tar, of which dpkg says so. Raises ImageError and OSError."""
+    try:
+        with tarfile.open(userland) as tar:
+            status = tar.extractfile(f"./{DPKG}/status")
+            text = status.read().decode() if status else ""
+    except (tarfile.TarError, KeyError) as error:
+        raise ImageError(f"{userland}: has no {DPKG}/status", "make image builds it again") from error
+    heads = (dict(_FIELD.findall(part)) for part in text.split("\n\n"))
+    return {head["Package"]: head["Version"] for head in heads if head.get("Status") == "install ok installed"}
 
 
 class Parts(NamedTuple):

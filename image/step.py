@@ -5,21 +5,28 @@ import hashlib
 import shutil
 import sys
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
+from image.errors import ImageError
+
 STAMP = ".made-from"
+LOCK = "lock"
 
 
 class Steps:
-    """A folder of results. took: seconds by step, for those that were made this time."""
+    """A folder of results. took: seconds by step, for those that were made this time. Raises ImageError."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder.resolve()
-        self.folder.mkdir(parents=True, exist_ok=True)
-        # For as long as this lives: a second build in the folder waits.
-        self._lock = (self.folder / "lock").open("w")
-        fcntl.flock(self._lock, fcntl.LOCK_EX)
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            self._lock = (self.folder / LOCK).open("w")
+        except OSError as error:
+            what = f"{self.folder}: nothing can be built in it: {error.strerror}"
+            raise ImageError(what, "--to names a folder that you may write to") from error
+        fcntl.flock(self._lock, fcntl.LOCK_EX)  # for as long as this lives: a second build in the folder waits
         self.took: dict[str, float] = {}
 
     def close(self) -> None:
@@ -46,6 +53,18 @@ class Steps:
         stamp.write_text(digest)
         self.took[name] = time.monotonic() - began
         return place
+
+
+@contextmanager
+def at_rest(folder: Path) -> Iterator[None]:
+    """While nobody builds in a folder, to read in it; where nobody ever did, nothing is made."""
+    lock = folder / LOCK
+    if not lock.exists():
+        yield
+        return
+    with lock.open() as file:
+        fcntl.flock(file, fcntl.LOCK_SH)
+        yield
 
 
 def key(step: Path) -> str:

@@ -2,16 +2,27 @@
 
 import re
 import stat
+import struct
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from image import disk, flash, kernel, slot_names, state, verify_boot, verify_bundle, verify_slot
+from image import (
+    build,
+    disk,
+    kernel,
+    slot_names,
+    state,
+    verify_beside,
+    verify_boot,
+    verify_bundle,
+    verify_slot,
+    verify_words,
+)
 from image.description import Description, Partition
 from image.errors import ImageError
 from image.ext4 import FileSystem
-from image.program import run
-from image.project import PROJECT, version
+from image.project import version
 
 MIB = disk.MIB
 CHUNK = 16 * MIB
@@ -22,8 +33,8 @@ WANTED = (
     "etc/rauc/keyring.pem", slot_names.PATH,
 )  # fmt: skip
 UNWANTED = ("etc/apt", "var/lib/apt", "var/lib/dpkg", "etc/ssh/ssh_host_*", "root/.ssh", "home/operator/.ssh")
-# Of a host or of a person: OpenSSH's own form, in which libraries carry none for their tests.
-SSH_KEY = rb"-----BEGIN OPENSSH PRIVATE KEY-----\s[A-Za-z0-9+/]{16}"
+# What is raised where accounts, programs and archives are read of which octets were changed.
+DAMAGED = (ValueError, TypeError, LookupError, EOFError, struct.error)
 
 
 class Row(NamedTuple):
@@ -41,8 +52,7 @@ class Card:
 
     built      folder of the build: e2fsprogs and the card's packages, unpacked, and the early boot.
     secret     octets of the key that updates are signed with; none where it is in hardware.
-    update     the bundle that was made with it.
-    checksums  of what was built, in a file beside it.
+    made       what was built with it, and lies beside it.
     """
 
     def __init__(
@@ -51,17 +61,16 @@ class Card:
         image: Path,
         built: Path,
         secret: bytes = b"",
-        update: Path | None = None,
-        checksums: Path | None = None,
+        made: build.Card | None = None,
     ) -> None:
         self._description = description
         self._image = image
+        self._built = built
         self._tools = built / "tools"
         self._unpacked = built / "kernel/tree"
         self._early = built / "early/initrd"
         self._secret = secret
-        self._update = update
-        self._checksums = checksums
+        self._made = made
         self._places = {place.partition.name: place for place in disk.places(description.disk)}
 
     def rows(self) -> Iterator[Row]:
@@ -69,8 +78,8 @@ class Card:
         for path in (self._image, self._tools, self._unpacked, self._early):
             if not path.exists():
                 raise ImageError(f"{path}: is not there", "make image builds it")
-        if self._checksums is not None:
-            yield self._as_built(self._checksums)
+        if self._made:
+            yield from (Row(*check) for check in verify_beside.checksums(self._made))
         yield self._table()
         if self._image.stat().st_size < self._description.disk.size_mib * MIB:
             return
@@ -88,15 +97,9 @@ class Card:
             except ImageError as error:  # of a file system that is damaged; the others are looked at all the same
                 first, _, rest = str(error).partition("\n")  # the command, and what it says
                 yield Row(f"{what} can be read", "; ".join((rest or first).splitlines()))
-        yield from self._unwanted_words()
-
-    def _as_built(self, checksums: Path) -> Row:
-        """Whatever was changed since: the other checks look at what they know."""
-        try:
-            flash.compare(self._image, checksums)
-        except ImageError as error:
-            return Row("the checksum beside it", str(error).splitlines()[0])
-        return Row("the checksum beside it")
+            except DAMAGED as error:
+                yield Row(f"{what} can be read", f"a file in it is damaged: {error!r}")
+        yield from self._unwanted_words(self._known_keys())
 
     def _table(self) -> Row:
         plan = self._description.disk
@@ -124,8 +127,15 @@ class Card:
 
     def _counters(self) -> Row:
         place = self._places["state"]
-        found = state.newest(_read(self._image, place.offset, state.APART + state.SIZE))
-        return Row("the boot counters", "" if found == state.State() else f"{found} and not {state.State()}")
+        octets = _read(self._image, place.offset, place.partition.size_mib * MIB)
+        wanted = state.blank().ljust(len(octets), b"\0")
+        if octets == wanted:
+            return Row("the boot counters")
+        for copy, at in ((1, 0), (2, state.APART)):
+            one, other = (state.unpacked(half[at : at + state.SIZE]) for half in (octets, wanted))
+            if one != other:
+                return Row("the boot counters", f"copy {copy} is {one} and not {other}")
+        return Row("the boot counters", "there is something beside both copies")
 
     def _boot_partition(self) -> Iterator[Row]:
         place = self._places["boot"]
@@ -178,10 +188,12 @@ class Card:
         octets = {"boot/Image": kernel.Kernel(self._unpacked).image, "boot/initrd": self._early}
         read = {path: source.read_bytes() for path, source in octets.items()}
         yield from (Row(*check) for check in verify_slot.composed(slot, self._description, read))
-        if self._update:
+        if self._made:
             keyring = slot.read("etc/rauc/keyring.pem")
-            checks = verify_bundle.checks(self._description, version(), self._update, keyring)
+            checks = verify_bundle.checks(self._description, version(), self._made.bundle, keyring)
             yield from (Row(*check) for check in checks)
+            beside = verify_beside.agreeing(self._made, self._built, there)
+            yield from (Row(*check) for check in beside)
         words = [line.split(":") for line in slot.read("etc/shadow").decode().splitlines()]
         able = [row[0] for row in words if row[1] not in ("*", "!", "!*")]
         yield Row("nobody has a password", f"{able} have" if able else "")
@@ -208,26 +220,20 @@ class Card:
             missing = [name for name in group if f"usr/share/doc/{name}" not in there]
             yield Row("packages and their licences", f"{missing} are not there" if missing else "")
 
-    def _unwanted_words(self) -> Iterator[Row]:
-        """Where it was built, anywhere on the card, file or not: one pass over the octets."""
-        words = {"the build's path": inside(PROJECT)}
-        words |= {f"a mirror's name, {name}": re.escape(name.encode()) for name in mirrors()}
-        words |= {"a private key of ssh": SSH_KEY}
-        words |= {"the key of updates": re.escape(self._secret)} if self._secret else {}
-        found: dict[str, int] = {}
-        longest = max(map(len, words.values())) + 1
-        with self._image.open("rb") as file:
-            at, tail = 0, b""
-            while octets := file.read(CHUNK):
-                if octets.strip(b"\0"):
-                    for what, word in words.items():
-                        # What begins the tail was whole in the chunk before, with the octet before it.
-                        if seen := re.compile(word).search(tail + octets, bool(tail)):
-                            found.setdefault(what, at - len(tail) + seen.start())
-                tail, at = octets[-longest:], at + len(octets)
-        for what in words:
+    def _unwanted_words(self, known_keys: bytes = b"") -> Iterator[Row]:
+        words = verify_words.unwanted(self._secret, known_keys)
+        found = verify_words.places(self._image, words)
+        for what in (word.what for word in words):
             place = self._where(found[what]) if what in found else ""
             yield Row(f"{what} is nowhere", f"at octet {found[what]}, {place}" if what in found else "")
+
+    def _known_keys(self) -> bytes:
+        try:
+            with FileSystem(self._image, self._places["root-a"].offset, self._tools) as slot:
+                paths = [path for path in slot.paths() if verify_words.TESTED.fullmatch(path) and slot.size(path)]
+                return b"".join(map(slot.read, paths))
+        except ImageError:  # told where the slot is looked at
+            return b""
 
     def _where(self, offset: int) -> str:
         for name, place in self._places.items():
@@ -243,19 +249,6 @@ class Card:
                 return f", {slot.owner(offset)}"
         except ImageError:
             return ", which cannot be read"
-
-
-def inside(folder: Path) -> bytes:
-    """A pattern of paths of files in it. Of /src other paths have a part, and so has packed data, once in a while."""
-    path = re.escape(bytes(folder)) + b"/"
-    return path + rb"(?<![\w./+-]" + path + b")"  # it begins with what is to be found: that is searched fast
-
-
-def mirrors() -> list[str]:
-    """Hosts that this machine has its packages from."""
-    sites = run(["apt-get", "indextargets", "--format", "$(SITE)", "Created-By: Packages"])
-    hosts = {re.sub("^[a-z+]+://", "", line).split("/")[0] for line in sites.split()}
-    return sorted(host for host in hosts if host)
 
 
 def _read(path: Path, offset: int, size: int) -> bytes:

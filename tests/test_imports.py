@@ -84,7 +84,8 @@ TABLE = {
         )
     ),
     "asn1": Rule(("asn1tools",)),
-    "image": Rule(()),
+    # Of the station itself nothing: a card is made of it, and not by it.
+    "image": Rule(("board.describe", "board.errors", "board.toml")),
 }
 
 

@@ -9,6 +9,7 @@ import pytest
 
 from image import boot, state
 from image.description import read
+from image.errors import ImageError
 from image.kernel import Kernel
 
 PROJECT = Path(__file__).resolve().parents[2]
@@ -84,6 +85,33 @@ def test_what_the_firmware_adds_to_a_tree_is_on_the_partition(tmp_path: Path):
     found = {path.relative_to(tmp_path / "boot").as_posix() for path in (tmp_path / "boot").rglob("*.dtb*")}
     assert found == {"overlays/pps-gpio.dtbo", "overlays/overlay_map.dtb", "bcm2710-rpi-3-b.dtb"}
     assert "[pi3]\ndevice_tree=bcm2710-rpi-3-b.dtb\n" in boot.config(dataclasses.replace(OWN, device_tree=tree))
+
+
+@pytest.mark.parametrize(
+    ("there", "said"),
+    [
+        ((), "firmware.files: usr/lib/raspi-firmware/bootcode.bin: is not in raspi-firmware"),
+        (OWN.firmware.files, "loader.file: usr/lib/u-boot/rpi_arm64/u-boot.bin: is not in u-boot-rpi"),
+    ],
+)
+def test_a_file_that_its_package_does_not_have_is_told_with_its_key(tmp_path: Path, there: tuple[str, ...], said: str):
+    (tmp_path / "usr/lib/modules/6.12").mkdir(parents=True)
+    (tmp_path / OWN.firmware.folder).mkdir(parents=True)
+    for name in there:
+        (tmp_path / OWN.firmware.folder / name).touch()
+    board = PROJECT / f"board/boards/{OWN.device_tree.board}.toml"
+    with pytest.raises(ImageError, match=rf"^{said}\n  \("):
+        boot.make(OWN, Kernel(tmp_path), board, tmp_path / "boot")
+
+
+def test_a_device_tree_that_the_kernel_does_not_have_is_told_with_its_key(tmp_path: Path):
+    (tmp_path / "usr/lib/modules/6.12").mkdir(parents=True)
+    for way in ("dtc", "overlays"):
+        tree = dataclasses.replace(OWN.device_tree, way=way)
+        with pytest.raises(
+            ImageError, match=r"^device_tree.files: broadcom/bcm2711-rpi-4-b.dtb: is not in the kernel of 6"
+        ):
+            boot.trees(tree, Kernel(tmp_path), tmp_path)
 
 
 @pytest.mark.parametrize(("new", "left"), [("0", "3 3"), ("A", "0 3"), ("B", "3 0")])

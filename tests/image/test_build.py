@@ -70,6 +70,19 @@ def test_the_date_of_a_build_is_what_is_asked_for(monkeypatch: pytest.MonkeyPatc
     assert project.epoch() == 1_750_000_000
 
 
+@pytest.mark.parametrize("given", ["abc", "-5", "1.5", " 1", "0x10", "4294967296", "9" * 5000, "٣"])
+def test_a_date_that_is_none_is_refused_and_not_another_taken(monkeypatch: pytest.MonkeyPatch, given: str):
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", given)
+    with pytest.raises(ImageError, match=r"SOURCE_DATE_EPOCH: .* is not 0 to 4294967295\n  \(give Unix seconds"):
+        project.epoch()
+
+
+def test_without_a_date_it_is_that_of_the_last_commit(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "")
+    monkeypatch.setattr(project, "run", lambda words, folder: "1750000001\n")
+    assert project.epoch() == 1_750_000_001
+
+
 class Listed(packages.Archive):
     """An archive whose apt has a list of one package."""
 

@@ -1,13 +1,17 @@
 """image.toml, and what is said of every mistake in it."""
 
+import contextlib
+import json
 import re
 import tomllib
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as some
 
-from image import device_tree
-from image.description import Description, read
+from image import boot, device_tree, verify_boot
+from image.description import ON_BOOT, Description, read
 from image.errors import ImageError
 
 PROJECT = Path(__file__).resolve().parents[2]
@@ -37,48 +41,171 @@ def test_the_own_description_gives_the_own_board_what_it_asks_for():
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ('suite = "trixie"', "suite = 13", "base.suite: 13 is not text in quotes"),
-        ('suite = "trixie"', "", "base.suite: is missing"),
-        ('suite = "trixie"', 'suit = "trixie"', "base.suit: there is no such key\n  (did you mean suite?)"),
-        ('architecture = "arm64"', 'architecture = "amd64"', "base.architecture: 'amd64' is none of arm64"),
+        ('suite = "trixie"', "suite = 13", "base.suite: 13 is an integer; give text in quotes"),
+        ('suite = "trixie"', "", "base.suite: is missing; give text in quotes"),
+        ('suite = "trixie"', 'suit = "trixie"', "base.suit: is not a known key; did you mean suite?"),
+        ('suite = "trixie"', 'suite = ""', 'base.suite: "" is no suite; give one as trixie'),
+        ('suite = "trixie"', 'suite = "trixie main"', 'base.suite: "trixie main" is no suite'),
+        ('suite = "trixie"', 'suite = "../trixie"', 'base.suite: "../trixie" is no suite'),
         (
-            'components = ["main", "non-free-firmware"]',
-            'components = "main"',
-            "base.components: 'main' is not an array",
+            '"-security", ',
+            '"security", ',
+            'base.mends[0]: "security" is no end of a suite\'s name; give one as -security',
         ),
-        ('way = "dtc"', 'way = "dtb"', "device_tree.way: 'dtb' is none of dtc, overlays"),
-        ("i2c = [1]", "i2c = [7]", "device_tree.i2c[0]: 7 is not 0 to 6"),
-        ("i2c = [1]", 'i2c = ["1"]', "device_tree.i2c[0]: '1' is not an integer"),
-        ("uarts = []", "uarts = [1]", "device_tree.uarts[0]: 1 is not 2 to 5"),
-        ("pulse_gpio = 18", "pulse_gpio = 28", "device_tree.pulse_gpio: 28 is not 0 to 27"),
-        ("baud = 115200", "baud = true", "console.baud: True is not an integer"),
-        ("label_id = 0x43505401", "label_id = 0", "disk.label_id: 0x0 has more than 32 bits, or none"),
+        ('"-security", ', '"-updates", ', 'base.mends: "-updates" is there twice; name it once'),
+        ('architecture = "arm64"', 'architecture = "amd64"', 'base.architecture: "amd64" is not a choice'),
+        ('components = ["main", "non-free-firmware"]', 'components = "main"', 'base.components: "main" is text'),
+        ('["main", "non-free-firmware"]', "[]", "base.components: is empty; name one at least"),
+        ('["main", "non-free-firmware"]', '["main", "main"]', 'base.components: "main" is there twice; name it once'),
+        ('["main", "non-free-firmware"]', '["main\\n"]', r'base.components[0]: "main\n" is no component'),
+        ('keyring = "/usr', 'keyring = "usr', 'base.keyring: "usr/share'),
+        ('archive-keyring.gpg"', 'archive keyring.gpg"', "is no path of a file; give all of it"),
         (
-            "label_id = 0x43505401",
-            "label_id = 0x1_0000_0000",
-            "disk.label_id: 0x100000000 has more than 32 bits, or none",
+            'name = "captain"',
+            'name = ""',
+            'name: "" is no host name; give lower-case letters, digits and -, as captain',
         ),
-        ("size_mib = 2048", "size_mib = 2000", "disk.size_mib: 2048"),
+        ('name = "captain"', 'name = "../captain"', 'name: "../captain" is no host name'),
+        ('name = "captain"', 'name = "a\\u0000b"', r'name: "a\x00b" is no host name'),
+        ('name = "captain"', f'name = "{"a" * 64}"', "is no host name"),
+        ('package = "linux-image-arm64"', "package = 1", "kernel.package: 1 is an integer; give text in quotes"),
+        ('package = "linux-image-arm64"', 'package = "a=1"', 'kernel.package: "a=1" is no package\'s name'),
+        ('package = "u-boot-rpi"', 'package = "u-boot-rpi-"', 'loader.package: "u-boot-rpi-" is no package\'s name'),
+        ('"ext4", "overlay"', '"ext4", "ext4"', 'kernel.modules: "ext4" is there twice'),
+        ('"ext4", "overlay"', '"ext4", "--all"', '"--all" is no module\'s name'),
+        ('"ext4", "overlay"', '"ext4", "a b"', '"a b" is no module\'s name'),
+        (
+            'folder = "usr/lib/raspi-firmware"',
+            'folder = "/usr/lib"',
+            'firmware.folder: "/usr/lib" is no path in a pack',
+        ),
+        ('folder = "broadcom"', 'folder = "../broadcom"', 'device_tree.folder: "../broadcom" is no path in a package'),
+        ('file = "usr/lib/u-boot', 'file = "usr/lib/../u-boot', "loader.file: "),
+        (
+            '"start.elf"',
+            '"../start.elf"',
+            'firmware.files[1]: "../start.elf" is no file\'s name; give it without a folder',
+        ),
+        ('"start.elf"', '"/start.elf"', 'firmware.files[1]: "/start.elf" is no file\'s name'),
+        ('"start.elf"', '""', 'firmware.files[1]: "" is no file\'s name'),
+        ('"start.elf"', '"bootcode.bin"', 'firmware.files: "bootcode.bin" is there twice; name it once'),
+        ('"start.elf"', '"BOOTCODE.bin"', "there is another BOOTCODE.bin on the boot partition; leave it out"),
+        ('"start.elf"', '"config.txt"', "there is another config.txt on the boot partition; leave it out"),
+        ('"bcm2837-rpi-3-b.dtb"', '"bcm2837-rpi-3-b"', "device_tree.files[1]: "),
+        ('board = "quad"', 'board = "../quad"', 'device_tree.board: "../quad" is no board\'s name'),
+        ('way = "dtc"', 'way = "dtb"', 'device_tree.way: "dtb" is not a choice; did you mean "dtc"?'),
+        ("i2c = [1]", "i2c = [7]", "device_tree.i2c[0]: 7 is not a choice; known: 1, 3, 4, 5, 6"),
+        ("i2c = [1]", "i2c = [2]", "device_tree.i2c[0]: 2 is not a choice; known: 1, 3, 4, 5, 6"),
+        ("i2c = [1]", 'i2c = ["1"]', 'device_tree.i2c[0]: "1" is not a choice'),
+        ("i2c = [1]", "i2c = [1, 1]", "device_tree.i2c: 1 is there twice"),
+        ("uarts = []", "uarts = [1]", "device_tree.uarts[0]: 1 is not a choice; known: 2, 3, 4, 5"),
+        (
+            "pulse_gpio = 18",
+            "pulse_gpio = 28",
+            "device_tree.pulse_gpio: 28 is out of range; give at least 0 and at most 27",
+        ),
+        ("baud = 115200", "baud = true", "console.baud: true is not a choice"),
+        ("baud = 115200", "baud = -5", "console.baud: -5 is not a choice; known: 1200, 2400,"),
+        ("baud = 115200", "baud = 0", "console.baud: 0 is not a choice"),
+        ("baud = 115200", "baud = 115201", "console.baud: 115201 is not a choice; did you mean 115200?"),
+        ('device = "ttyS1"', 'device = "/dev/ttyS1"', 'console.device: "/dev/ttyS1" is no serial port\'s name'),
+        ('device = "ttyS1"', 'device = "ttyS1,9600 init=/bin/sh"', "is no serial port's name; give one as ttyS1"),
+        ("label_id = 0x43505401", "label_id = 0", "disk.label_id: 0 is out of range"),
+        ("label_id = 0x43505401", "label_id = 0x1_0000_0000", "disk.label_id: 4294967296 is out of range"),
+        ("size_mib = 2048", "size_mib = 2000", "disk.size_mib: 2000 is no power of two"),
+        (
+            "size_mib = 2048",
+            "size_mib = -2048",
+            "disk.size_mib: -2048 is out of range; give at least 1 and at most 32768",
+        ),
+        ("size_mib = 2048", "size_mib = 1048576", "disk.size_mib: 1048576 is out of range"),
         ("size_mib = 304", "size_mib = 400", "disk.size_mib: 2048: the partitions take 2136 of 2040 MiB"),
+        ("size_mib = 304", "size_mib = 0", "disk.partitions[4].size_mib: 0 is out of range"),
+        ("size_mib = 304", "size_mib = 1", "data: size_mib 1 is less than 256 MiB; its journal has 16 MiB, the log 48"),
+        ("size_mib = 128", "size_mib = 32", "boot: size_mib 32 is less than 33 MiB; a FAT32 has 65525 clusters"),
+        ("size_mib = 800", "size_mib = 100", "root-a: size_mib 100 is less than 512 MiB"),
+        ("size_mib = 8\n", "size_mib = 4\n", "state: size_mib 4 is less than 8 MiB; its second copy begins at 4 MiB"),
         ('name = "state"', 'name = "status"', "are not the five that the boot script knows"),
-        ("number = 5", "number = 4", "are not 1, 2, 3, 5, 6"),
-        ("size_mib = 8\n", "size_mib = 4\n", "state has less than 8 MiB"),
-        ('id = "b0070001"', 'id = "B0070001"', "boot: id 'B0070001' has not the form xxxxxxxx"),
-        ('kmod = "modules"', 'kmod = " "', "packages.install.kmod: has no reason"),
+        ("number = 5", "number = 4", "[1, 2, 3, 4, 6] are not [1, 2, 3, 5, 6]"),
+        ('id = "b0070001"', 'id = "B0070001"', 'boot: id "B0070001" has not the form xxxxxxxx'),
+        ("0a01", "0a02", "root-a and root-b have not the same id"),
+        ("2d0d06", "2d0a01", "data and a root have the same id"),
+        ('kmod = "modules"', 'kmod = " "', "packages.install.kmod: has no reason; say what it is for, or leave it out"),
+        ('kmod = "modules"', r'kmod = "a\u0007"', r'packages.install.kmod: "a\x07" has control characters'),
         ('kmod = "modules"', 'busybox-static = "twice"', "packages: busybox-static is in install and in unpack"),
-        ('kmod = "modules"', 'kmod = ["modules"]', "packages.install.kmod: ['modules'] is not text in quotes"),
-        ("[base]", "[base", "is not TOML"),
+        ('kmod = "modules"', 'kmod = ["modules"]', "packages.install.kmod: "),
+        ('kmod = "modules"', '"" = "modules"', 'packages.install: "" is no package\'s name; give one as apt has it'),
+        ('kmod = "modules"', r'"a\nb" = "modules"', r'packages.install: "a\nb" is no package'),
+        ("[base]", "[base", "line 4, column 6: "),
     ],
 )
 def test_a_mistake_is_told_with_its_place_and_its_value(tmp_path: Path, old: str, new: str, said: str):
+    path = changed(tmp_path, old, new)
     with pytest.raises(ImageError) as told:
-        read(changed(tmp_path, old, new))
-    # The message for sizes names the number that was found.
-    assert (said if new != "size_mib = 2000" else "disk.size_mib: 2000") in str(told.value)
+        read(path)
+    assert said in str(told.value)
+    assert str(told.value).startswith(f"{path}: ")
+
+
+@pytest.mark.parametrize(
+    "sign", ['\\"', "'", "$", ";", "\\\\", "&", "|", "`", "#", r"\n", r"\u0000", r"\u007f", "ä", "@LABEL@"]
+)
+def test_a_command_line_has_nothing_that_the_boot_script_would_read(tmp_path: Path, sign: str):
+    with pytest.raises(ImageError, match=r"kernel\.command_line: .* is no command line; give at most 1024 letters"):
+        read(changed(tmp_path, "quiet loglevel=4", f"quiet {sign} loglevel=4"))
+    read(changed(tmp_path, "quiet loglevel=4", "quiet memmap=64K@0x18000 a.b-c_d=e:f,g/h+50%~* loglevel=4"))
+
+
+def test_a_command_line_is_no_longer_than_a_kernel_takes(tmp_path: Path):
+    with pytest.raises(ImageError, match=r"kernel\.command_line: .* is no command line"):
+        read(changed(tmp_path, "quiet", "q" * 1024))
+
+
+def test_all_mistakes_are_told_in_one_round(tmp_path: Path):
+    path = changed(tmp_path, "baud = 115200", "baud = 1")
+    path.write_text(path.read_text().replace("pulse_gpio = 18", "pulse_gpio = -1"))
+    with pytest.raises(ImageError, match=r"(?s)device_tree\.pulse_gpio.*\n.*console\.baud"):
+        read(path)
+
+
+LINES = [at for at, line in enumerate(OWN.read_text().splitlines()) if re.match(r'[\w"+.-]+ *=', line)]
+WORDS = some.text(some.characters(exclude_categories=["Cs"])).map(json.dumps)
+RUBBISH = (
+    WORDS | some.integers().map(str) | some.sampled_from(["true", "nan", "1979-05-27", "{}", "[[]]", "[{a = 1}]", ""])
+)
+
+
+@given(at=some.sampled_from(LINES), rubbish=RUBBISH)
+def test_rubbish_in_a_line_is_read_or_told_in_words(tmp_path_factory: pytest.TempPathFactory, at: int, rubbish: str):
+    lines = OWN.read_text().splitlines()
+    lines[at] = f"{lines[at].partition('=')[0]}= {rubbish}"
+    path = tmp_path_factory.getbasetemp() / "rubbish.toml"
+    path.write_text("\n".join(lines))
+    with contextlib.suppress(ImageError):
+        read(path)
+
+
+@given(octets=some.binary())
+def test_random_octets_are_told_in_words(tmp_path_factory: pytest.TempPathFactory, octets: bytes):
+    path = tmp_path_factory.getbasetemp() / "random.toml"
+    path.write_bytes(octets)
+    with pytest.raises(ImageError, match=r"random\.toml: "):
+        read(path)
+
+
+def test_a_file_that_is_nested_too_deep_is_told_without_a_traceback(tmp_path: Path):
+    (tmp_path / "deep.toml").write_text(f"a = {'[' * 10_000}{']' * 10_000}\n")
+    with pytest.raises(ImageError, match=r"deep\.toml: arrays or tables are nested too deep"):
+        read(tmp_path / "deep.toml")
+
+
+def test_names_that_no_other_file_of_the_boot_partition_may_have_are_those_that_lie_there():
+    ours = {path.name for path in boot.FILES.iterdir()}
+    assert {*ours, boot.LOADER, boot.OVERLAYS, verify_boot.SCRIPT, verify_boot.CONFIG} == set(ON_BOOT)
 
 
 def test_slots_of_two_sizes_are_refused_as_no_update_would_fit_both(tmp_path: Path):
-    with pytest.raises(ImageError, match="root-a and root-b have not the same size"):
+    with pytest.raises(ImageError, match="root-a and root-b have 700 and 800 MiB, not the same size"):
         read(changed(tmp_path, "size_mib = 800", "size_mib = 700"))
 
 

@@ -43,6 +43,16 @@ def test_a_development_key_is_made_once_and_is_valid_from_the_builds_epoch_on(tm
     assert {path.name for path in tmp_path.iterdir()} == {"development.key.pem", "development.cert.pem"}
 
 
+def test_the_key_of_a_card_that_was_built_is_found_and_none_is_made(tmp_path: Path):
+    with pytest.raises(ImageError, match=r"development\.cert\.pem: is not there"):
+        keys.kept(tmp_path / "none", {})
+    assert not (tmp_path / "none").exists()
+    made = keys.chosen(tmp_path / "keys", EPOCH, {})
+    assert keys.kept(tmp_path / "keys", {}) == made
+    given = {keys.KEY: made.key, keys.CERTIFICATE: str(made.certificate)}
+    assert keys.kept(tmp_path / "none", given).kind == keys.RELEASE
+
+
 def test_two_build_folders_have_two_keys_and_one_can_tell_them_apart(tmp_path: Path):
     found = [keys.development(tmp_path / name, EPOCH) for name in "ab"]
     assert keys.subject(found[0].certificate) != keys.subject(found[1].certificate)

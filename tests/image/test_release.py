@@ -106,7 +106,7 @@ def test_what_is_handed_out_was_looked_through_and_whose_key_signed_it_is_said(
     made = SimpleNamespace(card=lambda: "card", steps=SimpleNamespace(folder=tmp_path), keys=SimpleNamespace(kind=kind))
     handed_out = []
     monkeypatch.setattr("image.__main__.build.Build", lambda described, to: made)
-    monkeypatch.setattr("image.__main__._verified", lambda made, card: 0 if is_sound else 1)
+    monkeypatch.setattr("image.__main__._verified", lambda *_: 0 if is_sound else 1)
     monkeypatch.setattr(release, "make", lambda *arguments: handed_out.append(arguments) or [])
     assert __main__._release(SimpleNamespace(to=tmp_path), None) == status  # type: ignore[arg-type]
     assert bool(handed_out) is is_sound
