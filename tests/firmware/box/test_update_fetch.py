@@ -18,7 +18,7 @@ from urllib.parse import unquote
 import pytest
 
 from board.errors import StationError, StorageError
-from firmware.box import update_fetch
+from firmware.box import update_fetch, update_server
 from firmware.box.update_folder import Folder
 from tests.broker.certificates import Authority
 
@@ -382,10 +382,10 @@ def test_a_secure_server_is_one_of_a_known_authority(
 def test_a_clock_that_was_never_set_is_named_where_a_certificate_is_not_valid_yet(monkeypatch: pytest.MonkeyPatch):
     error = ssl.SSLCertVerificationError(1, "x")
     error.verify_code, error.verify_message = 9, "certificate is not yet valid"
-    monkeypatch.setattr(update_fetch, "is_clock_set", lambda: False)
-    assert "the clock of this box was not set" in update_fetch._distrusted("https://x/y", error).message
-    monkeypatch.setattr(update_fetch, "is_clock_set", lambda: True)
-    assert "look at the clock" in update_fetch._distrusted("https://x/y", error).message
+    monkeypatch.setattr(update_server, "is_clock_set", lambda: False)
+    assert "the clock of this box was not set" in update_server._distrusted("https://x/y", error).message
+    monkeypatch.setattr(update_server, "is_clock_set", lambda: True)
+    assert "look at the clock" in update_server._distrusted("https://x/y", error).message
 
 
 def test_two_updates_at_once_are_told(folder: Folder, tmp_path: Path):
