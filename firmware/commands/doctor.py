@@ -13,9 +13,10 @@ from firmware import config
 from firmware.codec import library
 from firmware.lab import board_checks, checks, mqtt_checks, ports, time_checks
 from firmware.lab.checks import Finding, Level
+from firmware.printable import clean
 from firmware.station import topics_of
 from firmware.user.arguments import add_configuration
-from firmware.user.table import clean, width_of
+from firmware.user.table import width_of
 from firmware.user.untrusted import within
 
 DESCRIPTION = """\

@@ -15,8 +15,9 @@ from firmware.box.update_bundle import Bundle
 from firmware.box.update_folder import Folder
 from firmware.box.update_rauc import BusyError, InstallError
 from firmware.box.update_slots import RootSlot, booted, other
+from firmware.printable import clean, failure
 from firmware.user import health
-from firmware.user.table import Table, clean, lines_for
+from firmware.user.table import Table, lines_for
 
 HALF_WRITTEN = 3
 UNTOUCHED = "no slot was touched"
@@ -101,7 +102,7 @@ def _install(arguments: argparse.Namespace) -> int:
     try:
         found = update.run(arguments.source, progress, only_look=arguments.look)
     except InstallError as error:
-        _say(f"captain: {error}", is_wrong=True)
+        _say(f"captain: {failure(error)}", is_wrong=True)
         _say("  (the other slot is unusable until the next update; this one stays in use)", is_wrong=True)
         return HALF_WRITTEN
     except KeyboardInterrupt:
