@@ -45,18 +45,19 @@ def run(source: str, progress: Progress, folder: Folder | None = None, only_look
     own = update_bundle.box()
     with folder.locked():
         version = slot = ""
+        name = "the input" if source == "-" else source
         update_rauc.idle()  # what it still reads is not replaced
         try:
             both = slots()
             if not only_look:
                 _is_proven(both)
             path = _had(source, folder, progress)
-            found = update_bundle.read(path)
+            found = update_bundle.read(path, name)
             version = found.version
             update_bundle.fits(found, own)
             progress.shown(found, both)
             update_verity.check(
-                path, found.tree, lambda part: progress.step(round(100 * part), "checking the contents")
+                path, name, found.tree, lambda part: progress.step(round(100 * part), "checking the contents")
             )
             if only_look:
                 _cleared(folder)
@@ -64,7 +65,7 @@ def run(source: str, progress: Progress, folder: Folder | None = None, only_look
             slot = update_slots.other(both).name
             folder.tell(source, version, slot, BEGUN)
             progress.begun()
-            update_rauc.install(path, progress.step)
+            update_rauc.install(path, name, progress.step)
         except StationError as error:
             if folder.bundle.exists():  # a part is kept, so that it goes on from there
                 _cleared(folder)

@@ -64,9 +64,10 @@ def _properties(*names: str) -> list[str]:
     return found
 
 
-def install(path: Path, step: Callable[[int, str], None], program: str = PROGRAM) -> None:
+def install(path: Path, name: str, step: Callable[[int, str], None], program: str = PROGRAM) -> None:
     """Write a bundle into the other slot, and have that be tried next.
 
+    name  what its user has named.
     step  is told each step: percent, and what is done, in RAUC's words.
 
     Raises InstallError, and StationError where nothing was begun. It goes on in the service if this process ends.
@@ -92,10 +93,10 @@ def install(path: Path, step: Callable[[int, str], None], program: str = PROGRAM
                 step(int(found[1]), found[2].strip())
             said.append(line)
     if running.returncode:
-        raise _failed(path, "".join(said[-40:]), is_begun)
+        raise _failed(name, "".join(said[-40:]), is_begun)
 
 
-def _failed(path: Path, said: str, is_begun: bool) -> StationError:
+def _failed(name: str, said: str, is_begun: bool) -> StationError:
     if _FORBIDDEN.search(said):
         return _forbidden()
     if _BUSY.search(said):
@@ -105,8 +106,8 @@ def _failed(path: Path, said: str, is_begun: bool) -> StationError:
         last[-1].strip() if last else next((line for line in reversed(said.splitlines()) if line.strip()), "no reason")
     )
     if not is_begun:
-        return StationError(f"{path}: was not installed: {why}", "nothing was written")
-    return InstallError(f"{path}: {why}")
+        return StationError(f"{name}: was not installed: {why}", "nothing was written")
+    return InstallError(f"{name}: {why}")
 
 
 def _ask(words: Sequence[str]) -> str:

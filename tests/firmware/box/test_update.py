@@ -12,7 +12,15 @@ import pytest
 
 from board.errors import StationError
 from firmware import VERSION
-from firmware.box import update, update_bundle, update_counters, update_rauc, update_slots
+from firmware.box import (
+    update,
+    update_bundle,
+    update_counters,
+    update_fetch,
+    update_rauc,
+    update_slots,
+    update_verity,
+)
 from firmware.box.update_bundle import Box, Bundle
 from firmware.box.update_counters import Counters
 from firmware.box.update_folder import Folder
@@ -101,7 +109,9 @@ DENIED = "D-Bus error while installing `x`: GDBus.Error:org.freedesktop.DBus.Err
 BUSY = (
     "D-Bus error while installing `x`: GDBus.Error:org.gtk.GDBus.UnmappedGError: Already processing a different method"
 )
-BUNDLE = Bundle(Path("x"), 5000, "1.2.4", "captain trixie quad", "b", "O=captain", Tree(1, "", ""), 4_000_000)
+BUNDLE = Bundle("x", 5000, "1.2.4", "captain trixie quad", "b", "O=captain", Tree(1, "", ""), 4_000_000)
+
+READ, CHECK = update_bundle.read, update_verity.check
 
 
 class Service:
@@ -150,8 +160,8 @@ def service(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Service:
     counters = Counters(("B", "A"), {"A": 2, "B": 3}, "B")
     monkeypatch.setattr(update_counters, "read", lambda: counters)
     monkeypatch.setattr(update_bundle, "box", lambda: Box("captain trixie quad", "a release image"))
-    monkeypatch.setattr(update_bundle, "read", lambda path: BUNDLE._replace(path=path))
-    monkeypatch.setattr("firmware.box.update_verity.check", lambda path, tree, seen: seen(1.0))
+    monkeypatch.setattr(update_bundle, "read", lambda path, name: BUNDLE)
+    monkeypatch.setattr("firmware.box.update_verity.check", lambda path, name, tree, seen: seen(1.0))
     monkeypatch.setattr("firmware.commands.update.signal.signal", lambda number, action: None)
     (tmp_path / "update").mkdir()
     monkeypatch.setattr(update, "Folder", lambda: Folder(tmp_path / "update"))
@@ -253,11 +263,11 @@ def test_what_became_of_an_update_that_was_left_with_ctrl_c_is_asked_of_the_serv
     service: Service, bundle: str, said: Said, monkeypatch: pytest.MonkeyPatch,
     operation: str, last_error: str, version: str, result: str,
 ):  # fmt: skip
-    def interrupted(path: Path, step: object) -> None:
+    def interrupted(path: Path, name: str, step: object) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(update_rauc, "install", interrupted)
-    monkeypatch.setattr(update_bundle, "read", lambda path: BUNDLE._replace(path=path, version=version))
+    monkeypatch.setattr(update_bundle, "read", lambda path, name: BUNDLE._replace(version=version))
     assert main(["update", bundle]) == 130
     assert "is written to its end" in said()[1]
     service.is_at(operation, last_error)
@@ -276,7 +286,7 @@ def test_what_became_of_it_is_told_of_the_slot_that_it_goes_into(
     service: Service, bundle: str, said: Said, monkeypatch: pytest.MonkeyPatch, state: str, result: str
 ):
     # Both have a bundle of one version, as those that are built while one is made have.
-    def interrupted(path: Path, step: object) -> None:
+    def interrupted(path: Path, name: str, step: object) -> None:
         raise KeyboardInterrupt
 
     status = json.loads(json.dumps(STATUS).replace("1.2.3", BUNDLE.version))
@@ -295,7 +305,7 @@ def test_what_became_of_it_is_told_of_the_slot_that_it_goes_into(
 def test_ctrl_c_before_anything_is_written_says_so(
     service: Service, tmp_path: Path, said: Said, monkeypatch: pytest.MonkeyPatch
 ):
-    def interrupted(path: Path) -> Bundle:
+    def interrupted(path: Path, name: str) -> Bundle:
         raise KeyboardInterrupt
 
     # What is kept of an earlier one, whose end nobody waited for, says nothing of this one.
@@ -341,7 +351,7 @@ def test_a_service_that_refuses_is_told(service: Service, bundle: str, said: Sai
 def test_a_bundle_of_another_box_is_not_installed(
     service: Service, bundle: str, said: Said, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr(update_bundle, "read", lambda path: BUNDLE._replace(compatible="captain trixie pi"))
+    monkeypatch.setattr(update_bundle, "read", lambda path, name: BUNDLE._replace(compatible="captain trixie pi"))
     assert main(["update", bundle]) == 1
     assert "'captain trixie pi', and this box is 'captain trixie quad'" in said()[1]
     assert not any(words.startswith("install") for words in service.asked)
@@ -360,8 +370,8 @@ def test_a_slot_that_has_not_been_well_yet_takes_no_update(
 def test_what_was_fetched_and_refused_is_removed_and_a_file_of_a_user_stays(
     service: Service, bundle: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    def refuse(path: Path) -> Bundle:
-        raise StationError(f"{path}: its signature does not fit")
+    def refuse(path: Path, name: str) -> Bundle:
+        raise StationError(f"{name}: its signature does not fit")
 
     monkeypatch.setattr(update_bundle, "read", refuse)
     with open(bundle) as file:
@@ -371,6 +381,37 @@ def test_what_was_fetched_and_refused_is_removed_and_a_file_of_a_user_stays(
     assert list((tmp_path / "update/fetched").iterdir()) == []
     assert main(["update", bundle]) == 1
     assert Path(bundle).exists()
+
+
+@pytest.mark.parametrize("trouble", ["signature", "kind", "contents", "slot"])
+@pytest.mark.parametrize(
+    ("words", "name"), [(["-"], "the input"), (["--look", "-"], "the input"), (["http://x/y"], "http://x/y")]
+)
+def test_what_is_wrong_is_told_of_what_was_named_and_not_of_where_it_lies(
+    service: Service, bundle: str, said: Said, monkeypatch: pytest.MonkeyPatch,
+    words: list[str], name: str, trouble: str,
+):  # fmt: skip
+    def fetched(url: str, folder: Folder, *more: object) -> Path:
+        folder.bundle.write_bytes(Path(bundle).read_bytes())
+        return folder.bundle
+
+    monkeypatch.setattr(update_fetch, "from_url", fetched)
+    match trouble:
+        case "signature":
+            monkeypatch.setattr(update_bundle, "read", READ)
+            service.installs("", 1)
+        case "kind":
+            other = BUNDLE._replace(compatible="other")
+            monkeypatch.setattr(update_bundle, "read", lambda path, name: other._replace(name=name))
+        case "contents":
+            monkeypatch.setattr(update_verity, "check", CHECK)
+        case "slot":
+            service.installs(BROKEN, 1)
+    with open(bundle) as file:
+        monkeypatch.setattr("sys.stdin", file)
+        code = main(["update", *words])
+    assert code == (0 if "--look" in words and trouble == "slot" else 3 if trouble == "slot" else 1)
+    assert code == 0 or said()[1].startswith(f"captain: {name}: ")
 
 
 def test_both_slots_with_what_is_in_them(service: Service, said: Said):
@@ -476,5 +517,5 @@ def test_an_installation_that_was_not_begun_is_no_half_written_slot(tmp_path: Pa
     program.write_text(f"#!/bin/sh\ncat {tmp_path}/said\nexit 1\n")
     program.chmod(0o755)
     with pytest.raises(StationError, match="was not installed: Compatible mismatch") as told:
-        update_rauc.install(Path("x"), lambda percent, what: None, str(program))
+        update_rauc.install(Path("x"), "x", lambda percent, what: None, str(program))
     assert not isinstance(told.value, update_rauc.InstallError)
