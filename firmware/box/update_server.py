@@ -20,6 +20,9 @@ SAFE = "/?%:@!$&'()*+,;=~"  # what an address has as it is; RFC 3986, clause 2
 _HOST = re.compile(r"[^\x00-\x20\x7f]+")  # others are refused by http.client
 _LENGTH = re.compile(r"\d{1,18}")
 _RANGE = re.compile(r"bytes (\d{1,18})-\d{1,18}/(?:(\d{1,18})|\*)$")  # RFC 9110, clause 14.4
+# What a portal, a login or a page of errors answers 200 with. text/plain is none of them: servers call so whatever ends
+# in a way that they do not know.
+_PAGES = {"text/html", "application/xhtml+xml", "application/json", "application/xml", "text/xml"}
 _STATUS = {
     401: "wants a name and a password, which this program does not send",
     403: "forbids it",
@@ -58,9 +61,21 @@ def asked(url: str, have: int, tag: str) -> Answer:
             response.close()
             have, tag = 0, ""
         else:
+            _is_no_page(url, where, response)
             return _answer(url, response, have)
         response.close()
     raise StationError(f"{url}: leads from address to address", "ask whoever runs the server")
+
+
+def _is_no_page(url: str, where: str, response: http.client.HTTPResponse) -> None:
+    """Raises StationError for what is answered by people's pages, and not by a file."""
+    if response.status in (200, 206) and (kind := response.headers.get_content_type()) in _PAGES:
+        response.close()
+        led = f"leads to {where}, which" if where != url else "the server"
+        raise StationError(
+            f"{url}: {led} sends a page ({kind}), and no bundle",
+            "correct the address; or does the network want a login first? A browser shows the page",
+        )
 
 
 def why(error: Exception) -> str:

@@ -38,6 +38,7 @@ class Server(http.server.BaseHTTPRequestHandler):
     is_chunked: bool
     asked: list[tuple[str, str | None]]
     status: int
+    kind = ""  # Content-Type
     length = ""  # what it says in place of the length
 
     def do_GET(self) -> None:
@@ -66,6 +67,8 @@ class Server(http.server.BaseHTTPRequestHandler):
         elif self.has_length:
             self.send_header("Content-Length", self.length or str(len(FILE) - begin))
         self.send_header("ETag", self.tag)
+        if self.kind:
+            self.send_header("Content-Type", self.kind)
         self.send_header("Connection", "close")
         self.end_headers()
         octets = FILE[begin:]
@@ -322,6 +325,38 @@ def test_an_address_may_have_blanks_and_any_letters(site: Site, folder: Folder):
     assert site.does.asked[-1][0] == "/new%20release/f%C3%BCr%20alle?a=b%20c%20d"
     assert fetch(f"{site.base}/{os.fsdecode(b'caf%c' % 0xE9)}", folder) == FILE  # of a shell that is not UTF-8's
     assert site.does.asked[-1][0] == "/caf%E9"
+
+
+@pytest.mark.parametrize(
+    ("kind", "said"),
+    [("text/html", "text/html"), ("Text/HTML; charset=utf-8", "text/html"), ("application/json", "application/json")],
+)
+def test_a_page_in_place_of_a_file_is_refused_by_its_address_before_any_of_it_is_kept(
+    site: Site, folder: Folder, monkeypatch: pytest.MonkeyPatch, kind: str, said: str
+):
+    monkeypatch.setattr(site.does, "kind", kind)
+    with pytest.raises(StationError) as told:
+        fetch(site.url, folder)
+    assert told.value.message == f"{site.url}: the server sends a page ({said}), and no bundle"
+    assert "login" in told.value.hint
+    assert not folder.part.exists()
+
+
+def test_a_page_that_an_address_leads_to_is_told_with_where_it_is(
+    site: Site, folder: Folder, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(site.does, "kind", "text/html")
+    url = f"{site.base}/to//portal"
+    with pytest.raises(StationError, match=f"^{url}: leads to {site.base}/portal, which sends a page"):
+        fetch(url, folder)
+
+
+@pytest.mark.parametrize("kind", ["text/plain", "application/octet-stream", "application/vnd.rauc"])
+def test_a_file_is_taken_by_whatever_name_servers_have_for_it(
+    site: Site, folder: Folder, monkeypatch: pytest.MonkeyPatch, kind: str
+):
+    monkeypatch.setattr(site.does, "kind", kind)
+    assert fetch(site.url, folder) == FILE
 
 
 def test_what_comes_by_a_pipe_is_taken_to_its_end(folder: Folder):
