@@ -45,13 +45,13 @@ def run(source: str, progress: Progress, folder: Folder | None = None, only_look
     own = update_bundle.box()
     with folder.locked():
         version = slot = ""
-        name = "the input" if source == "-" else source
+        name = update_fetch.INPUT if source == "-" else source
         update_rauc.idle()  # what it still reads is not replaced
         try:
             both = slots()
             if not only_look:
                 _is_proven(both)
-            path = _had(source, folder, progress)
+            path = _had(source, folder, progress, update_slots.other(both))
             found = update_bundle.read(path, name)
             version = found.version
             update_bundle.fits(found, own)
@@ -93,11 +93,11 @@ def _is_proven(both: list[RootSlot]) -> None:
         )
 
 
-def _had(source: str, folder: Folder, progress: Progress) -> Path:
+def _had(source: str, folder: Folder, progress: Progress, slot: RootSlot) -> Path:
     if source == "-":
-        return update_fetch.from_stream(sys.stdin.buffer, folder, progress.fetched)
+        return update_fetch.from_stream(sys.stdin.buffer, folder, progress.fetched, update_slots.largest(slot))
     if update_fetch.is_url(source):
-        return update_fetch.from_url(source, folder, progress.fetched)
+        return update_fetch.from_url(source, folder, progress.fetched, update_slots.largest(slot))
     if "://" in source:
         raise StationError(f"{source}: only http:// and https:// are fetched", "or copy the bundle here by ssh")
     return Path(source).absolute()  # the service has another folder

@@ -2,11 +2,12 @@
 
 import http.client
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
-from board.errors import StationError
+from board.errors import StationError, StorageError
 from firmware.box import update_server
 from firmware.box.update_folder import Folder, storing
 from firmware.box.update_server import BrokenOffError
@@ -14,6 +15,9 @@ from firmware.box.update_server import BrokenOffError
 CHUNK = 1 << 16
 PAUSES_S = (1.0, 2.0, 4.0, 8.0, 15.0)  # between tries that bring nothing, once something has come at all
 NOBODY = "correct the address, or is the server gone, or the network?"
+NAME_ONE = "name a bundle, captain-VERSION-arm64.raucb"
+INPUT = "the input"
+ANEW = "captain update with the same address begins anew: its server does not tell how to go on"
 AGAIN = "captain update with the same address goes on where it was broken off"
 
 Seen = Callable[[int, int], None]  # octets that are there; how many it will be, or 0
@@ -23,14 +27,15 @@ def is_url(source: str) -> bool:
     return source.startswith(("http://", "https://"))
 
 
-def from_stream(stream: BinaryIO, folder: Folder, seen: Seen) -> Path:
-    """Until its end. Raises StationError when there is no room."""
+def from_stream(stream: BinaryIO, folder: Folder, seen: Seen, most: int) -> Path:
+    """Until its end. Raises StationError when there is no room, and for more than most octets."""
     folder.clear()
     have = 0
-    with storing(folder.part), folder.part.open("wb") as file:
+    with _kept(folder), storing(folder.part), folder.part.open("wb") as file:
         while octets := _taken(stream):
-            _put(file, octets, folder, is_counted=False)
             have += len(octets)
+            _is_within(most, have, INPUT, folder)
+            _put(file, octets, folder, is_counted=False)
             seen(have, 0)
     return folder.finish()
 
@@ -39,40 +44,44 @@ def _taken(stream: BinaryIO) -> bytes:
     try:
         return stream.read(CHUNK)
     except OSError as error:
-        raise StationError(f"the input cannot be read: {error.strerror}", "send the bundle once more") from error
+        raise StationError(f"{INPUT} cannot be read: {error.strerror}", "send the bundle once more") from error
 
 
-def from_url(url: str, folder: Folder, seen: Seen, sleep: Callable[[float], None] = time.sleep) -> Path:
-    """The file of an address. Raises StationError: why not; what is there already is kept for the next time.
+def from_url(url: str, folder: Folder, seen: Seen, most: int, sleep: Callable[[float], None] = time.sleep) -> Path:
+    """The file of an address. Raises StationError: why not; what can be gone on with is kept for the next time.
 
+    most   octets that it may have.
     sleep  waits between two tries.
     """
     if folder.about().get("url") != url:
         folder.clear()
     first = before = _size(folder.part)
     tries = 0
-    while True:
-        try:
-            _fetch(url, folder, seen)
-            return folder.finish()
-        except BrokenOffError as broken:
-            have = _size(folder.part)
-            tries = 0 if have > before else tries + 1
-            if have == first:
-                raise StationError(f"{url}: {broken}", AGAIN if have else NOBODY) from broken
-            if tries >= len(PAUSES_S):
-                raise StationError(f"{url}: {broken}; {have / 1e6:.1f} MB of it are there", AGAIN) from broken
-            before = have
-        sleep(PAUSES_S[tries])
+    with _kept(folder):
+        while True:
+            try:
+                _fetch(url, folder, seen, most)
+                return folder.finish()
+            except BrokenOffError as broken:
+                have = _size(folder.part)
+                tries = 0 if have > before else tries + 1
+                again = AGAIN if _goes_on(folder) else ANEW
+                if have == first:
+                    raise StationError(f"{url}: {broken}", again if have else NOBODY) from broken
+                if tries >= len(PAUSES_S):
+                    raise StationError(f"{url}: {broken}; {have / 1e6:.1f} MB of it had come", again) from broken
+                before = have
+            sleep(PAUSES_S[tries])
 
 
-def _fetch(url: str, folder: Folder, seen: Seen) -> None:
+def _fetch(url: str, folder: Folder, seen: Seen, most: int) -> None:
     """What is still missing of it, in one connection. Raises StationError, BrokenOffError."""
     have, about = _size(folder.part), folder.about()
     if have and have == about.get("size"):
         return  # it broke off behind the last octet
     answer = update_server.asked(url, have, str(about.get("tag") or ""))
     with answer.response:
+        _is_within(most, answer.total, url, folder)
         if answer.begin != have:
             have = 0
             folder.begin_again()  # before there is asked for room
@@ -88,11 +97,40 @@ def _fetch(url: str, folder: Folder, seen: Seen) -> None:
                     raise BrokenOffError(update_server.why(error)) from error
                 if not octets:
                     break
-                _put(file, octets, folder, is_counted=bool(answer.total))
                 have += len(octets)
+                _is_within(most, have, url, folder)
+                _put(file, octets, folder, is_counted=bool(answer.total))
                 seen(have, answer.total)
     if answer.total and have < answer.total:
         raise BrokenOffError(f"the server has ended the connection after {have} of {answer.total} octets")
+
+
+@contextmanager
+def _kept(folder: Folder) -> Iterator[None]:
+    """What is there when it breaks off stays where it can be gone on with."""
+    try:
+        yield
+    except BaseException:  # Ctrl-C is one
+        if not _goes_on(folder):
+            with suppress(StorageError):  # it is told what it broke off with
+                folder.clear()
+        raise
+
+
+def _goes_on(folder: Folder) -> bool:
+    """Whether the rest of the part can be asked for, and its end be known."""
+    about = folder.about()
+    return bool(about.get("size")) and update_server.is_exact(str(about.get("tag") or ""))
+
+
+def _is_within(most: int, size: int, name: str, folder: Folder) -> None:
+    """Raises StationError for more octets than any bundle has, and nothing of them stays."""
+    if size > most:
+        folder.clear()
+        raise StationError(
+            f"{name}: is {size / 1e6:.0f} MB or more, and a bundle for this box has {most / 1e6:.0f} MB at most",
+            NAME_ONE,
+        )
 
 
 def _put(file: BinaryIO, octets: bytes, folder: Folder, is_counted: bool) -> None:

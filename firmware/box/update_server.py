@@ -67,6 +67,11 @@ def asked(url: str, have: int, tag: str) -> Answer:
     raise StationError(f"{url}: leads from address to address", "ask whoever runs the server")
 
 
+def is_exact(tag: str) -> bool:
+    """Whether it names a file to the octet, so that the rest of it can be asked for. RFC 9110, clause 13.1.5."""
+    return bool(tag) and not tag.startswith("W/")
+
+
 def _is_no_page(url: str, where: str, response: http.client.HTTPResponse) -> None:
     """Raises StationError for what is answered by people's pages, and not by a file."""
     if response.status in (200, 206) and (kind := response.headers.get_content_type()) in _PAGES:
@@ -102,7 +107,7 @@ def _answer(url: str, response: http.client.HTTPResponse, have: int) -> Answer:
 def _request(url: str, have: int, tag: str) -> http.client.HTTPResponse:
     parts = _parts(url)
     headers = {"User-Agent": "captain", "Accept-Encoding": "identity", "Connection": "close"}
-    if have and tag and not tag.startswith("W/"):
+    if have and is_exact(tag):
         headers |= {"Range": f"bytes={have}-", "If-Range": tag}
     connection = _connection(parts)
     path = quote(f"{parts.path or '/'}{'?' + parts.query if parts.query else ''}", SAFE, errors="surrogateescape")

@@ -2,10 +2,14 @@
 
 from collections.abc import Mapping
 from datetime import datetime
+from pathlib import Path
 from typing import NamedTuple
 
 from board.errors import StationError
 from firmware.box.update_counters import Counters
+
+BLOCKS = Path("/sys/class/block")  # which anybody may read, where the device itself is root's
+SECTOR = 512  # octets of what size says there, whatever the card's own are
 
 
 class RootSlot(NamedTuple):
@@ -13,6 +17,7 @@ class RootSlot(NamedTuple):
 
     left    tries; None where the counters cannot be read.
     is_new  it was updated and has not been well yet.
+    device  of its partition.
     state   of what was written into it, in RAUC's word: ok, failed, pending; empty: nothing was.
     """
 
@@ -25,6 +30,7 @@ class RootSlot(NamedTuple):
     left: int | None
     is_new: bool
     state: str
+    device: str
 
     @property
     def words(self) -> str:
@@ -51,6 +57,20 @@ def slots(status: Mapping[str, object], counters: Counters | None) -> list[RootS
     if len(found) != 2:
         raise StationError(f"rauc knows {len(found)} slots, and not two")
     return sorted(found)
+
+
+def largest(slot: RootSlot, blocks: Path = BLOCKS) -> int:
+    """Octets of the largest bundle that a slot can be written from. Raises StationError.
+
+    What is in it is no larger than the partition, for a squashfs leaves as it is what does not get smaller; behind it a
+    hash tree with 32 octets for each block of 4096, and 32 for each 4096 of these, and a signature of some thousand.
+    """
+    path = blocks / Path(slot.device).resolve().name / "size"
+    try:
+        size = int(path.read_text()) * SECTOR
+    except (OSError, ValueError) as error:
+        raise StationError(f"{path}: how large slot {slot.name} is cannot be read: {error}") from error
+    return size + size // 64 + (1 << 20)
 
 
 def booted(found: list[RootSlot]) -> RootSlot:
@@ -87,6 +107,7 @@ def _slot(name: str, one: Mapping[str, object], status: Mapping[str, object], co
         counters.left.get(letter) if counters else None,
         counters is not None and counters.new == letter,
         str(kept.get("status") or ""),
+        str(one.get("device") or ""),
     )
 
 

@@ -159,6 +159,7 @@ def service(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Service:
     monkeypatch.setenv("PATH", f"{tmp_path / 'bin'}:{os.environ['PATH']}")
     counters = Counters(("B", "A"), {"A": 2, "B": 3}, "B")
     monkeypatch.setattr(update_counters, "read", lambda: counters)
+    monkeypatch.setattr(update_slots, "largest", lambda slot: 1 << 20)
     monkeypatch.setattr(update_bundle, "box", lambda: Box("captain trixie quad", "a release image"))
     monkeypatch.setattr(update_bundle, "read", lambda path, name: BUNDLE)
     monkeypatch.setattr("firmware.box.update_verity.check", lambda path, name, tree, seen: seen(1.0))
@@ -503,6 +504,17 @@ def test_a_restart_is_asked_for_by_a_connection_and_by_nothing_else(
 def test_what_does_not_go_together_is_wrong_usage(words: list[str], said: Said):
     assert main(["update", *words]) == 2
     assert "captain update --" in said()[1]
+
+
+def test_the_largest_bundle_is_that_of_the_slots_partition(tmp_path: Path):
+    (tmp_path / "43505401-03").mkdir()
+    size = tmp_path / "43505401-03/size"
+    size.write_text("1638400\n")  # 800 MiB, as the image has them
+    there = update_slots.other(update_slots.slots(STATUS, None))
+    assert 800 << 20 < update_slots.largest(there, tmp_path) < 820 << 20
+    size.write_text("")
+    with pytest.raises(StationError, match="how large slot B is cannot be read"):
+        update_slots.largest(there, tmp_path)
 
 
 def test_a_system_that_was_started_otherwise_has_no_other_slot():

@@ -13,6 +13,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import BinaryIO
 from urllib.parse import unquote
 
 import pytest
@@ -23,6 +24,7 @@ from firmware.box.update_folder import Folder
 from tests.broker.certificates import Authority
 
 FILE = random.Random(7).randbytes(300_000)
+MOST = 20_000_000
 
 
 class Server(http.server.BaseHTTPRequestHandler):
@@ -125,7 +127,11 @@ def folder(tmp_path: Path) -> Folder:
 
 
 def fetch(url: str, folder: Folder, seen: Callable[[int, int], None] = lambda have, size: None) -> bytes:
-    return update_fetch.from_url(url, folder, seen, sleep=lambda seconds: None).read_bytes()
+    return update_fetch.from_url(url, folder, seen, MOST, sleep=lambda seconds: None).read_bytes()
+
+
+def piped(stream: BinaryIO, folder: Folder) -> bytes:
+    return update_fetch.from_stream(stream, folder, lambda have, size: None, MOST).read_bytes()
 
 
 def test_a_file_is_fetched_whole_and_how_far_it_is_is_told(site: Site, folder: Folder):
@@ -168,7 +174,7 @@ def test_another_address_is_begun_with_again(site: Site, folder: Folder):
 
 def test_the_next_run_goes_on_where_this_one_was_broken_off(site: Site, folder: Folder):
     site.does.cuts += [123_456, *[0] * 20]
-    with pytest.raises(StationError, match=r"after 123456 of 300000 octets; 0\.1 MB of it are there"):
+    with pytest.raises(StationError, match=r"after 123456 of 300000 octets; 0\.1 MB of it had come"):
         fetch(site.url, folder)
     site.does.cuts.clear()
     site.does.asked.clear()
@@ -229,7 +235,7 @@ def test_a_card_that_takes_no_writes_is_told(
     with pytest.raises(StorageError, match=words):
         fetch(site.url, folder)
     with pytest.raises(StorageError, match=words):
-        update_fetch.from_stream(io.BytesIO(FILE), folder, lambda have, size: None)
+        piped(io.BytesIO(FILE), folder)
 
 
 def test_a_pipe_that_cannot_be_read_is_told(folder: Folder):
@@ -238,7 +244,78 @@ def test_a_pipe_that_cannot_be_read_is_told(folder: Folder):
             raise OSError(errno.EIO, "Input/output error")
 
     with pytest.raises(StationError, match="the input cannot be read: Input/output error"):
-        update_fetch.from_stream(Broken(), folder, lambda have, size: None)
+        piped(Broken(), folder)
+
+
+def test_what_is_larger_than_any_bundle_is_refused_before_it_is_fetched(
+    site: Site, folder: Folder, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(site.does, "length", str(MOST + 1))
+    seen: list[tuple[int, int]] = []
+    with pytest.raises(StationError, match="is 20 MB or more, and a bundle for this box has 20 MB at most") as told:
+        fetch(site.url, folder, lambda have, size: seen.append((have, size)))
+    assert told.value.message.startswith(f"{site.url}: ")
+    assert (seen, folder.part.exists()) == ([], False)
+
+
+@pytest.mark.parametrize("is_chunked", [False, True])
+def test_what_has_no_length_is_fetched_up_to_that_of_the_largest_bundle(
+    site: Site, folder: Folder, monkeypatch: pytest.MonkeyPatch, is_chunked: bool
+):
+    site.does.has_length, site.does.is_chunked = False, is_chunked
+    site.does.protocol_version = "HTTP/1.1"
+    monkeypatch.setattr(f"{__name__}.MOST", len(FILE) - 1)
+    with pytest.raises(StationError, match=r"is 0 MB or more, and a bundle for this box"):
+        fetch(site.url, folder)
+    assert list(folder.part.parent.iterdir()) == []
+    monkeypatch.setattr(f"{__name__}.MOST", len(FILE))
+    assert fetch(site.url, folder) == FILE
+
+
+def test_a_pipe_without_an_end_is_read_up_to_the_length_of_the_largest_bundle(folder: Folder):
+    with pytest.raises(StationError, match=r"^the input: is 20 MB or more"):
+        piped(io.BytesIO(bytes(MOST + 1)), folder)
+    assert list(folder.part.parent.iterdir()) == []
+    assert len(piped(io.BytesIO(bytes(MOST)), folder)) == MOST
+
+
+@pytest.mark.parametrize("error", [OSError(errno.EIO, "Input/output error"), KeyboardInterrupt()])
+def test_nothing_stays_of_a_pipe_that_breaks_off(folder: Folder, error: BaseException):
+    class Broken(io.BytesIO):
+        def read(self, size: int | None = -1) -> bytes:
+            if self.tell():
+                raise error
+            return super().read(size)
+
+    with pytest.raises((StationError, KeyboardInterrupt)):
+        piped(Broken(FILE), folder)
+    assert list(folder.part.parent.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("tag", "has_length", "stays"),
+    [('"1"', True, True), ('"1"', False, False), ("", True, False), ('W/"1"', True, False)],
+)
+def test_a_part_stays_where_its_rest_can_be_asked_for(
+    site: Site, folder: Folder, monkeypatch: pytest.MonkeyPatch, tag: str, has_length: bool, stays: bool
+):
+    site.does.tag, site.does.has_length = tag, has_length
+
+    def interrupt(have: int, size: int) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fetch(site.url, folder, interrupt)
+    assert folder.part.exists() is stays
+
+
+@pytest.mark.parametrize(("tag", "words"), [('"1"', "goes on where it was broken off"), ("", "begins anew")])
+def test_what_the_next_run_does_with_a_part_is_told(site: Site, folder: Folder, tag: str, words: str):
+    site.does.tag = tag
+    site.does.cuts += [123_456, *[0 if tag else 1000] * 20]  # without a tag it begins anew each time
+    with pytest.raises(StationError) as told:
+        fetch(site.url, folder)
+    assert words in told.value.hint
 
 
 def test_it_goes_where_it_is_led_but_not_in_circles(site: Site, folder: Folder):
@@ -275,7 +352,7 @@ def test_a_stream_without_an_end_stops_where_the_room_does(tmp_path: Path, monke
     left = iter([200_000, 100_000, 50_000, 0, 0])
     monkeypatch.setattr(folder, "room", lambda: next(left))
     with pytest.raises(StationError, match="has room for 0 MB"):
-        update_fetch.from_stream(io.BytesIO(bytes(10_000_000)), folder, lambda have, size: None)
+        piped(io.BytesIO(bytes(10_000_000)), folder)
 
 
 @pytest.mark.parametrize(
@@ -361,7 +438,7 @@ def test_a_file_is_taken_by_whatever_name_servers_have_for_it(
 
 def test_what_comes_by_a_pipe_is_taken_to_its_end(folder: Folder):
     folder.part.write_bytes(b"of another one")
-    assert update_fetch.from_stream(io.BytesIO(FILE), folder, lambda have, size: None).read_bytes() == FILE
+    assert piped(io.BytesIO(FILE), folder) == FILE
 
 
 @pytest.mark.parametrize(
