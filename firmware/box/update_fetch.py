@@ -10,6 +10,7 @@ from typing import BinaryIO
 from board.errors import StationError, StorageError
 from firmware.box import update_server
 from firmware.box.update_folder import Folder, storing
+from firmware.box.update_pace import Pace, TooSlowError
 from firmware.box.update_server import BrokenOffError
 
 CHUNK = 1 << 16
@@ -47,7 +48,14 @@ def _taken(stream: BinaryIO) -> bytes:
         raise StationError(f"{INPUT} cannot be read: {error.strerror}", "send the bundle once more") from error
 
 
-def from_url(url: str, folder: Folder, seen: Seen, most: int, sleep: Callable[[float], None] = time.sleep) -> Path:
+def from_url(
+    url: str,
+    folder: Folder,
+    seen: Seen,
+    most: int,
+    sleep: Callable[[float], None] = time.sleep,
+    clock: Callable[[], float] = time.monotonic,
+) -> Path:
     """The file of an address. Raises StationError: why not; what can be gone on with is kept for the next time.
 
     most   octets that it may have.
@@ -56,30 +64,37 @@ def from_url(url: str, folder: Folder, seen: Seen, most: int, sleep: Callable[[f
     if folder.about().get("url") != url:
         folder.clear()
     first = before = _size(folder.part)
-    tries = 0
+    tries, pace = 0, Pace(clock)
     with _kept(folder):
         while True:
             try:
-                _fetch(url, folder, seen, most)
+                _fetch(url, folder, seen, most, pace)
                 return folder.finish()
+            except TooSlowError as slow:
+                raise _ended(url, f"{slow}", folder) from slow
             except BrokenOffError as broken:
                 have = _size(folder.part)
                 tries = 0 if have > before else tries + 1
-                again = AGAIN if _goes_on(folder) else ANEW
-                if have == first:
-                    raise StationError(f"{url}: {broken}", again if have else NOBODY) from broken
-                if tries >= len(PAUSES_S):
-                    raise StationError(f"{url}: {broken}; {have / 1e6:.1f} MB of it had come", again) from broken
+                if have == first or tries >= len(PAUSES_S):
+                    raise _ended(url, f"{broken}", folder) from broken
                 before = have
             sleep(PAUSES_S[tries])
 
 
-def _fetch(url: str, folder: Folder, seen: Seen, most: int) -> None:
-    """What is still missing of it, in one connection. Raises StationError, BrokenOffError."""
+def _ended(url: str, why: str, folder: Folder) -> StationError:
+    """What is told of an address that is not tried any more."""
+    have = _size(folder.part)
+    if not have:
+        return StationError(f"{url}: {why}", NOBODY)
+    return StationError(f"{url}: {why}; {have / 1e6:.1f} MB of it had come", AGAIN if _goes_on(folder) else ANEW)
+
+
+def _fetch(url: str, folder: Folder, seen: Seen, most: int, pace: Pace) -> None:
+    """What is still missing of it, in one connection. Raises StationError, BrokenOffError, TooSlowError."""
     have, about = _size(folder.part), folder.about()
     if have and have == about.get("size"):
         return  # it broke off behind the last octet
-    answer = update_server.asked(url, have, str(about.get("tag") or ""))
+    answer = update_server.asked(url, have, str(about.get("tag") or ""), pace)
     with answer.response:
         _is_within(most, answer.total, url, folder)
         if answer.begin != have:

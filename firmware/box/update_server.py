@@ -10,6 +10,7 @@ from urllib.parse import SplitResult, quote, urljoin, urlsplit
 
 from board.errors import StationError
 from firmware.box import update_trouble
+from firmware.box.update_pace import Pace, TooSlowError, paced
 from firmware.made_up import is_clock_set
 
 WAIT_S = 30.0  # for a connection, an answer, the next octets
@@ -42,16 +43,16 @@ class BrokenOffError(Exception):
     """The connection has ended before its time."""
 
 
-def asked(url: str, have: int, tag: str) -> Answer:
+def asked(url: str, have: int, tag: str, pace: Pace) -> Answer:
     """The answer of the server that has the file, whoever had to be asked for it.
 
     have  octets that are there already, of the file that had this tag.
 
-    Raises BrokenOffError, and StationError where asking again is of no use.
+    Raises BrokenOffError, TooSlowError, and StationError where asking again is of no use.
     """
     where = url
     for _ in range(MOST_REDIRECTS):
-        response = _request(where, have, tag)
+        response = _request(where, have, tag, pace)
         if response.status in (301, 302, 303, 307, 308):
             target = _led(where, response.getheader("Location") or "")
             if where.startswith("https://") and not target.startswith("https://"):
@@ -104,16 +105,20 @@ def _answer(url: str, response: http.client.HTTPResponse, have: int) -> Answer:
     raise StationError(f"{url}: the server {said}", "correct the address")
 
 
-def _request(url: str, have: int, tag: str) -> http.client.HTTPResponse:
+def _request(url: str, have: int, tag: str, pace: Pace) -> http.client.HTTPResponse:
     parts = _parts(url)
     headers = {"User-Agent": "captain", "Accept-Encoding": "identity", "Connection": "close"}
     if have and is_exact(tag):
         headers |= {"Range": f"bytes={have}-", "If-Range": tag}
     connection = _connection(parts)
+    connection.response_class = paced(pace)
     path = quote(f"{parts.path or '/'}{'?' + parts.query if parts.query else ''}", SAFE, errors="surrogateescape")
     try:
         connection.request("GET", path, headers=headers)
         return connection.getresponse()
+    except TooSlowError:
+        connection.close()
+        raise
     except ssl.SSLCertVerificationError as error:
         raise _distrusted(url, error) from error
     except (ConnectionError, TimeoutError, socket.gaierror, http.client.HTTPException) as error:

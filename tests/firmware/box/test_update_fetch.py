@@ -3,6 +3,7 @@
 import errno
 import http.server
 import io
+import itertools
 import json
 import os
 import random
@@ -21,6 +22,7 @@ import pytest
 from board.errors import StationError, StorageError
 from firmware.box import update_fetch, update_server
 from firmware.box.update_folder import Folder
+from firmware.box.update_pace import Pace, TooSlowError
 from tests.broker.certificates import Authority
 
 FILE = random.Random(7).randbytes(300_000)
@@ -126,8 +128,13 @@ def folder(tmp_path: Path) -> Folder:
     return Folder(tmp_path, reserve=0)
 
 
-def fetch(url: str, folder: Folder, seen: Callable[[int, int], None] = lambda have, size: None) -> bytes:
-    return update_fetch.from_url(url, folder, seen, MOST, sleep=lambda seconds: None).read_bytes()
+def fetch(
+    url: str,
+    folder: Folder,
+    seen: Callable[[int, int], None] = lambda have, size: None,
+    clock: Callable[[], float] = lambda: 0.0,
+) -> bytes:
+    return update_fetch.from_url(url, folder, seen, MOST, lambda seconds: None, clock).read_bytes()
 
 
 def piped(stream: BinaryIO, folder: Folder) -> bytes:
@@ -316,6 +323,72 @@ def test_what_the_next_run_does_with_a_part_is_told(site: Site, folder: Folder, 
     with pytest.raises(StationError) as told:
         fetch(site.url, folder)
     assert words in told.value.hint
+
+
+def taken(octets: Callable[[int], int], seconds: int) -> Iterator[int]:
+    """Each second in which what came was enough; so much comes in a second of that number."""
+    now = 0.0
+    pace = Pace(lambda: now)
+    for second in range(1, seconds + 1):
+        now = second
+        pace.take(octets(second))
+        yield second
+
+
+def test_a_way_of_2g_is_fast_enough_though_it_is_away_for_half_of_the_time():
+    assert len(list(taken(lambda second: 10_000 if second % 300 >= 150 else 0, 7200))) == 7200
+
+
+def test_what_comes_too_slowly_is_told_after_five_minutes():
+    seconds = taken(lambda second: 4000, 400)
+    assert [*itertools.islice(seconds, 299)][-1] == 299
+    with pytest.raises(TooSlowError, match="1200 kB came within 300 s, and 1500 kB within 300 s are the least"):
+        next(seconds)
+
+
+def test_a_file_that_is_dripped_is_told_as_broken_off_and_gone_on_with_by_the_next_run(site: Site, folder: Folder):
+    now = [0.0]
+
+    def seen(have: int, size: int) -> None:
+        now[0] += 301
+
+    with pytest.raises(
+        StationError, match=r"kB came within 301 s, and .* are the least; 0\.\d MB of it had come"
+    ) as told:
+        fetch(site.url, folder, seen, lambda: now[0])
+    assert "goes on where it was broken off" in told.value.hint
+    have = folder.part.stat().st_size
+    assert fetch(site.url, folder) == FILE
+    assert site.does.asked == [("/update", None), ("/update", f"bytes={have}-")]
+
+
+def test_a_file_that_comes_in_many_small_connections_is_no_faster(site: Site, folder: Folder):
+    now = [0.0]
+
+    def seen(have: int, size: int) -> None:
+        now[0] += 30
+
+    site.does.cuts += [1000] * 300
+    with pytest.raises(StationError, match="are the least"):
+        fetch(site.url, folder, seen, lambda: now[0])
+    assert len(site.does.asked) <= 12
+
+
+def test_headers_that_are_dripped_are_no_answer_either(folder: Folder):
+    ticks = itertools.count(0, 301)
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+
+        def drip() -> None:
+            with listener.accept()[0] as end:
+                end.sendall(b"H")
+                while end.recv(4096):
+                    """Until the box hangs up."""
+
+        dripping = threading.Thread(target=drip)
+        dripping.start()
+        with pytest.raises(StationError, match="0 kB came within 301 s"):
+            fetch(f"http://127.0.0.1:{listener.getsockname()[1]}/x", folder, clock=lambda: next(ticks))
+        dripping.join()
 
 
 def test_it_goes_where_it_is_led_but_not_in_circles(site: Site, folder: Folder):
