@@ -2,15 +2,16 @@
 
 import socket
 import sys
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import NamedTuple
 
 from board.errors import StationError, StorageError
 from firmware.box import update_bundle, update_counters, update_fetch, update_rauc, update_slots, update_verity
 from firmware.box.update_bundle import Bundle
-from firmware.box.update_folder import Folder
+from firmware.box.update_folder import Folder, LockedError
+from firmware.box.update_rauc import BusyError
 from firmware.box.update_slots import RootSlot
 
 # A connection to it restarts the box, and nothing else can be asked for: only operator and root reach it.
@@ -141,6 +142,22 @@ def back() -> RootSlot:
             raise StationError(f"slot {chosen.name} was updated and did not get well", "an update writes it again")
         update_rauc.activate(chosen.service_name)
     return chosen
+
+
+@contextmanager
+def undisturbed(folder: Folder | None = None) -> Iterator[None]:
+    """As long as it lasts no update begins. Raises StationError while one is fetched, looked at or written.
+
+    A folder or a service that fails keeps nobody from a restart: it may be what mends them.
+    """
+    with ExitStack() as kept:
+        try:
+            kept.enter_context((folder or Folder()).locked())
+            update_rauc.idle()
+        except StationError as error:
+            if isinstance(error, LockedError | BusyError):
+                raise StationError(f"the box is not restarted: {error.message}", error.hint) from error
+        yield
 
 
 def restart(place: Path = RESTART) -> None:

@@ -17,6 +17,10 @@ RESERVE = 40 << 20  # octets
 KEPT = 4096  # octets of a small file that is read back
 
 
+class LockedError(StationError):
+    """Another update is being had, looked at or installed."""
+
+
 @contextmanager
 def storing(path: Path, what: str = "written") -> Iterator[None]:
     """What the card refuses meanwhile is told. Raises StorageError."""
@@ -40,7 +44,7 @@ class Folder:
 
     @contextmanager
     def locked(self) -> Iterator[None]:
-        """For as long as one update lasts. Raises StationError where another one has it."""
+        """For as long as one update lasts. Raises LockedError where another one has it, and StationError."""
         try:
             self._own.mkdir(mode=0o700, exist_ok=True)
             lock = os.open(self.place / "lock", os.O_RDONLY | os.O_CREAT | os.O_CLOEXEC, 0o644)
@@ -53,7 +57,7 @@ class Folder:
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError as error:
-                raise StationError(
+                raise LockedError(
                     "another update is running", "wait for it; captain update --status tells how it has ended"
                 ) from error
             yield

@@ -89,8 +89,7 @@ def main(arguments: argparse.Namespace) -> int:
         _told(f"the next start takes slot {chosen.name}, {_version(chosen)}", arguments.restart)
         return 0
     if not arguments.source:
-        _say("restarting now")
-        update.restart()
+        _restart()
         return 0
     return _install(arguments)
 
@@ -117,10 +116,16 @@ def _install(arguments: argparse.Namespace) -> int:
 
 def _told(what: str, is_restarting: bool) -> None:
     if is_restarting:
-        _say(f"{what}: restarting now")
-        update.restart()
+        _say(what)
+        _restart()
     else:
         _say(f"{what}: captain update --restart restarts the box")
+
+
+def _restart() -> None:
+    with update.undisturbed():
+        _say("restarting now")
+        update.restart()
 
 
 def _say(line: str, is_wrong: bool = False) -> None:
