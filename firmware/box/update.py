@@ -12,6 +12,7 @@ from firmware.box import update_bundle, update_counters, update_fetch, update_ra
 from firmware.box.update_bundle import Bundle
 from firmware.box.update_folder import Folder, LockedError
 from firmware.box.update_rauc import BusyError
+from firmware.box.update_reason import reason
 from firmware.box.update_slots import RootSlot
 
 # A connection to it restarts the box, and nothing else can be asked for: only operator and root reach it.
@@ -71,11 +72,16 @@ def run(source: str, progress: Progress, folder: Folder | None = None, only_look
             if folder.bundle.exists():  # a part is kept, so that it goes on from there
                 _cleared(folder)
             if not only_look:
-                folder.tell(source, version, slot, error.message)
+                folder.tell(source, version, slot, _told(error.message, error.hint))
             raise
         _cleared(folder)
         folder.tell(source, version, slot, "installed")
     return found
+
+
+def _told(words: str, hint: str) -> str:
+    """As it is kept, where a hint has no line of its own."""
+    return f"{words} ({hint})" if hint else words
 
 
 def _cleared(folder: Folder) -> None:
@@ -122,7 +128,9 @@ def last(folder: Folder) -> Mapping[str, object]:
         result = update_rauc.idle()
     except StationError:
         return told
-    if not result:
+    if result:
+        result = _told(*reason(result))
+    else:
         whole = (told.get("slot"), told.get("version"), "ok")
         is_there = any((slot.name, slot.version, slot.state) == whole for slot in slots())
         result = "installed" if is_there else "broke off before it was whole"

@@ -113,6 +113,12 @@ BUNDLE = Bundle("x", 5000, "1.2.4", "captain trixie quad", "b", "O=captain", Tre
 
 READ, CHECK = update_bundle.read, update_verity.check
 
+ENDED, AGAIN = (
+    "the service of updates has ended meanwhile",
+    "captain update writes it anew; journalctl -u rauc tells more",
+)
+WORN = "captain update writes it anew; if that fails too, the card is worn out"
+
 
 class Service:
     """rauc as a script: says what is set, and keeps what it was asked."""
@@ -256,7 +262,8 @@ def test_nothing_is_begun_while_the_service_still_installs(
     [
         ("installing", "", "1.2.3", "is being installed"),
         ("idle", "", "1.2.3", "installed"),
-        ("idle", "Input/output error", "1.2.3", "Input/output error"),
+        ("idle", "GDBus.Error:org.freedesktop.DBus.Error.NoReply", "1.2.3", f"{ENDED} ({AGAIN})"),
+        ("idle", "Input/output error", "1.2.3", f"Input/output error ({WORN})"),
         ("idle", "", "1.2.4", "broke off before it was whole"),
     ],
 )
@@ -327,6 +334,23 @@ def test_looking_keeps_nothing_and_touches_no_file_of_a_user(
             assert main(["update", *words]) == 0
     assert own.read_bytes() == b"of somebody who has copied it here"
     assert list((tmp_path / "update").rglob("*.raucb")) == [own]
+
+
+def test_a_service_that_ends_meanwhile_is_told_in_words_now_and_later(service: Service, bundle: str, said: Said):
+    lines = TAKEN.splitlines()[:8]
+    service.installs("\n".join([*lines, "RAUC service disappeared", f"D-Bus error while installing `{bundle}`"]), 1)
+    assert main(["update", bundle]) == 3
+    assert f"captain: {bundle}: {ENDED}\n  ({AGAIN})\n" in said()[1]
+    assert main(["update", "--status", "--json"]) == 0
+    assert json.loads(said()[0])["last"]["result"] == f"{bundle}: {ENDED} ({AGAIN})"
+
+
+@pytest.mark.parametrize("words", [["--status"], ["--back"]])
+def test_a_service_that_does_not_start_is_told_in_words(service: Service, said: Said, words: list[str]):
+    error = "GDBus.Error:org.freedesktop.DBus.Error.ServiceUnknown: The name was not provided by any .service files"
+    service.says("", f"rauc-Message: 00:40:09.186: rauc status: error creating proxy: {error}", 1)
+    assert main(["update", *words]) == 1
+    assert said()[1] == "captain: rauc: the service of updates does not start\n  (journalctl -u rauc tells more)\n"
 
 
 def test_what_breaks_off_while_it_is_written_has_an_exit_code_of_its_own(service: Service, bundle: str, said: Said):
