@@ -144,7 +144,7 @@ def back() -> RootSlot:
         update_rauc.idle()
         found = slots()
         chosen = update_slots.other(found)
-        if chosen.state not in ("", "ok"):
+        if not chosen.is_whole:
             raise StationError(f"slot {chosen.name} was not written whole", "an update writes it again")
         if chosen.is_new and chosen.left == 0:
             raise StationError(f"slot {chosen.name} was updated and did not get well", "an update writes it again")

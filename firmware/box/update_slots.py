@@ -6,19 +6,21 @@ from pathlib import Path
 from typing import NamedTuple
 
 from board.errors import StationError
+from firmware import VERSION
 from firmware.box.update_counters import Counters
 
+AS_WRITTEN = "as written"  # with the card: nothing was installed into it
 BLOCKS = Path("/sys/class/block")  # which anybody may read, where the device itself is root's
 SECTOR = 512  # octets of what size says there, whatever the card's own are
 
 
 class RootSlot(NamedTuple):
-    """name: A or B. service_name: RAUC's. version and date of what was installed; empty: as the card was written.
+    """name: A or B. service_name: RAUC's. version of what is in it, where that is known; date of its installation.
 
     left    tries; None where the counters cannot be read.
     is_new  it was updated and has not been well yet.
     device  of its partition.
-    state   of what was written into it, in RAUC's word: ok, failed, pending; empty: nothing was.
+    state   of what was written into it, in RAUC's word: ok, failed, pending; AS_WRITTEN: nothing was.
     """
 
     name: str
@@ -33,9 +35,14 @@ class RootSlot(NamedTuple):
     device: str
 
     @property
+    def is_whole(self) -> bool:
+        """What was written into it, if anything, came to its end."""
+        return self.state in (AS_WRITTEN, "ok")
+
+    @property
     def words(self) -> str:
         """What there is to say of it."""
-        if self.state not in ("", "ok"):
+        if not self.is_whole:
             return "was not written whole: an update brings it back"
         if self.left == 0:
             return "was updated and did not get well" if self.is_new else "has used its tries up"
@@ -96,17 +103,18 @@ def _slot(name: str, one: Mapping[str, object], status: Mapping[str, object], co
     kept = one.get("slot_status") or {}
     assert isinstance(kept, dict)
     bundle, installed = kept.get("bundle") or {}, kept.get("installed") or {}
+    is_booted = one.get("state") == "booted"
     is_next = _first(counters) == letter if counters else status.get("boot_primary") == name
     return RootSlot(
         letter,
         name,
-        one.get("state") == "booted",
+        is_booted,
         is_next,
-        str(bundle.get("version") or ""),
+        str(bundle.get("version") or (VERSION if is_booted else AS_WRITTEN)),
         _date(str(installed.get("timestamp") or "")),
         counters.left.get(letter) if counters else None,
         counters is not None and counters.new == letter,
-        str(kept.get("status") or ""),
+        str(kept.get("status") or AS_WRITTEN),
         str(one.get("device") or ""),
     )
 

@@ -14,7 +14,7 @@ from firmware.box import update, update_bundle
 from firmware.box.update_bundle import Bundle
 from firmware.box.update_folder import Folder
 from firmware.box.update_rauc import BusyError, InstallError
-from firmware.box.update_slots import RootSlot, booted, other
+from firmware.box.update_slots import AS_WRITTEN, RootSlot, booted, other
 from firmware.printable import clean, failure
 from firmware.user import health
 from firmware.user.table import Table, lines_for
@@ -148,7 +148,7 @@ def _shown(bundle: Bundle, slots: list[RootSlot]) -> None:
 
 
 def _version(slot: RootSlot) -> str:
-    return f"version {clean(slot.version)}" if slot.version else "what the card was written with"
+    return "what the card was written with" if slot.version == AS_WRITTEN else f"version {clean(slot.version)}"
 
 
 class Teller:
@@ -193,7 +193,7 @@ def _status(is_json: bool) -> None:
             slot.name,
             "runs" if slot.is_booted else "",
             "next" if slot.is_next else "",
-            VERSION if slot.is_booted else slot.version or "as written",
+            slot.version,
             slot.installed or "-",
             "?" if slot.left is None else str(slot.left),
             slot.words,

@@ -459,6 +459,30 @@ def test_the_status_is_one_object_for_programs(service: Service, said: Said):
     ]
 
 
+def test_programs_are_told_of_slots_what_people_are(service: Service, said: Said):
+    # A fresh card: nothing was installed into either slot.
+    status = json.loads(json.dumps(STATUS))
+    for entry in status["slots"]:
+        for slot in entry.values():
+            slot.pop("slot_status", None)
+    service.says(json.dumps(status))
+    assert main(["update", "--status", "--json"]) == 0
+    told = json.loads(said()[0])["slots"]
+    assert [(slot["version"], slot["state"]) for slot in told] == [
+        (VERSION, "as written"),
+        ("as written", "as written"),
+    ]
+    assert main(["update", "--status"]) == 0
+    lines = said()[0].splitlines()[2:4]
+    assert all(slot["version"] in line and slot["words"] in line for slot, line in zip(told, lines, strict=True))
+
+
+def test_the_version_of_a_slot_is_what_was_installed_into_it(service: Service, said: Said):
+    service.says(json.dumps(STATUS).replace("inactive", "x").replace("booted", "inactive").replace('"x"', '"booted"'))
+    assert main(["update", "--status", "--json"]) == 0
+    assert [slot["version"] for slot in json.loads(said()[0])["slots"]] == ["as written", "1.2.3"]
+
+
 def test_who_may_not_read_the_counters_sees_the_rest(service: Service, said: Said, monkeypatch: pytest.MonkeyPatch):
     def refuse() -> Counters:
         raise StationError("no")
