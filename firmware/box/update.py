@@ -17,6 +17,7 @@ from firmware.box.update_slots import RootSlot
 
 # A connection to it restarts the box, and nothing else can be asked for: only operator and root reach it.
 RESTART = Path("/run/captain-image/restart")
+JUDGED = Path("/run/captain-image/judged")
 # The result of an update from when the service has it until it has told how it ended, to who began it or to who asks.
 BEGUN = "is being installed"
 
@@ -116,7 +117,15 @@ def slots() -> list[RootSlot]:
         counters = update_counters.read()
     except StationError:
         counters = None
-    return update_slots.slots(update_rauc.status(), counters)
+    return update_slots.slots(update_rauc.status(), counters, _judged())
+
+
+def _judged(place: Path = JUDGED) -> str:
+    """The judge's word of this start."""
+    try:
+        return place.read_text(encoding="ascii", errors="replace").strip()
+    except OSError:
+        return ""
 
 
 def last(folder: Folder) -> Mapping[str, object]:

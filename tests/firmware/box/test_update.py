@@ -165,6 +165,8 @@ def service(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Service:
     monkeypatch.setenv("PATH", f"{tmp_path / 'bin'}:{os.environ['PATH']}")
     counters = Counters(("B", "A"), {"A": 2, "B": 3}, "B")
     monkeypatch.setattr(update_counters, "read", lambda: counters)
+    (tmp_path / "judged").write_text("well\n")
+    monkeypatch.setattr(update._judged, "__defaults__", (tmp_path / "judged",))
     monkeypatch.setattr(update_slots, "largest", lambda slot: 1 << 20)
     monkeypatch.setattr(update_bundle, "box", lambda: Box("captain trixie quad", "a release image"))
     monkeypatch.setattr(update_bundle, "read", lambda path, name: BUNDLE)
@@ -443,7 +445,7 @@ def test_both_slots_with_what_is_in_them(service: Service, said: Said):
     assert main(["update", "--status"]) == 0
     lines = said()[0].splitlines()
     assert lines[0] == "slots"
-    assert lines[2].split() == ["A", "runs", VERSION, "-", "2", "well"]
+    assert lines[2].split(maxsplit=5) == ["A", "runs", VERSION, "-", "2", "well at this start"]
     assert lines[3].startswith("B           next  1.2.3    2026-11-22 20:01")
     assert lines[3].endswith("3  was updated, and has to show that it is well")
     assert lines[4].strip() == "this is a release image"
@@ -489,7 +491,7 @@ def test_who_may_not_read_the_counters_sees_the_rest(service: Service, said: Sai
 
     monkeypatch.setattr(update_counters, "read", refuse)
     assert main(["update", "--status"]) == 0
-    assert said()[0].splitlines()[2].split() == ["A", "runs", VERSION, "-", "?", "well"]
+    assert said()[0].splitlines()[2].split(maxsplit=5) == ["A", "runs", VERSION, "-", "?", "well at this start"]
 
 
 def test_back_has_the_other_slot_be_the_next_one(service: Service, said: Said):
@@ -627,6 +629,49 @@ def test_a_box_whose_folder_or_service_of_updates_fails_can_be_restarted(
 def test_what_does_not_go_together_is_wrong_usage(words: list[str], said: Said):
     assert main(["update", *words]) == 2
     assert "captain update --" in said()[1]
+
+
+NOT_YET = "its station has not been found well yet"
+HAS_TO = "was updated, and has to show that it is well"
+
+
+@pytest.mark.parametrize(
+    ("judged", "counters", "here", "there"),
+    [
+        # of a slot that runs, and of one that was updated and was well
+        ("well", Counters(("A", "B"), {"A": 3, "B": 3}, ""), "well at this start", "was well"),
+        ("", Counters(("A", "B"), {"A": 2, "B": 3}, ""), NOT_YET, "was well"),
+        ("not well", Counters(("A", "B"), {"A": 3, "B": 3}, ""), "not well at this start: captain doctor tells more",
+         "was well"),
+        ("well", Counters(("A", "B"), {"A": 3, "B": 0}, ""), "well at this start", "has used its tries up"),
+        # its last try is running
+        ("", Counters(("A", "B"), {"A": 0, "B": 3}, ""), NOT_YET, "was well"),
+        ("", None, NOT_YET, "kept"),
+        # updated and next; not next, as before it is written and behind --back; given up
+        ("well", Counters(("B", "A"), {"A": 3, "B": 3}, "B"), "well at this start", HAS_TO),
+        ("well", Counters(("A", "B"), {"A": 3, "B": 3}, "B"), "well at this start", "has to show that it is well"),
+        ("well", Counters(("B", "A"), {"A": 3, "B": 0}, "B"), "well at this start", "was updated and did not get well"),
+    ],
+)  # fmt: skip
+def test_what_is_said_of_slots_is_what_is_known_of_them(judged: str, counters: Counters | None, here: str, there: str):
+    slots = update_slots.slots(STATUS, counters, judged)
+    assert [slot.words for slot in slots] == [here, there]
+
+
+@pytest.mark.parametrize("left", [0, 3])
+def test_a_slot_whose_update_was_cut_off_before_it_was_written_was_not_updated(left: int):
+    # The power went right behind the first write of the counters, or behind the one that takes the slot's tries.
+    status = json.loads(json.dumps(STATUS))
+    status["slots"][0]["rootfs.1"].pop("slot_status")
+    there = update_slots.other(update_slots.slots(status, Counters(("A", "B"), {"A": 3, "B": left}, "B")))
+    assert there.words == "an update of it was begun, and not written"
+
+
+@pytest.mark.parametrize("left", [0, 2])
+def test_a_slot_on_its_last_try_has_not_failed_yet(left: int):
+    text = json.dumps(STATUS).replace("inactive", "x").replace("booted", "inactive").replace('"x"', '"booted"')
+    slots = update_slots.slots(json.loads(text), Counters(("B", "A"), {"A": 3, "B": left}, "B"))
+    assert [slot.words for slot in slots] == ["kept", HAS_TO]
 
 
 def test_the_largest_bundle_is_that_of_the_slots_partition(tmp_path: Path):
