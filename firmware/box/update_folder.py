@@ -14,7 +14,8 @@ from board.errors import StationError, StorageError
 FOLDER = Path("/data/update")
 # Left free for the station's own state and for the journal, which come first: it stops at 32 MiB (SystemKeepFree).
 RESERVE = 40 << 20  # octets
-KEPT = 4096  # octets of a small file that is read back
+# Octets of a small file that is read back: an address that signs itself has some thousand, and is told twice.
+KEPT = 1 << 16
 
 
 class LockedError(StationError):

@@ -593,6 +593,9 @@ def test_how_an_update_ended_is_kept_and_rubbish_in_its_place_is_none(folder: Fo
     assert folder.last() == {}
     folder.tell("http://x/y", "1.2.3", "B", "installed")
     assert folder.last()["result"] == "installed"
+    signed = f"https://x/y?signature={'a' * 8000}"
+    folder.tell(signed, "1.2.3", "B", f"{signed}: the server forbids it")
+    assert folder.last()["source"] == signed
     for octets in (b"", b"[]", b"\xff", b"{" * 100_000):
         (folder.place / "last.json").write_bytes(octets)
         assert folder.last() == {}
