@@ -26,89 +26,8 @@ from firmware.box.update_counters import Counters
 from firmware.box.update_folder import Folder, LockedError
 from firmware.box.update_verity import Tree
 from firmware.cli import main
+from tests.firmware.box.rauc_service import BROKEN, BUSY, DENIED, REFUSED, STATUS, TAKEN, Service
 
-# As RAUC 1.13 says it, of a box whose slot B was updated once.
-STATUS = {
-    "compatible": "captain trixie quad",
-    "variant": "",
-    "booted": "A",
-    "boot_primary": "rootfs.1",
-    "slots": [
-        {
-            "rootfs.1": {
-                "class": "rootfs",
-                "device": "/dev/disk/by-partuuid/43505401-03",
-                "type": "ext4",
-                "bootname": "B",
-                "state": "inactive",
-                "parent": None,
-                "mountpoint": None,
-                "boot_status": "good",
-                "slot_status": {
-                    "bundle": {"compatible": "captain trixie quad", "version": "1.2.3", "build": "x"},
-                    "checksum": {"sha256": "00", "size": 4796416},
-                    "installed": {"transaction": "t", "timestamp": "2026-11-22T20:01:02Z", "count": 1},
-                    "activated": {"timestamp": "2026-11-22T20:01:03Z", "count": 1},
-                    "status": "ok",
-                },
-            }
-        },
-        {
-            "rootfs.0": {
-                "class": "rootfs",
-                "device": "/dev/disk/by-partuuid/43505401-02",
-                "type": "ext4",
-                "bootname": "A",
-                "state": "booted",
-                "parent": None,
-                "mountpoint": "/",
-                "boot_status": "good",
-            }
-        },
-    ],
-}
-TAKEN = """installing
-  0% Installing
-  0% Determining slot states
- 10% Determining slot states done.
- 10% Checking bundle
- 20% Checking bundle done.
- 30% Updating slots
- 64% Copying image to rootfs.1
- 99% Updating slots done.
-100% Installing done.
-idle
-Installing `/data/update/bundle.raucb` succeeded
-"""
-BROKEN = """installing
-  0% Installing
- 40% Updating slots
- 99% Updating slots failed.
-100% Installing failed.
-LastError: Installation error: Failed updating slot rootfs.1: failed to write image: Input/output error
-Installing `/data/update/bundle.raucb` failed
-"""
-REFUSED = """installing
-  0% Installing
-  0% Determining slot states
- 10% Determining slot states done.
- 10% Checking bundle
- 10% Verifying signature
- 20% Verifying signature done.
- 20% Checking bundle done.
- 20% Checking manifest contents
- 30% Checking manifest contents done.
- 30% Determining target install group
- 40% Determining target install group done.
-100% Installing failed.
-LastError: Compatible mismatch: Expected 'captain trixie quad' but bundle manifest has 'captain trixie quad-other'
-idle
-Installing `/data/update/another-device-tree.raucb` failed
-"""
-DENIED = "D-Bus error while installing `x`: GDBus.Error:org.freedesktop.DBus.Error.AccessDenied: Rejected send message"
-BUSY = (
-    "D-Bus error while installing `x`: GDBus.Error:org.gtk.GDBus.UnmappedGError: Already processing a different method"
-)
 BUNDLE = Bundle("x", 5000, "1.2.4", "captain trixie quad", "b", "O=captain", Tree(1, "", ""), 4_000_000)
 
 READ, CHECK = update_bundle.read, update_verity.check
@@ -118,43 +37,6 @@ ENDED, AGAIN = (
     "captain update writes it anew; journalctl -u rauc tells more",
 )
 WORN = "captain update writes it anew; if that fails too, the card is worn out"
-
-
-class Service:
-    """rauc as a script: says what is set, and keeps what it was asked."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        path = folder / "rauc"
-        path.write_text(
-            f'#!/bin/sh\necho "$@" >>{folder}/asked\n'
-            f"case $1 in status) cat {folder}/status; cat {folder}/status.err >&2; exit $(cat {folder}/status.code) ;;\n"
-            f"*) cat {folder}/install; exit $(cat {folder}/install.code) ;; esac\n"
-        )
-        path.chmod(0o755)
-        bus = folder / "busctl"
-        bus.write_text(f"#!/bin/sh\ncat {folder}/bus\n")
-        bus.chmod(0o755)
-        self.says(json.dumps(STATUS))
-        self.installs(TAKEN)
-        self.is_at("idle")
-
-    def is_at(self, operation: str, last_error: str = "") -> None:
-        lines = [json.dumps({"type": "s", "data": text}) for text in (operation, last_error)]
-        (self.folder / "bus").write_text("\n".join(lines) + "\n")
-
-    def says(self, status: str, error: str = "", code: int = 0) -> None:
-        for name, text in (("status", status), ("status.err", error), ("status.code", str(code))):
-            (self.folder / name).write_text(text)
-
-    def installs(self, said: str, code: int = 0) -> None:
-        (self.folder / "install").write_text(said)
-        (self.folder / "install.code").write_text(str(code))
-
-    @property
-    def asked(self) -> list[str]:
-        path = self.folder / "asked"
-        return path.read_text().splitlines() if path.exists() else []
 
 
 @pytest.fixture
@@ -629,66 +511,6 @@ def test_a_box_whose_folder_or_service_of_updates_fails_can_be_restarted(
 def test_what_does_not_go_together_is_wrong_usage(words: list[str], said: Said):
     assert main(["update", *words]) == 2
     assert "captain update --" in said()[1]
-
-
-NOT_YET = "its station has not been found well yet"
-HAS_TO = "was updated, and has to show that it is well"
-
-
-@pytest.mark.parametrize(
-    ("judged", "counters", "here", "there"),
-    [
-        # of a slot that runs, and of one that was updated and was well
-        ("well", Counters(("A", "B"), {"A": 3, "B": 3}, ""), "well at this start", "was well"),
-        ("", Counters(("A", "B"), {"A": 2, "B": 3}, ""), NOT_YET, "was well"),
-        ("not well", Counters(("A", "B"), {"A": 3, "B": 3}, ""), "not well at this start: captain doctor tells more",
-         "was well"),
-        ("well", Counters(("A", "B"), {"A": 3, "B": 0}, ""), "well at this start", "has used its tries up"),
-        # its last try is running
-        ("", Counters(("A", "B"), {"A": 0, "B": 3}, ""), NOT_YET, "was well"),
-        ("", None, NOT_YET, "kept"),
-        # updated and next; not next, as before it is written and behind --back; given up
-        ("well", Counters(("B", "A"), {"A": 3, "B": 3}, "B"), "well at this start", HAS_TO),
-        ("well", Counters(("A", "B"), {"A": 3, "B": 3}, "B"), "well at this start", "has to show that it is well"),
-        ("well", Counters(("B", "A"), {"A": 3, "B": 0}, "B"), "well at this start", "was updated and did not get well"),
-    ],
-)  # fmt: skip
-def test_what_is_said_of_slots_is_what_is_known_of_them(judged: str, counters: Counters | None, here: str, there: str):
-    slots = update_slots.slots(STATUS, counters, judged)
-    assert [slot.words for slot in slots] == [here, there]
-
-
-@pytest.mark.parametrize("left", [0, 3])
-def test_a_slot_whose_update_was_cut_off_before_it_was_written_was_not_updated(left: int):
-    # The power went right behind the first write of the counters, or behind the one that takes the slot's tries.
-    status = json.loads(json.dumps(STATUS))
-    status["slots"][0]["rootfs.1"].pop("slot_status")
-    there = update_slots.other(update_slots.slots(status, Counters(("A", "B"), {"A": 3, "B": left}, "B")))
-    assert there.words == "an update of it was begun, and not written"
-
-
-@pytest.mark.parametrize("left", [0, 2])
-def test_a_slot_on_its_last_try_has_not_failed_yet(left: int):
-    text = json.dumps(STATUS).replace("inactive", "x").replace("booted", "inactive").replace('"x"', '"booted"')
-    slots = update_slots.slots(json.loads(text), Counters(("B", "A"), {"A": 3, "B": left}, "B"))
-    assert [slot.words for slot in slots] == ["kept", HAS_TO]
-
-
-def test_the_largest_bundle_is_that_of_the_slots_partition(tmp_path: Path):
-    (tmp_path / "43505401-03").mkdir()
-    size = tmp_path / "43505401-03/size"
-    size.write_text("1638400\n")  # 800 MiB, as the image has them
-    there = update_slots.other(update_slots.slots(STATUS, None))
-    assert 800 << 20 < update_slots.largest(there, tmp_path) < 820 << 20
-    size.write_text("")
-    with pytest.raises(StationError, match="how large slot B is cannot be read"):
-        update_slots.largest(there, tmp_path)
-
-
-def test_a_system_that_was_started_otherwise_has_no_other_slot():
-    slots = update_slots.slots(json.loads(json.dumps(STATUS).replace("booted", "active")), None)
-    with pytest.raises(StationError, match="which slot this system runs from is not known"):
-        update_slots.other(slots)
 
 
 def test_an_installation_that_was_not_begun_is_no_half_written_slot(tmp_path: Path):
