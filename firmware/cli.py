@@ -12,6 +12,7 @@ from typing import TextIO
 
 from board.errors import StationError, UsageError
 from firmware import VERSION
+from firmware.printable import failure
 
 # What `captain --help` says, without importing what it speaks of: a start is a tenth of a second, not a whole one.
 VERBS = {
@@ -260,7 +261,7 @@ def _mute(stream: TextIO) -> None:
 def _tell(error: StationError, is_json: bool) -> None:
     """What went wrong, for people; a program that asked for JSON has it as an object too, where it reads the rest."""
     try:
-        print(f"captain: {error}", file=sys.stderr, flush=True)
+        print(f"captain: {failure(error)}", file=sys.stderr, flush=True)
         if is_json:
             import json
 

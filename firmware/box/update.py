@@ -2,19 +2,22 @@
 
 import socket
 import sys
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import NamedTuple
 
 from board.errors import StationError, StorageError
 from firmware.box import update_bundle, update_counters, update_fetch, update_rauc, update_slots, update_verity
 from firmware.box.update_bundle import Bundle
-from firmware.box.update_folder import Folder
+from firmware.box.update_folder import Folder, LockedError
+from firmware.box.update_rauc import BusyError
+from firmware.box.update_reason import reason
 from firmware.box.update_slots import RootSlot
 
 # A connection to it restarts the box, and nothing else can be asked for: only operator and root reach it.
 RESTART = Path("/run/captain-image/restart")
+JUDGED = Path("/run/captain-image/judged")
 # The result of an update from when the service has it until it has told how it ended, to who began it or to who asks.
 BEGUN = "is being installed"
 
@@ -45,18 +48,19 @@ def run(source: str, progress: Progress, folder: Folder | None = None, only_look
     own = update_bundle.box()
     with folder.locked():
         version = slot = ""
+        name = update_fetch.INPUT if source == "-" else source
         update_rauc.idle()  # what it still reads is not replaced
         try:
             both = slots()
             if not only_look:
                 _is_proven(both)
-            path = _had(source, folder, progress)
-            found = update_bundle.read(path)
+            path = _had(source, folder, progress, update_slots.other(both))
+            found = update_bundle.read(path, name)
             version = found.version
             update_bundle.fits(found, own)
             progress.shown(found, both)
             update_verity.check(
-                path, found.tree, lambda part: progress.step(round(100 * part), "checking the contents")
+                path, name, found.tree, lambda part: progress.step(round(100 * part), "checking the contents")
             )
             if only_look:
                 _cleared(folder)
@@ -64,16 +68,21 @@ def run(source: str, progress: Progress, folder: Folder | None = None, only_look
             slot = update_slots.other(both).name
             folder.tell(source, version, slot, BEGUN)
             progress.begun()
-            update_rauc.install(path, progress.step)
+            update_rauc.install(path, name, progress.step)
         except StationError as error:
             if folder.bundle.exists():  # a part is kept, so that it goes on from there
                 _cleared(folder)
             if not only_look:
-                folder.tell(source, version, slot, error.message)
+                folder.tell(source, version, slot, _told(error.message, error.hint))
             raise
         _cleared(folder)
         folder.tell(source, version, slot, "installed")
     return found
+
+
+def _told(words: str, hint: str) -> str:
+    """As it is kept, where a hint has no line of its own."""
+    return f"{words} ({hint})" if hint else words
 
 
 def _cleared(folder: Folder) -> None:
@@ -92,11 +101,11 @@ def _is_proven(both: list[RootSlot]) -> None:
         )
 
 
-def _had(source: str, folder: Folder, progress: Progress) -> Path:
+def _had(source: str, folder: Folder, progress: Progress, slot: RootSlot) -> Path:
     if source == "-":
-        return update_fetch.from_stream(sys.stdin.buffer, folder, progress.fetched)
+        return update_fetch.from_stream(sys.stdin.buffer, folder, progress.fetched, update_slots.largest(slot))
     if update_fetch.is_url(source):
-        return update_fetch.from_url(source, folder, progress.fetched)
+        return update_fetch.from_url(source, folder, progress.fetched, update_slots.largest(slot))
     if "://" in source:
         raise StationError(f"{source}: only http:// and https:// are fetched", "or copy the bundle here by ssh")
     return Path(source).absolute()  # the service has another folder
@@ -108,7 +117,15 @@ def slots() -> list[RootSlot]:
         counters = update_counters.read()
     except StationError:
         counters = None
-    return update_slots.slots(update_rauc.status(), counters)
+    return update_slots.slots(update_rauc.status(), counters, _judged())
+
+
+def _judged(place: Path = JUDGED) -> str:
+    """The judge's word of this start."""
+    try:
+        return place.read_text(encoding="ascii", errors="replace").strip()
+    except OSError:
+        return ""
 
 
 def last(folder: Folder) -> Mapping[str, object]:
@@ -120,7 +137,9 @@ def last(folder: Folder) -> Mapping[str, object]:
         result = update_rauc.idle()
     except StationError:
         return told
-    if not result:
+    if result:
+        result = _told(*reason(result))
+    else:
         whole = (told.get("slot"), told.get("version"), "ok")
         is_there = any((slot.name, slot.version, slot.state) == whole for slot in slots())
         result = "installed" if is_there else "broke off before it was whole"
@@ -134,12 +153,28 @@ def back() -> RootSlot:
         update_rauc.idle()
         found = slots()
         chosen = update_slots.other(found)
-        if chosen.state not in ("", "ok"):
+        if not chosen.is_whole:
             raise StationError(f"slot {chosen.name} was not written whole", "an update writes it again")
         if chosen.is_new and chosen.left == 0:
             raise StationError(f"slot {chosen.name} was updated and did not get well", "an update writes it again")
         update_rauc.activate(chosen.service_name)
     return chosen
+
+
+@contextmanager
+def undisturbed(folder: Folder | None = None) -> Iterator[None]:
+    """As long as it lasts no update begins. Raises StationError while one is fetched, looked at or written.
+
+    A folder or a service that fails keeps nobody from a restart: it may be what mends them.
+    """
+    with ExitStack() as kept:
+        try:
+            kept.enter_context((folder or Folder()).locked())
+            update_rauc.idle()
+        except StationError as error:
+            if isinstance(error, LockedError | BusyError):
+                raise StationError(f"the box is not restarted: {error.message}", error.hint) from error
+        yield
 
 
 def restart(place: Path = RESTART) -> None:

@@ -19,9 +19,9 @@ FETCH = "fetch or copy it again; the card was not touched"
 
 
 class Bundle(NamedTuple):
-    """path: of the file. size: octets, of the file. signer: subject of the certificate, RFC 2253."""
+    """name: as its user calls it. size: octets, of the file. signer: subject of the certificate, RFC 2253."""
 
-    path: Path
+    name: str
     size: int
     version: str
     compatible: str
@@ -57,16 +57,19 @@ def box(system: Path = SYSTEM, signer: Path = SIGNER) -> Box:
     return Box(compatible, f"a {kind} image, which takes updates that are signed by {name}")
 
 
-def read(path: Path, program: str = "rauc") -> Bundle:
-    """A bundle whose signature is good. Raises StationError: why it is not taken."""
+def read(path: Path, name: str, program: str = "rauc") -> Bundle:
+    """A bundle whose signature is good. Raises StationError: why it is not taken.
+
+    name  what its user has named: where it was fetched to says nothing to him.
+    """
     try:
         size = path.stat().st_size
         with path.open("rb"):
             pass
     except OSError as error:
-        raise StationError(f"{path}: {error.strerror}", "name a bundle, captain-VERSION-arm64.raucb") from error
+        raise StationError(f"{name}: {error.strerror}", "name a bundle, captain-VERSION-arm64.raucb") from error
     if not path.is_file() or size == 0:
-        raise StationError(f"{path}: is empty, or no file", FETCH)
+        raise StationError(f"{name}: is empty, or no file", FETCH)
     words = [program, "info", "--output-format=json-2", str(path)]
     try:
         ended = subprocess.run(
@@ -75,31 +78,31 @@ def read(path: Path, program: str = "rauc") -> Bundle:
     except FileNotFoundError as error:
         raise StationError("rauc is not installed: this is no box that can be updated") from error
     except subprocess.TimeoutExpired as error:
-        raise StationError(f"{path}: rauc has not read it within {READ_S:.0f} s", FETCH) from error
+        raise StationError(f"{name}: rauc has not read it within {READ_S:.0f} s", FETCH) from error
     if ended.returncode:
-        raise refusal(path, size, ended.stderr)
+        raise refusal(name, size, ended.stderr)
     try:
-        return _bundle(path, size, json.loads(ended.stdout), ended.stderr)
+        return _bundle(name, size, json.loads(ended.stdout), ended.stderr)
     except (ValueError, KeyError, TypeError, IndexError) as error:
-        raise StationError(f"{path}: rauc says of it what is not understood: {ended.stdout[:80]!r}") from error
+        raise StationError(f"{name}: rauc says of it what is not understood: {ended.stdout[:80]!r}") from error
 
 
 def fits(bundle: Bundle, own: Box) -> None:
     """Raises StationError for one of another kind of box."""
     if bundle.compatible != own.compatible:
         raise StationError(
-            f"{bundle.path}: is for {bundle.compatible!r}, and this box is {own.compatible!r}",
+            f"{bundle.name}: is for {bundle.compatible!r}, and this box is {own.compatible!r}",
             "project, base and device tree have to be the same: take the bundle of this box's image",
         )
 
 
-def _bundle(path: Path, size: int, said: Mapping[str, Any], log: str) -> Bundle:
+def _bundle(name: str, size: int, said: Mapping[str, Any], log: str) -> Bundle:
     update, form = said["update"], said["bundle"]
     tree = Tree(int(str(form["verity-size"])), str(form["verity-hash"]), str(form["verity-salt"]))
     signer = re.search(r"Verified \S+ signature by '(.*)'", log)
     written = sum(int(image["size"]) for image in said["images"])
     return Bundle(
-        path,
+        name,
         size,
         str(update["version"]),
         str(update["compatible"]),
@@ -121,7 +124,7 @@ _REASONS = (
 )  # fmt: skip
 
 
-def refusal(path: Path, size: int, log: str) -> StationError:
+def refusal(name: str, size: int, log: str) -> StationError:
     """Why a bundle is not taken, of what rauc wrote to its error output."""
     lines = [line for line in log.splitlines() if line.strip() and "rauc-Message" not in line]
     said = lines[-1].strip() if lines else "rauc gives no reason"
@@ -130,21 +133,21 @@ def refusal(path: Path, size: int, log: str) -> StationError:
         case "FOREIGN":
             takes = box_takes()
             return StationError(
-                f"{path}: is signed by somebody whom this box does not know",
+                f"{name}: is signed by somebody whom this box does not know",
                 f"this is {takes}; a bundle of that signer is taken"
                 if takes
                 else "take a bundle of this image's signer",
             )
         case "DATE":
-            return StationError(f"{path}: its signer's certificate was not valid when it signed", said)
+            return StationError(f"{name}: its signer's certificate was not valid when it signed", said)
         case "CHANGED":
-            return StationError(f"{path}: its signature does not fit: it was changed or damaged", FETCH)
+            return StationError(f"{name}: its signature does not fit: it was changed or damaged", FETCH)
         case "TRUNCATED":
-            what = f"{path}: is no bundle, or not all of one ({size} octets)"
+            what = f"{name}: is no bundle, or not all of one ({size} octets)"
             return StationError(what, FETCH)
         case "FORM":
-            return StationError(f"{path}: is of another form than verity, whose contents are not looked at in time")
-    return StationError(f"{path}: is not taken: {said}", FETCH)
+            return StationError(f"{name}: is of another form than verity, whose contents are not looked at in time")
+    return StationError(f"{name}: is not taken: {said}", FETCH)
 
 
 def box_takes() -> str:

@@ -14,7 +14,12 @@ from board.errors import StationError, StorageError
 FOLDER = Path("/data/update")
 # Left free for the station's own state and for the journal, which come first: it stops at 32 MiB (SystemKeepFree).
 RESERVE = 40 << 20  # octets
-KEPT = 4096  # octets of a small file that is read back
+# Octets of a small file that is read back: an address that signs itself has some thousand, and is told twice.
+KEPT = 1 << 16
+
+
+class LockedError(StationError):
+    """Another update is being had, looked at or installed."""
 
 
 @contextmanager
@@ -40,7 +45,7 @@ class Folder:
 
     @contextmanager
     def locked(self) -> Iterator[None]:
-        """For as long as one update lasts. Raises StationError where another one has it."""
+        """For as long as one update lasts. Raises LockedError where another one has it, and StationError."""
         try:
             self._own.mkdir(mode=0o700, exist_ok=True)
             lock = os.open(self.place / "lock", os.O_RDONLY | os.O_CREAT | os.O_CLOEXEC, 0o644)
@@ -53,7 +58,7 @@ class Folder:
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError as error:
-                raise StationError(
+                raise LockedError(
                     "another update is running", "wait for it; captain update --status tells how it has ended"
                 ) from error
             yield

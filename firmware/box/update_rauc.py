@@ -8,13 +8,13 @@ from pathlib import Path
 
 from board.errors import StationError
 from board.tool import environment
+from firmware.box.update_reason import reason
 
 PROGRAM = "rauc"
 BUS = ("busctl", "--json=short", "get-property", "de.pengutronix.rauc", "/", "de.pengutronix.rauc.Installer")
 ANSWER_S = 60.0
 _STEP = re.compile(r"^\s*(\d{1,3})% (.*)$")
 WRITES = ("Updating slots", "Copying image")  # steps from which on a slot is written
-_LAST = re.compile(r"LastError: (.*)")
 _BUSY = re.compile(r"lready processing|already in progress")
 _FORBIDDEN = re.compile(r"AccessDenied|rejected send message|Permission denied|not allowed to")
 
@@ -64,9 +64,10 @@ def _properties(*names: str) -> list[str]:
     return found
 
 
-def install(path: Path, step: Callable[[int, str], None], program: str = PROGRAM) -> None:
+def install(path: Path, name: str, step: Callable[[int, str], None], program: str = PROGRAM) -> None:
     """Write a bundle into the other slot, and have that be tried next.
 
+    name  what its user has named.
     step  is told each step: percent, and what is done, in RAUC's words.
 
     Raises InstallError, and StationError where nothing was begun. It goes on in the service if this process ends.
@@ -92,21 +93,18 @@ def install(path: Path, step: Callable[[int, str], None], program: str = PROGRAM
                 step(int(found[1]), found[2].strip())
             said.append(line)
     if running.returncode:
-        raise _failed(path, "".join(said[-40:]), is_begun)
+        raise _failed(name, "".join(said[-40:]), is_begun)
 
 
-def _failed(path: Path, said: str, is_begun: bool) -> StationError:
+def _failed(name: str, said: str, is_begun: bool) -> StationError:
     if _FORBIDDEN.search(said):
         return _forbidden()
     if _BUSY.search(said):
         return BusyError()
-    last = _LAST.findall(said)
-    why = (
-        last[-1].strip() if last else next((line for line in reversed(said.splitlines()) if line.strip()), "no reason")
-    )
+    why = reason(said)
     if not is_begun:
-        return StationError(f"{path}: was not installed: {why}", "nothing was written")
-    return InstallError(f"{path}: {why}")
+        return StationError(f"{name}: was not installed: {why.words}", f"nothing was written; {why.hint}")
+    return InstallError(f"{name}: {why.words}", why.hint)
 
 
 def _ask(words: Sequence[str]) -> str:
@@ -124,8 +122,8 @@ def _ask(words: Sequence[str]) -> str:
         raise _forbidden()
     if _BUSY.search(ended.stderr):
         raise BusyError
-    lines = [line for line in ended.stderr.splitlines() if line.strip() and "rauc-Message" not in line]
-    raise StationError(f"{' '.join(words[:3])}: {lines[-1] if lines else 'failed'}", "journalctl -u rauc")
+    why = reason(ended.stderr)
+    raise StationError(f"{words[0]}: {why.words}", why.hint)
 
 
 def _forbidden() -> StationError:

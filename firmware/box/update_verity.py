@@ -26,9 +26,10 @@ class Tree(NamedTuple):
     salt: str
 
 
-def check(path: Path, tree: Tree, seen: Callable[[float], None] = lambda part: None) -> None:
+def check(path: Path, name: str, tree: Tree, seen: Callable[[float], None] = lambda part: None) -> None:
     """Raises StationError where an octet of the contents, or of the tree, is another one.
 
+    name  what its user has named.
     seen  is told how far it is: 0 to 1.
 
     Source: the kernel's Documentation/admin-guide/device-mapper/verity.rst, hash type 1, SHA-256; RAUC's reference,
@@ -40,7 +41,7 @@ def check(path: Path, tree: Tree, seen: Callable[[float], None] = lambda part: N
         signature = int.from_bytes(file.read(SIZE_FIELD), "big")
         content = total - SIZE_FIELD - signature - tree.size
         if content <= 0 or content % BLOCK:
-            raise StationError(f"{path}: {total} octets are not what its signature belongs to", DAMAGED)
+            raise StationError(f"{name}: {total} octets are not what its signature belongs to", DAMAGED)
         file.seek(0)
         salted = hashlib.sha256(bytes.fromhex(tree.salt))
         digests = bytearray()
@@ -51,7 +52,7 @@ def check(path: Path, tree: Tree, seen: Callable[[float], None] = lambda part: N
         while len(levels[0]) > BLOCK:
             levels.insert(0, _padded(_digests(salted, levels[0])))
         if _digests(salted, levels[0]).hex() != tree.root or file.read(tree.size) != b"".join(levels):
-            raise StationError(f"{path}: its contents are not what was signed", DAMAGED)
+            raise StationError(f"{name}: its contents are not what was signed", DAMAGED)
 
 
 def _digests(salted: "hashlib._Hash", octets: bytes) -> bytes:

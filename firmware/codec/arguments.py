@@ -10,7 +10,7 @@ from collections.abc import Callable
 from board.errors import RequestError
 from firmware.codec.decoding import error_record
 from firmware.codec.reading import FORMS, Object, Pdu, Reader
-from firmware.user.table import clean
+from firmware.printable import clean
 
 FORMS_HELP = """\
 WHAT is a file, a folder of files, or the message itself; - or nothing is

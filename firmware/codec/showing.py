@@ -4,7 +4,7 @@ import textwrap
 
 from firmware.codec.identify import Identity
 from firmware.codec.reading import Pdu
-from firmware.user.table import clean
+from firmware.printable import clean
 
 
 def tree(pdu: Pdu, found: Identity, width: int) -> str:

@@ -9,7 +9,7 @@ from board.errors import InterfaceError, UsageError
 from firmware.box import owner
 from firmware.box.store import Store
 from firmware.box.verdict import verdict
-from firmware.user.table import clean
+from firmware.printable import clean
 
 DESCRIPTION = """\
 Looks at the files that an owner puts on the first partition of a box's card,

@@ -15,10 +15,11 @@ from firmware.codec import library
 from firmware.config import Config, InterfaceConfig
 from firmware.lab import board_checks, checks, mqtt_checks, ports, service_checks, time_checks
 from firmware.lab.checks import Finding, Level
+from firmware.printable import clean
 from firmware.station import topics_of
 from firmware.user import systemd
 from firmware.user.arguments import add_configuration, as_service
-from firmware.user.table import clean, width_of
+from firmware.user.table import width_of
 from firmware.user.untrusted import within
 
 DESCRIPTION = """\

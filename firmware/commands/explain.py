@@ -8,7 +8,8 @@ from firmware.codec.arguments import FORMS_HELP, add_edition, add_input, each, p
 from firmware.codec.decoding import Decoder, UndecodableError
 from firmware.codec.library import Message
 from firmware.codec.reading import Pdu, pdu_of
-from firmware.user.table import Table, clean, plain
+from firmware.printable import clean
+from firmware.user.table import Table, plain
 
 DESCRIPTION = f"""\
 Shows what every bit of a message says: offset, width, the bits, the field, its

@@ -15,12 +15,12 @@ from board.address import address as udp_address
 from board.errors import ConfigurationError, UsageError
 from drivers.wire.impairment import Impairment
 from firmware.codec.reading import Pdu
+from firmware.printable import clean
 from firmware.replay import ears, ends
 from firmware.replay.arguments import add_impairments, impairments, told
 from firmware.replay.bridge import Bridge, Side, Way
 from firmware.user import client
 from firmware.user.arguments import seconds, station
-from firmware.user.table import clean
 
 DESCRIPTION = """\
 Stands between A and B and passes on what each sends to the other, but for what

@@ -14,11 +14,12 @@ from firmware.codec.field_names import FieldNames
 from firmware.codec.library import NoLibraryError, load
 from firmware.codec.live import Live
 from firmware.codec.reading import Pdu
+from firmware.printable import clean
 from firmware.user import client
 from firmware.user.arguments import add_station, address
 from firmware.user.listening import Listening, add_wish, wish_of
 from firmware.user.received import Message
-from firmware.user.table import Screen, clean, width_of
+from firmware.user.table import Screen, width_of
 
 DESCRIPTION = """\
 Listens to a station as any user's program does, and shows for each type and

@@ -14,6 +14,7 @@ from board.address import address as udp_address
 from board.errors import ConfigurationError, RequestError, StationError, UsageError
 from drivers.wire.impairment import Impairment
 from firmware.codec.reading import FORMS, Pdu
+from firmware.printable import clean
 from firmware.replay.arguments import add_impairments, impairments, told
 from firmware.replay.ending import until_sigterm
 from firmware.replay.ends import Datagrams, Device, End, Station, Users, station_lines
@@ -23,7 +24,6 @@ from firmware.replay.source import Choice, Source
 from firmware.replay.timing import Timing
 from firmware.user import client
 from firmware.user.arguments import HIGHEST_RATE, add_station, address, finite, integer, number, times
-from firmware.user.table import clean
 
 DESCRIPTION = """\
 Sends again what was recorded, as fast as it was recorded: by default its PDUs

@@ -6,9 +6,10 @@ import sys
 import time
 
 from board.errors import StationError, UsageError
+from firmware.printable import clean
 from firmware.user import board, client
 from firmware.user.arguments import add_control, address
-from firmware.user.table import Screen, clean
+from firmware.user.table import Screen
 from firmware.user.untrusted import named, text
 
 DESCRIPTION = """\

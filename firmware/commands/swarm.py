@@ -17,6 +17,7 @@ from board.errors import ConfigurationError, RequestError
 from drivers.message import Area, MessageType
 from drivers.sim.track import Point
 from firmware.codec.reading import Pdu
+from firmware.printable import clean
 from firmware.replay.ending import until_sigterm
 from firmware.replay.ends import Datagrams, Device, Station, station_lines
 from firmware.replay.reasons import count
@@ -26,7 +27,6 @@ from firmware.swarm.swarm import LATE_S, Plan, Sent, Swarm
 from firmware.swarm.vehicle import Vehicle, style
 from firmware.user import client
 from firmware.user.arguments import add_station, address, finite, integer, number, seconds
-from firmware.user.table import clean
 
 DESCRIPTION = """\
 Virtual stations drive around the blocks of a simulated town, faster and slower,

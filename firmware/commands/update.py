@@ -14,9 +14,10 @@ from firmware.box import update, update_bundle
 from firmware.box.update_bundle import Bundle
 from firmware.box.update_folder import Folder
 from firmware.box.update_rauc import BusyError, InstallError
-from firmware.box.update_slots import RootSlot, booted, other
+from firmware.box.update_slots import AS_WRITTEN, RootSlot, booted, other
+from firmware.printable import clean, failure
 from firmware.user import health
-from firmware.user.table import Table, clean, lines_for
+from firmware.user.table import Table, lines_for
 
 HALF_WRITTEN = 3
 UNTOUCHED = "no slot was touched"
@@ -88,8 +89,7 @@ def main(arguments: argparse.Namespace) -> int:
         _told(f"the next start takes slot {chosen.name}, {_version(chosen)}", arguments.restart)
         return 0
     if not arguments.source:
-        _say("restarting now")
-        update.restart()
+        _restart()
         return 0
     return _install(arguments)
 
@@ -101,7 +101,7 @@ def _install(arguments: argparse.Namespace) -> int:
     try:
         found = update.run(arguments.source, progress, only_look=arguments.look)
     except InstallError as error:
-        _say(f"captain: {error}", is_wrong=True)
+        _say(f"captain: {failure(error)}", is_wrong=True)
         _say("  (the other slot is unusable until the next update; this one stays in use)", is_wrong=True)
         return HALF_WRITTEN
     except KeyboardInterrupt:
@@ -116,10 +116,16 @@ def _install(arguments: argparse.Namespace) -> int:
 
 def _told(what: str, is_restarting: bool) -> None:
     if is_restarting:
-        _say(f"{what}: restarting now")
-        update.restart()
+        _say(what)
+        _restart()
     else:
         _say(f"{what}: captain update --restart restarts the box")
+
+
+def _restart() -> None:
+    with update.undisturbed():
+        _say("restarting now")
+        update.restart()
 
 
 def _say(line: str, is_wrong: bool = False) -> None:
@@ -142,7 +148,7 @@ def _shown(bundle: Bundle, slots: list[RootSlot]) -> None:
 
 
 def _version(slot: RootSlot) -> str:
-    return f"version {clean(slot.version)}" if slot.version else "what the card was written with"
+    return "what the card was written with" if slot.version == AS_WRITTEN else f"version {clean(slot.version)}"
 
 
 class Teller:
@@ -187,7 +193,7 @@ def _status(is_json: bool) -> None:
             slot.name,
             "runs" if slot.is_booted else "",
             "next" if slot.is_next else "",
-            VERSION if slot.is_booted else slot.version or "as written",
+            slot.version,
             slot.installed or "-",
             "?" if slot.left is None else str(slot.left),
             slot.words,

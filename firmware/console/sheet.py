@@ -9,9 +9,10 @@ from firmware import VERSION
 from firmware.console.addresses import Device
 from firmware.console.journal import Trouble
 from firmware.console.rates import Rate
+from firmware.printable import clean
 from firmware.user import board, clock, storage
 from firmware.user.clock import LAST_TIME
-from firmware.user.table import Table, clean, plain, span, times
+from firmware.user.table import Table, plain, span, times
 from firmware.user.untrusted import listed, named, number, text, texts, within
 
 NOTES_ABOVE = 8  # lines of notes on the first page; all of them are on the last

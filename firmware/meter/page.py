@@ -10,7 +10,8 @@ import firmware
 from board.errors import StationError
 from firmware.meter import drawing, text
 from firmware.meter.plot import Plot, plots
-from firmware.user.table import Table, clean
+from firmware.printable import clean
+from firmware.user.table import Table
 
 Object = Mapping[str, Any]
 ASSETS = Path(firmware.__file__).parent / "meter" / "assets"

@@ -2,10 +2,11 @@
 
 import time
 
+from firmware.printable import clean
 from firmware.tap.connection import Connection
 from firmware.tap.counts import Counts, Taken
 from firmware.user.received import Message
-from firmware.user.table import Screen, Table, clean, plain, width_of
+from firmware.user.table import Screen, Table, plain, width_of
 from firmware.user.tally import HEADS, Row, Tally, cells
 
 # A broker knows no signal strength.

@@ -3,9 +3,10 @@
 import json
 import sys
 
+from firmware.printable import clean
 from firmware.user.flights import Flight, Flights
 from firmware.user.sending import Sending
-from firmware.user.table import Table, clean, lines_for
+from firmware.user.table import Table, lines_for
 
 
 class Account:

@@ -8,6 +8,8 @@ from collections.abc import Iterable, Sequence
 from types import TracebackType
 from typing import TYPE_CHECKING, NamedTuple, TextIO
 
+from firmware.printable import clean
+
 if TYPE_CHECKING:
     from rich.live import Live
 
@@ -24,11 +26,6 @@ class Table(NamedTuple):
     heads: Sequence[str] = ()
     rows: Sequence[Sequence[str]] = ()
     notes: Sequence[str] = ()
-
-
-def clean(text: str) -> str:
-    """Text of a peer without anything that a terminal would obey."""
-    return "".join(letter if letter.isprintable() else f"\\x{ord(letter):02x}" for letter in text)
 
 
 def plain(table: Table, width: int, cuts: bool = True) -> list[str]:

@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 import pygal
 from pygal.style import Style
 
+from firmware.printable import clean
 from firmware.time_history import Row
 from firmware.user.clock import title
-from firmware.user.table import clean
 from firmware.user.time_record import Record
 
 WIDTH, HEIGHT = 960, 320  # of each of the three

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from board.errors import StationError, UsageError
+from board.errors import ConfigurationError, StationError, UsageError
 from firmware import VERSION, cli
 
 ROOT = Path(__file__).parents[2]
@@ -81,6 +81,23 @@ def test_an_expected_failure_is_told_in_words(
     said = capsys.readouterr()
     assert said.err == "captain: port 5555 is taken\n  (choose another)\n"
     assert said.out == ""
+
+
+def test_nothing_that_a_failure_names_makes_lines_or_is_obeyed_by_a_terminal(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    a_command_that_raises(StationError("a\ncaptain: all is well\x1b[2J: no such file", "is b\rthere?"), monkeypatch)
+    cli.main(["run"])
+    said = "captain: a\\x0acaptain: all is well\\x1b[2J: no such file\n  (is b\\x0dthere?)\n"
+    assert capsys.readouterr().err == said
+
+
+def test_the_mistakes_of_a_file_keep_a_line_each(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    a_command_that_raises(ConfigurationError("a.toml: x: is none\na.toml: y\t: is none"), monkeypatch)
+    cli.main(["run"])
+    assert capsys.readouterr().err == "captain: a.toml: x: is none\na.toml: y\\x09: is none\n"
 
 
 @pytest.mark.parametrize(("kind", "code"), [(StationError, 1), (UsageError, cli.USAGE_ERROR)])

@@ -10,6 +10,7 @@ from tests.image.rows import Row
 
 INSTALL_S = 900.0
 WELL_S = 900.0
+WELL = "well at this start"
 # The start is over, and the check of the slot has ended.
 ENDED = (
     "systemctl is-system-running --wait >/dev/null; "
@@ -59,9 +60,9 @@ def well(guest: Guest, key: Key, name: str, what: str) -> Row:
     said(guest, key, ENDED, WELL_S)
     slot = next(slot for slot in slots(guest, key) if slot["name"] == name)
     seen = f"{slot['words']}, {slot['left']} tries, {'runs' if slot['is_booted'] else 'does not run'}"
-    is_ok = (slot["words"], slot["left"], slot["is_booted"]) == ("well", 3, True)
+    is_ok = (slot["words"], slot["left"], slot["is_booted"]) == (WELL, 3, True)
     took = f" (+{time.monotonic() - began:.0f} s)"
-    return Row(what, seen + took, "well, 3 tries, runs", is_ok)
+    return Row(what, seen + took, f"{WELL}, 3 tries, runs", is_ok)
 
 
 def seen(ended: Ended, wanted: str) -> str:

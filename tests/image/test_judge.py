@@ -59,6 +59,11 @@ class Box:
         return path.exists() and "reboot" in path.read_text()
 
     @property
+    def judged(self) -> str:
+        path = self.folder / "captain-image/judged"
+        return path.read_text() if path.exists() else ""
+
+    @property
     def said(self) -> str:
         path = self.folder / "early"
         return path.read_text() if path.exists() else ""
@@ -75,6 +80,7 @@ BA = ("B", "A")
 def test_a_slot_that_is_well_gets_its_tries_back_and_says_nothing(box: Box):
     assert box.run("judge", "A", State(a_left=2), WELL) == State()
     assert (box.is_restarting, box.said, box.ended.returncode) == (False, "", 0)
+    assert box.judged == "well\n"
 
 
 def test_a_new_slot_that_is_well_is_new_no_more(box: Box):
@@ -100,12 +106,14 @@ def test_a_slot_that_was_well_before_stays_and_is_never_restarted(
     assert box.run("judge", "A", State(a_left=0, new=new, again=again), ended) == State(new=new)
     assert not box.is_restarting
     assert "slot A was well before, and stays" in box.said
+    assert box.judged == "not well\n"
 
 
 def test_a_check_that_was_stopped_says_nothing_of_the_slot(box: Box):
     before = State(BA, 3, 2, "B")
     assert box.run("judge", "B", before, STOPPED) == before
     assert not box.is_restarting
+    assert box.judged == ""
 
 
 def test_a_new_slot_from_which_nothing_is_heard_is_left_and_an_old_one_is_not(box: Box):

@@ -126,6 +126,9 @@ def _left(guest: Guest, key: Key, site: Site, made: Bundles) -> Iterator[Row]:
     ended = update(guest, key, site.url(made.good.name))
     words = "another update is being installed"
     yield Row("a second one at once", seen(ended, words), words, ended.code == 1 and words in ended.words)
+    ended = update(guest, key, "--restart")
+    words = "the box is not restarted: another update is being installed"
+    yield Row("--restart meanwhile", seen(ended, words), words, ended.code == 1 and words in ended.words)
     began = time.monotonic()
     while (result := str(status(guest, key)["last"].get("result"))) == BEGUN and time.monotonic() < began + INSTALL_S:
         time.sleep(1)

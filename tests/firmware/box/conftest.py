@@ -1,12 +1,15 @@
 """An owner's files on a card."""
 
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Protocol
 
 import pytest
 
+from firmware.box.update_folder import Folder
 from firmware.box.verdict import Verdict, verdict
+from tests.firmware.box.web_site import Site
 
 KEY = "ssh-ed25519 AAAAC3NzaC1lZDI1NTE5AAAAIG5QZ1u1f8oMAbrUoaqgzTVh2tFvWYAEBoCd2aSxVTpF me"
 OVERLAY = Path(__file__).resolve().parents[3] / "image/overlay"
@@ -47,3 +50,16 @@ def mistakes(found: Verdict) -> list[str]:
 
 def remarks(found: Verdict) -> list[str]:
     return [note.text for note in found.notes if not note.is_mistake]
+
+
+@pytest.fixture
+def site() -> Iterator[Site]:
+    with Site().open() as found:
+        yield found
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Folder:
+    """Of updates, as the lock makes it."""
+    (tmp_path / "fetched").mkdir(exist_ok=True)
+    return Folder(tmp_path, reserve=0)

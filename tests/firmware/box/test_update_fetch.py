@@ -1,128 +1,28 @@
 """Bundles from web servers of every kind, broken off and gone on with."""
 
 import errno
-import http.server
 import io
 import json
 import os
-import random
-import re
 import socket
 import ssl
-import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from urllib.parse import unquote
 
 import pytest
 
 from board.errors import StationError, StorageError
-from firmware.box import update_fetch
+from firmware.box import update_server
 from firmware.box.update_folder import Folder
 from tests.broker.certificates import Authority
-
-FILE = random.Random(7).randbytes(300_000)
-
-
-class Server(http.server.BaseHTTPRequestHandler):
-    """A file at /update, with faults.
-
-    cuts      octets after which the connection is closed, a number for each request; then none.
-    """
-
-    cuts: list[int]
-    tag: str
-    has_ranges: bool
-    has_length: bool
-    is_chunked: bool
-    asked: list[tuple[str, str | None]]
-    status: int
-    length = ""  # what it says in place of the length
-
-    def do_GET(self) -> None:
-        wanted = self.headers.get("Range")
-        self.asked.append((self.path, wanted))
-        if self.path.startswith("/to/"):
-            self.send_response(302)
-            self.send_header("Location", unquote(self.path).removeprefix("/to/"))
-            self.end_headers()
-            return
-        if self.status != 200:
-            self.send_error(self.status)
-            return
-        begin = 0
-        if wanted and self.has_ranges and self.headers.get("If-Range") == self.tag:
-            begin = int(re.findall(r"\d+", wanted)[0])
-            if begin >= len(FILE):
-                self.send_error(416)
-                return
-            self.send_response(206)
-            self.send_header("Content-Range", f"bytes {begin}-{len(FILE) - 1}/{len(FILE)}")
-        else:
-            self.send_response(200)
-        if self.is_chunked:
-            self.send_header("Transfer-Encoding", "chunked")
-        elif self.has_length:
-            self.send_header("Content-Length", self.length or str(len(FILE) - begin))
-        self.send_header("ETag", self.tag)
-        self.send_header("Connection", "close")
-        self.end_headers()
-        octets = FILE[begin:]
-        octets = octets[: self.cuts.pop(0)] if self.cuts else octets
-        self.wfile.write(b"%x\r\n%s\r\n0\r\n\r\n" % (len(octets), octets) if self.is_chunked else octets)
-
-    def log_message(self, format: str, *arguments: object) -> None:  # noqa: A002
-        """Of no use here."""
-
-
-class Site:
-    """One that runs. url: of the file."""
-
-    def __init__(self, context: ssl.SSLContext | None = None) -> None:
-        class Own(Server):
-            cuts: list[int] = []  # noqa: RUF012 - a class for each site
-            tag, has_ranges, has_length, is_chunked, status = '"1"', True, True, False, 200
-            asked: list[tuple[str, str | None]] = []  # noqa: RUF012
-
-        self.does = Own
-        self._server = http.server.HTTPServer(("127.0.0.1", 0), Own)
-        if context:
-            self._server.socket = context.wrap_socket(self._server.socket, server_side=True)
-        self.base = f"http{'s' if context else ''}://localhost:{self._server.server_address[1]}"
-        self.url = f"{self.base}/update"
-        self._thread = threading.Thread(target=self._server.serve_forever, args=(0.01,))
-
-    @contextmanager
-    def open(self) -> Iterator["Site"]:
-        self._thread.start()
-        try:
-            yield self
-        finally:
-            self._server.shutdown()
-            self._thread.join()
-            self._server.server_close()
-
-
-@pytest.fixture
-def site() -> Iterator[Site]:
-    with Site().open() as found:
-        yield found
+from tests.firmware.box.web_site import FILE, Site, fetch, piped
 
 
 @pytest.fixture(autouse=True)
 def fetched(tmp_path: Path) -> None:
     """As the lock makes it."""
-    (tmp_path / "fetched").mkdir()
-
-
-@pytest.fixture
-def folder(tmp_path: Path) -> Folder:
-    return Folder(tmp_path, reserve=0)
-
-
-def fetch(url: str, folder: Folder, seen: Callable[[int, int], None] = lambda have, size: None) -> bytes:
-    return update_fetch.from_url(url, folder, seen, sleep=lambda seconds: None).read_bytes()
+    (tmp_path / "fetched").mkdir(exist_ok=True)
 
 
 def test_a_file_is_fetched_whole_and_how_far_it_is_is_told(site: Site, folder: Folder):
@@ -165,7 +65,7 @@ def test_another_address_is_begun_with_again(site: Site, folder: Folder):
 
 def test_the_next_run_goes_on_where_this_one_was_broken_off(site: Site, folder: Folder):
     site.does.cuts += [123_456, *[0] * 20]
-    with pytest.raises(StationError, match=r"after 123456 of 300000 octets; 0\.1 MB of it are there"):
+    with pytest.raises(StationError, match=r"after 123456 of 300000 octets; 0\.1 MB of it had come"):
         fetch(site.url, folder)
     site.does.cuts.clear()
     site.does.asked.clear()
@@ -226,7 +126,7 @@ def test_a_card_that_takes_no_writes_is_told(
     with pytest.raises(StorageError, match=words):
         fetch(site.url, folder)
     with pytest.raises(StorageError, match=words):
-        update_fetch.from_stream(io.BytesIO(FILE), folder, lambda have, size: None)
+        piped(io.BytesIO(FILE), folder)
 
 
 def test_a_pipe_that_cannot_be_read_is_told(folder: Folder):
@@ -235,7 +135,7 @@ def test_a_pipe_that_cannot_be_read_is_told(folder: Folder):
             raise OSError(errno.EIO, "Input/output error")
 
     with pytest.raises(StationError, match="the input cannot be read: Input/output error"):
-        update_fetch.from_stream(Broken(), folder, lambda have, size: None)
+        piped(Broken(), folder)
 
 
 def test_it_goes_where_it_is_led_but_not_in_circles(site: Site, folder: Folder):
@@ -272,7 +172,7 @@ def test_a_stream_without_an_end_stops_where_the_room_does(tmp_path: Path, monke
     left = iter([200_000, 100_000, 50_000, 0, 0])
     monkeypatch.setattr(folder, "room", lambda: next(left))
     with pytest.raises(StationError, match="has room for 0 MB"):
-        update_fetch.from_stream(io.BytesIO(bytes(10_000_000)), folder, lambda have, size: None)
+        piped(io.BytesIO(bytes(10_000_000)), folder)
 
 
 @pytest.mark.parametrize(
@@ -324,9 +224,41 @@ def test_an_address_may_have_blanks_and_any_letters(site: Site, folder: Folder):
     assert site.does.asked[-1][0] == "/caf%E9"
 
 
+@pytest.mark.parametrize(
+    ("kind", "said"),
+    [("text/html", "text/html"), ("Text/HTML; charset=utf-8", "text/html"), ("application/json", "application/json")],
+)
+def test_a_page_in_place_of_a_file_is_refused_by_its_address_before_any_of_it_is_kept(
+    site: Site, folder: Folder, monkeypatch: pytest.MonkeyPatch, kind: str, said: str
+):
+    monkeypatch.setattr(site.does, "kind", kind)
+    with pytest.raises(StationError) as told:
+        fetch(site.url, folder)
+    assert told.value.message == f"{site.url}: the server sends a page ({said}), and no bundle"
+    assert "login" in told.value.hint
+    assert not folder.part.exists()
+
+
+def test_a_page_that_an_address_leads_to_is_told_with_where_it_is(
+    site: Site, folder: Folder, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(site.does, "kind", "text/html")
+    url = f"{site.base}/to//portal"
+    with pytest.raises(StationError, match=f"^{url}: leads to {site.base}/portal, which sends a page"):
+        fetch(url, folder)
+
+
+@pytest.mark.parametrize("kind", ["text/plain", "application/octet-stream", "application/vnd.rauc"])
+def test_a_file_is_taken_by_whatever_name_servers_have_for_it(
+    site: Site, folder: Folder, monkeypatch: pytest.MonkeyPatch, kind: str
+):
+    monkeypatch.setattr(site.does, "kind", kind)
+    assert fetch(site.url, folder) == FILE
+
+
 def test_what_comes_by_a_pipe_is_taken_to_its_end(folder: Folder):
     folder.part.write_bytes(b"of another one")
-    assert update_fetch.from_stream(io.BytesIO(FILE), folder, lambda have, size: None).read_bytes() == FILE
+    assert piped(io.BytesIO(FILE), folder) == FILE
 
 
 @pytest.mark.parametrize(
@@ -382,10 +314,10 @@ def test_a_secure_server_is_one_of_a_known_authority(
 def test_a_clock_that_was_never_set_is_named_where_a_certificate_is_not_valid_yet(monkeypatch: pytest.MonkeyPatch):
     error = ssl.SSLCertVerificationError(1, "x")
     error.verify_code, error.verify_message = 9, "certificate is not yet valid"
-    monkeypatch.setattr(update_fetch, "is_clock_set", lambda: False)
-    assert "the clock of this box was not set" in update_fetch._distrusted("https://x/y", error).message
-    monkeypatch.setattr(update_fetch, "is_clock_set", lambda: True)
-    assert "look at the clock" in update_fetch._distrusted("https://x/y", error).message
+    monkeypatch.setattr(update_server, "is_clock_set", lambda: False)
+    assert "the clock of this box was not set" in update_server._distrusted("https://x/y", error).message
+    monkeypatch.setattr(update_server, "is_clock_set", lambda: True)
+    assert "look at the clock" in update_server._distrusted("https://x/y", error).message
 
 
 def test_two_updates_at_once_are_told(folder: Folder, tmp_path: Path):
@@ -408,6 +340,9 @@ def test_how_an_update_ended_is_kept_and_rubbish_in_its_place_is_none(folder: Fo
     assert folder.last() == {}
     folder.tell("http://x/y", "1.2.3", "B", "installed")
     assert folder.last()["result"] == "installed"
+    signed = f"https://x/y?signature={'a' * 8000}"
+    folder.tell(signed, "1.2.3", "B", f"{signed}: the server forbids it")
+    assert folder.last()["source"] == signed
     for octets in (b"", b"[]", b"\xff", b"{" * 100_000):
         (folder.place / "last.json").write_bytes(octets)
         assert folder.last() == {}

@@ -38,7 +38,7 @@ def update(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
 
 def test_a_whole_bundle_is_taken_and_how_far_it_is_is_told(update: tuple[Path, Tree]):
     seen: list[float] = []
-    check(*update, seen.append)
+    check(update[0], "x", update[1], seen.append)
     assert seen == sorted(seen)
     assert seen[-1] == 1.0
 
@@ -52,7 +52,7 @@ def test_a_bit_of_the_contents_that_is_another_is_found(update: tuple[Path, Tree
     damaged = tmp_path / "damaged.raucb"
     damaged.write_bytes(octets)
     with pytest.raises(StationError, match="contents are not what was signed"):
-        check(damaged, tree)
+        check(damaged, "x", tree)
 
 
 def test_a_bit_of_the_tree_that_is_another_is_found(update: tuple[Path, Tree], tmp_path: Path):
@@ -65,7 +65,7 @@ def test_a_bit_of_the_tree_that_is_another_is_found(update: tuple[Path, Tree], t
         damaged = tmp_path / "damaged.raucb"
         damaged.write_bytes(changed)
         with pytest.raises(StationError, match="contents are not what was signed"):
-            check(damaged, tree)
+            check(damaged, "x", tree)
 
 
 @pytest.mark.parametrize("cut", [1, 8, BLOCK, 50_000])
@@ -74,4 +74,4 @@ def test_a_bundle_that_ends_too_early_is_refused(update: tuple[Path, Tree], tmp_
     short = tmp_path / "short.raucb"
     short.write_bytes(path.read_bytes()[:-cut])
     with pytest.raises(StationError):
-        check(short, tree)
+        check(short, "x", tree)

@@ -1,0 +1,113 @@
+"""A web server with one file, and with faults, and how that is fetched."""
+
+import http.server
+import random
+import re
+import ssl
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import BinaryIO
+from urllib.parse import unquote
+
+from firmware.box import update_fetch
+from firmware.box.update_folder import Folder
+
+MOST = 20_000_000  # octets of a bundle
+FILE = random.Random(7).randbytes(300_000)
+
+
+class Server(http.server.BaseHTTPRequestHandler):
+    """A file at /update, with faults.
+
+    cuts      octets after which the connection is closed, a number for each request; then none.
+    """
+
+    cuts: list[int]
+    tag: str
+    has_ranges: bool
+    has_length: bool
+    is_chunked: bool
+    asked: list[tuple[str, str | None]]
+    status: int
+    kind = ""  # Content-Type
+    length = ""  # what it says in place of the length
+
+    def do_GET(self) -> None:
+        wanted = self.headers.get("Range")
+        self.asked.append((self.path, wanted))
+        if self.path.startswith("/to/"):
+            self.send_response(302)
+            self.send_header("Location", unquote(self.path).removeprefix("/to/"))
+            self.end_headers()
+            return
+        if self.status != 200:
+            self.send_error(self.status)
+            return
+        begin = 0
+        if wanted and self.has_ranges and self.headers.get("If-Range") == self.tag:
+            begin = int(re.findall(r"\d+", wanted)[0])
+            if begin >= len(FILE):
+                self.send_error(416)
+                return
+            self.send_response(206)
+            self.send_header("Content-Range", f"bytes {begin}-{len(FILE) - 1}/{len(FILE)}")
+        else:
+            self.send_response(200)
+        if self.is_chunked:
+            self.send_header("Transfer-Encoding", "chunked")
+        elif self.has_length:
+            self.send_header("Content-Length", self.length or str(len(FILE) - begin))
+        self.send_header("ETag", self.tag)
+        if self.kind:
+            self.send_header("Content-Type", self.kind)
+        self.send_header("Connection", "close")
+        self.end_headers()
+        octets = FILE[begin:]
+        octets = octets[: self.cuts.pop(0)] if self.cuts else octets
+        self.wfile.write(b"%x\r\n%s\r\n0\r\n\r\n" % (len(octets), octets) if self.is_chunked else octets)
+
+    def log_message(self, format: str, *arguments: object) -> None:  # noqa: A002
+        """Of no use here."""
+
+
+class Site:
+    """One that runs. url: of the file."""
+
+    def __init__(self, context: ssl.SSLContext | None = None) -> None:
+        class Own(Server):
+            cuts: list[int] = []  # noqa: RUF012 - a class for each site
+            tag, has_ranges, has_length, is_chunked, status = '"1"', True, True, False, 200
+            asked: list[tuple[str, str | None]] = []  # noqa: RUF012
+
+        self.does = Own
+        self._server = http.server.HTTPServer(("127.0.0.1", 0), Own)
+        if context:
+            self._server.socket = context.wrap_socket(self._server.socket, server_side=True)
+        self.base = f"http{'s' if context else ''}://localhost:{self._server.server_address[1]}"
+        self.url = f"{self.base}/update"
+        self._thread = threading.Thread(target=self._server.serve_forever, args=(0.01,))
+
+    @contextmanager
+    def open(self) -> Iterator["Site"]:
+        self._thread.start()
+        try:
+            yield self
+        finally:
+            self._server.shutdown()
+            self._thread.join()
+            self._server.server_close()
+
+
+def fetch(
+    url: str,
+    folder: Folder,
+    seen: Callable[[int, int], None] = lambda have, size: None,
+    clock: Callable[[], float] = lambda: 0.0,
+    most: int = MOST,
+) -> bytes:
+    return update_fetch.from_url(url, folder, seen, most, lambda seconds: None, clock).read_bytes()
+
+
+def piped(stream: BinaryIO, folder: Folder) -> bytes:
+    return update_fetch.from_stream(stream, folder, lambda have, size: None, MOST).read_bytes()
