@@ -7,11 +7,9 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Literal
 
-from board import describe
-from board.errors import ConfigurationError
-from board.toml import show
-from image import state, values
+from image import reading, state, values
 from image.errors import ImageError
+from image.reading import show
 
 # Of ours on the boot partition, whose names no other file there may have; a FAT takes A for a.
 ON_BOOT = ("u-boot.bin", "boot.scr", "config.txt", "README.txt", "overlays")
@@ -162,10 +160,7 @@ class Description:
 
 def read(path: Path) -> Description:
     """The description in a file. Raises ImageError with a line for each mistake."""
-    try:
-        found = describe.read(Description, describe.load(path), str(path))
-    except ConfigurationError as error:
-        raise ImageError(error.message, error.hint) from error
+    found = reading.read(Description, path)
     if mistakes := [f"{path}: {mistake}" for mistake in _mistakes(found)]:
         raise ImageError("\n".join(mistakes))
     return found

@@ -3,9 +3,7 @@
 import re
 from typing import Annotated, Any, Literal
 
-from board.describe import Check, Range
-from board.errors import ConfigurationError
-from board.toml import show
+from image.reading import Check, show, within
 
 # A look reads all of an image, and the data partition grows to its card: an image needs no more.
 LARGEST_MIB = 32 * 1024
@@ -15,42 +13,31 @@ _PART = r"(?!\.{1,2}(?:/|\Z))[\w.+~@-]+"
 
 def _form(pattern: str, what: str, remedy: str) -> Check:
     """A word that is all of this form."""
-
-    def look(word: str) -> None:
-        if not re.fullmatch(pattern, word, re.ASCII):
-            raise ConfigurationError(f"{show(word)} is no {what}", remedy)
-
-    return Check(look)
+    form = re.compile(pattern, re.ASCII)
+    return Check(lambda word: "" if form.fullmatch(word) else f"{show(word)} is no {what}; {remedy}")
 
 
-def _each_once(values: tuple[Any, ...]) -> None:
-    for value in values:
-        if values.count(value) > 1:
-            raise ConfigurationError(f"{show(value)} is there twice", "name it once")
+def _each_once(values: tuple[Any, ...]) -> str:
+    twice = [value for value in values if values.count(value) > 1]
+    return f"{show(twice[0])} is there twice; name it once" if twice else ""
 
 
-def _one_at_least(values: tuple[Any, ...]) -> None:
-    if not values:
-        raise ConfigurationError("is empty", "name one at least")
-
-
-def _reason(word: str) -> None:
+def _reason(word: str) -> str:
     if not word.strip():
-        raise ConfigurationError("has no reason", "say what it is for, or leave it out")
-    if not word.isprintable():
-        raise ConfigurationError(f"{show(word)} has control characters", "give a line of text")
+        return "has no reason; say what it is for, or leave it out"
+    return "" if word.isprintable() else f"{show(word)} has control characters; give a line of text"
 
 
-def _names(packages: dict[str, str]) -> None:
-    for name in packages:
-        _PACKAGE.look(name)
+def _names(packages: dict[str, str]) -> str:
+    return next(filter(None, map(_PACKAGE.look, packages)), "")
 
 
 # Source: Debian Policy 5.6.7. A last - or + is a verb of apt's, but for names such as g++.
 _PACKAGE = _form(
     r"[a-z0-9][a-z0-9+.-]*[a-z0-9+]", "package's name", "give one as apt has it: lower-case letters, digits, + - ."
 )
-_EACH_ONCE, _ONE_AT_LEAST = Check(_each_once), Check(_one_at_least)
+_EACH_ONCE = Check(_each_once)
+_ONE_AT_LEAST = Check(lambda values: "" if values else "is empty; name one at least")
 
 # The box's host name, and the first part of files' names. Source: RFC 1123, 2.1.
 Name = Annotated[
@@ -103,12 +90,12 @@ Trees = Annotated[
     _ONE_AT_LEAST,
 ]
 Board = Annotated[str, _form(r"\w[\w-]*", "board's name", "give one of board/boards, without .toml")]
-Gpio = Annotated[int, Range(0, 27)]
+Gpio = Annotated[int, within(0, 27)]
 # Source: BCM2711 ARM Peripherals, 2022-01-18, 5.3: blocks that have pins at the header.
 I2c = Annotated[tuple[Literal[1, 3, 4, 5, 6], ...], _EACH_ONCE]
 Uarts = Annotated[tuple[Literal[2, 3, 4, 5], ...], _EACH_ONCE]
 Tty = Annotated[str, _form("tty[A-Z]+[0-9]{1,2}", "serial port's name", "give one as ttyS1, without /dev/")]
 # Source: Linux, asm-generic/termbits.h, as far as a console is of use at them.
 Baud = Literal[1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200, 230400, 460800, 921600]
-Mib = Annotated[int, Range(1, LARGEST_MIB)]
-LabelId = Annotated[int, Range(1, 0xFFFFFFFF)]
+Mib = Annotated[int, within(1, LARGEST_MIB)]
+LabelId = Annotated[int, within(1, 0xFFFFFFFF)]

@@ -84,8 +84,7 @@ TABLE = {
         )
     ),
     "asn1": Rule(("asn1tools",)),
-    # Of the station itself nothing: a card is made of it, and not by it.
-    "image": Rule(("board.describe", "board.errors", "board.toml")),
+    "image": Rule(()),
 }
 
 
