@@ -31,6 +31,7 @@ PARTS = {
     "storage": "data in trouble: what the early boot repairs, what the station says, what is written at rest",
     "update": "updates: from a server, in 1970, refused ones, one that fails and is left, and back",
     "update_cuts": "power cuts in the middle of an update, on a drive that loses what was not flushed",
+    "trouble": "a station that cannot start: what the box says of it",
     "hang": "a start that hangs before systemd, and the watchdog that ends it",
     "v2n": "MQTT by TLS after a start in 1970",
     "battery": "without a battery: where the clock begins",

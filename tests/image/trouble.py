@@ -1,0 +1,62 @@
+"""A station that cannot start: what the doctor, the console and status say of it to whoever may log in."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from tests.image.login import Key, new_key, said, wait_for_ssh
+from tests.image.machine import Guest, owned, powered
+from tests.image.root_shell import EXTRA, RootShell
+from tests.image.rows import Options, Row
+from tests.image.screen import HEAD, Screen
+from tests.image.user import user
+
+PORT = 5558  # which another program has
+ITS_UNIT = "another-program"
+TAKEN = f"systemd-run -q --unit={ITS_UNIT} systemd-socket-activate -l {PORT} cat; systemctl restart --no-block captain"
+DOCTOR = "captain doctor; echo ended with $?"
+
+
+def rows(card: Path, folder: Path, _options: Options) -> Iterator[Row]:
+    key = new_key(folder)
+    files = {"authorized_keys": key.line, "captain.toml": '[station]\nname = "proof"\n'}
+    own = owned(card, folder, files)
+    shell = RootShell(folder)
+    with powered(own, folder, shell.words) as guest:
+        guest.stop_loader(EXTRA)
+        screen = Screen(guest)
+        screen.wait(HEAD)
+        wait_for_ssh(guest)
+        shell.open()
+        with user(guest.ports) as one:
+            one.heartbeat()
+        yield from _well(guest, key)
+        shell.run(f"systemctl stop captain; {TAKEN}", 600)
+        yield from _troubled(guest, key, screen)
+        shell.run(f"systemctl stop {ITS_UNIT}.service")
+        with user(guest.ports) as one:
+            yield Row("once the port is free", f"heartbeat {one.heartbeat()}", "the station is back", True)
+        shell.close()
+
+
+def _well(guest: Guest, key: Key) -> Iterator[Row]:
+    found = said(guest, key, DOCTOR, 600.0)
+    looked = [word for word in ("service", "quad", "proof") if word in found]
+    ended = " ".join(found.splitlines()[-2:])
+    yield Row("captain doctor of a box that is well", ended, "problems: 0", "problems: 0" in ended)
+    yield Row("what it looks at", " ".join(looked), "the service, its board, its station", "service" in looked)
+
+
+def _troubled(guest: Guest, key: Key, screen: Screen) -> Iterator[Row]:
+    screen.wait(f"(?s)captain.service is .*{PORT}")
+    yield Row("the console", _line(screen.text, str(PORT)), f"the station's words of {PORT}", True)
+    found = said(guest, key, DOCTOR, 600.0)
+    told = _line(found, "captain.service is")
+    is_told = str(PORT) in found and "ended with 1" in found
+    yield Row("captain doctor", told, f"a problem, and {PORT}", is_told)
+    status = said(guest, key, "captain status 2>&1")
+    yield Row("captain status", status.replace("\n", " "), "names the service", "systemctl status captain" in status)
+
+
+def _line(text: str, word: str) -> str:
+    """The last one that has the word."""
+    return next((line.strip()[:70] for line in reversed(text.splitlines()) if word in line), "nothing")
