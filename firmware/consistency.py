@@ -5,8 +5,9 @@ from collections.abc import Collection, Iterator
 
 from board.describe import remedy
 from board.errors import ConfigurationError
+from board.toml import show
 from drivers.mqtt_broker import Broker, broker
-from firmware.tables import EndpointOptions, PayloadMatch, PolicyRow, Tables, TypeConfig
+from firmware.tables import MOST_NAME, EndpointOptions, PayloadMatch, PolicyRow, Tables, TypeConfig
 from firmware.topics import ROWS
 
 # Interface processes appear as an interface of this name.
@@ -34,6 +35,8 @@ def _interfaces(tables: Tables) -> Iterator[str]:
     for name in tables.interfaces:
         if name in PLACES or name in {"", "*"}:
             yield f"interfaces: {name!r} cannot be an interface's name: it means something else"
+        elif not name.isprintable() or len(name) > MOST_NAME:
+            yield f"interfaces: {show(name)} cannot be an interface's name: at most {MOST_NAME} letters that print"
     if IPC in tables.interfaces and (tables.endpoint.ipc_in or tables.endpoint.ipc_out):
         yield f"interfaces.{IPC}: is the name of the interface processes of endpoint.ipc_in and ipc_out"
 

@@ -12,6 +12,7 @@ Octet = Annotated[int, Range(0, 255)]
 StationId = Annotated[int, Range(0, 4294967295)]
 Priority = Annotated[int, Range(0, 7)]
 Seconds = Annotated[float, Range(0.0, 86400.0)]
+MOST_PATH = 107  # octets, before the zero that ends it: unix(7)
 MOST_NAME = 64  # letters: as a name of DNS; status, confirms and the console's first line have it
 
 
@@ -20,6 +21,11 @@ def _station_name(text: str) -> None:
         raise ConfigurationError(f"{show(text)} has {len(text)} letters", f"give at most {MOST_NAME}")
     if not text.strip() or not text.isprintable():
         raise ConfigurationError(f"{show(text)} must have letters and nothing that does not print", "correct it")
+
+
+def _control(path: str) -> None:
+    if (octets := len(path.encode())) > MOST_PATH:
+        raise ConfigurationError(f"{show(path)} has {octets} octets", f"a socket's path has at most {MOST_PATH}")
 
 
 def _socket(path: str) -> None:
@@ -67,7 +73,7 @@ class EndpointOptions:
     to_users: Port = 5556
     pull: Port = 5557
     report: Port = 5558
-    control: str = ""
+    control: Annotated[str, Check(_control)] = ""
     strict: bool = False
     local_info: bool = True
     ipc_in: str = ""

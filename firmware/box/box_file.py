@@ -9,6 +9,7 @@ from typing import Annotated
 
 from board.describe import Check
 from board.errors import ConfigurationError
+from board.toml import show
 
 ZONES = Path("/usr/share/zoneinfo")
 # RFC 1123, clause 2.1; one label, for mDNS adds .local.
@@ -28,12 +29,12 @@ TABLE = Path("/usr/share/zoneinfo/iso3166.tab")
 def check_host_name(text: str) -> None:
     """Raises ConfigurationError, as the others here do."""
     if text.lower() == "localhost" or NUMBER.fullmatch(text):
-        what = f'"{text}" means an address, and is no host name'
+        what = f"{show(text)} means an address, and is no host name"
         raise ConfigurationError(what, "write for example captain-7")
     if not NAME.fullmatch(text):
         near = re.sub(r"[^A-Za-z0-9]+", "-", text.removesuffix(".local")).strip("-")[:63]
         hint = f"write {near}" if near else "write for example captain-7"
-        raise ConfigurationError(f'"{text}" is no host name: letters, digits, and - between them', hint)
+        raise ConfigurationError(f"{show(text)} is no host name: letters, digits, and - between them", hint)
 
 
 def check_country(text: str) -> None:
@@ -43,18 +44,20 @@ def check_country(text: str) -> None:
             hint = "the United Kingdom is GB"
         elif text.upper() != text and REGION.fullmatch(text.upper()):
             hint = f"write {text.upper()}"
-        raise ConfigurationError(f'"{text}" is no country', hint)
+        raise ConfigurationError(f"{show(text)} is no country", hint)
 
 
 def check_time_zone(text: str) -> None:
     if re.fullmatch(r"[A-Za-z0-9_+-]+(?:/[A-Za-z0-9_+-]+)*", text) and (not ZONES.is_dir() or _is_zone(ZONES / text)):
         return
-    raise ConfigurationError(f'"{text}" is no time zone', 'write for example "Europe/Berlin", or leave it out for UTC')
+    raise ConfigurationError(
+        f"{show(text)} is no time zone", 'write for example "Europe/Berlin", or leave it out for UTC'
+    )
 
 
 def check_ssid(text: str) -> None:
     if not 1 <= (size := len(text.encode())) <= MOST_SSID:
-        raise ConfigurationError(f'"{text}" has {size} octets', f"the name of a network has 1 to {MOST_SSID}")
+        raise ConfigurationError(f"{show(text)} has {size} octets", f"the name of a network has 1 to {MOST_SSID}")
 
 
 def check_password(value: object) -> None:
@@ -80,30 +83,32 @@ def check_interface_address(text: str) -> None:
     try:
         found = ipaddress.ip_interface(text)
     except ValueError as error:
-        raise ConfigurationError(f'"{text}" is no address', 'write for example "192.168.1.20/24"') from error
+        raise ConfigurationError(f"{show(text)} is no address", 'write for example "192.168.1.20/24"') from error
     if "/" not in text:
-        raise ConfigurationError(f'"{text}" has no length of its network', f'write for example "{found.ip}/24"')
+        raise ConfigurationError(f"{show(text)} has no length of its network", f'write for example "{found.ip}/24"')
     _check_host(found.ip, text)
     if found.network.prefixlen == 0:
-        raise ConfigurationError(f'"{text}" has the whole world as its network', f'write for example "{found.ip}/24"')
+        raise ConfigurationError(
+            f"{show(text)} has the whole world as its network", f'write for example "{found.ip}/24"'
+        )
     if found.network.num_addresses > 2 and found.ip in (found.network.network_address, found.network.broadcast_address):
-        raise ConfigurationError(f'"{text}" is the address of a whole network', "give one of it to the box")
+        raise ConfigurationError(f"{show(text)} is the address of a whole network", "give one of it to the box")
 
 
 def check_plain_address(text: str) -> None:
     try:
         found = ipaddress.ip_address(text)
     except ValueError as error:
-        raise ConfigurationError(f'"{text}" is no address', 'write for example "192.168.1.1"') from error
+        raise ConfigurationError(f"{show(text)} is no address", 'write for example "192.168.1.1"') from error
     _check_host(found, text)
 
 
 def _check_host(found: Address, text: str) -> None:
     """A zone, which may hold any letter, would get into files of other programs."""
     if "%" in text:
-        raise ConfigurationError(f'"{text}" names a zone', 'leave out what begins with "%"')
+        raise ConfigurationError(f"{show(text)} names a zone", 'leave out what begins with "%"')
     if found.is_multicast or found.is_unspecified or found.is_loopback or found == BROADCAST:
-        raise ConfigurationError(f'"{text}" is no address that another host can have', "correct it")
+        raise ConfigurationError(f"{show(text)} is no address that another host can have", "correct it")
 
 
 def check_server(text: str) -> None:
@@ -111,7 +116,7 @@ def check_server(text: str) -> None:
     if re.fullmatch(r"[0-9.]+|.*:.*", text):
         check_plain_address(text)
     elif len(text) > 253 or not all(NAME.fullmatch(label) for label in text.removesuffix(".").split(".")):
-        raise ConfigurationError(f'"{text}" is no host', 'write for example "ptbtime1.ptb.de"')
+        raise ConfigurationError(f"{show(text)} is no host", 'write for example "ptbtime1.ptb.de"')
 
 
 def _each(check: Callable[[str], None]) -> Callable[[Iterable[str]], None]:
@@ -160,6 +165,8 @@ class Ethernet:
         if self.gateway is None:
             return
         network, gateway = ipaddress.ip_interface(self.address).network, ipaddress.ip_address(self.gateway)
+        if gateway.version == 6 == network.version and gateway.is_link_local:
+            return  # as routers announce themselves; RFC 4861, 4.2
         if network.num_addresses == 1:
             what = f'gateway: no "{gateway}" is in {network}, which has one address'
             raise ConfigurationError(what, f"write its length in address, such as {_usual(network.network_address)}")

@@ -41,6 +41,8 @@ SIZES: dict[str, tuple[int | None, ...]] = {
     "sk-ecdsa-sha2-nistp256@openssh.com": (8, 65, None),
 }
 SHOWN = 24
+MOST_TIME = 40  # of an expiry-time; the longest that is one has 29
+CERTIFICATE = "-cert-v01@openssh.com"
 MAKE = "a line of authorized_keys is what `ssh-keygen -t ed25519` writes into id_ed25519.pub"
 
 
@@ -72,10 +74,11 @@ def shut(line: str, now: float) -> str:
     now  Unix time.
     """
     options = _options(line)
-    until = UNTIL.search(options)
-    end = _end(until[1]) if until else None
-    if until and end and end + (timedelta() if until[2] else ZONE) <= datetime.fromtimestamp(now, UTC):
-        return f"has expired: expiry-time is {until[1]}"
+    at = datetime.fromtimestamp(now, UTC)
+    for until in UNTIL.finditer(options):  # the earliest counts
+        end = _end(until[1])
+        if end is not None and end <= at - (timedelta() if until[2] else ZONE):
+            return f"has expired: expiry-time is {until[1]}"
     if "cert-authority" in VALUE.sub("", options).lower().split(","):
         return "is an authority's: only a certificate that it has signed for operator gets in"
     return ""
@@ -89,7 +92,7 @@ def named(line: str) -> str:
 def _options(line: str) -> str:
     """Those before the kind of key."""
     options = OPTIONS.match(line)
-    return options[0] if options and options[0] not in KINDS else ""
+    return options[0] if options and not (options[0] in KINDS or options[0].endswith(CERTIFICATE)) else ""
 
 
 def _end(time: str) -> datetime | None:
@@ -111,6 +114,9 @@ def _trouble(line: str) -> tuple[str, str] | None:
             return f"{word} is no time", "write YYYYMMDD, or YYYYMMDDHHMM, with Z for UTC: sshd passes the line over"
     if kind == OLD:
         return "ssh-dss is no longer taken by sshd", "make another key: ssh-keygen -t ed25519"
+    if kind.endswith(CERTIFICATE):
+        remedy = "put the .pub file of the key here, or a line of its authority that begins with cert-authority"
+        return "is a certificate, which belongs beside your private key", remedy
     if kind not in KINDS:
         return f'"{line[:SHOWN]}" begins no public key', f"is the line broken, or cut off? {MAKE}"
     try:
@@ -145,10 +151,11 @@ def _unknown(options: str) -> str | None:
 
 def _no_time(options: str) -> str:
     """The expiry-time among them that is none; empty where there is none such."""
-    written = re.search(r'expiry-time="[^"]*"', options, re.IGNORECASE)
-    if written is None or ((until := UNTIL.fullmatch(written[0])) and _end(until[1])):
-        return ""
-    return written[0][:SHOWN]
+    for written in re.findall(r'expiry-time="[^"]*"', options, re.IGNORECASE):
+        until = UNTIL.fullmatch(written)
+        if until is None or _end(until[1]) is None:
+            return str(written) if len(written) <= MOST_TIME else f'{written[:MOST_TIME]}..."'
+    return ""
 
 
 def _is_whole(kind: str, fields: list[bytes]) -> bool:

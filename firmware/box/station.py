@@ -130,12 +130,12 @@ def _address(address: str, own: str) -> Saying | None:
     if address in ALL:
         return None
     try:
-        is_of_itself = ipaddress.ip_address(address).is_loopback
+        found = ipaddress.ip_address(address)
     except ValueError:
         return mistake, f'"{address}" is no address', remedy
-    if is_of_itself:
+    if found.is_loopback:
         return remark, f'"{address}" is reached from this box only', remedy
-    if address != own:
+    if not own or found != ipaddress.ip_address(own):
         return mistake, f'the box is given no "{address}"', f"{remedy}, or give it to eth0 in box.toml"
     return remark, f'no station starts while eth0 does not have "{address}": without a cable', remedy
 

@@ -96,7 +96,7 @@ def _answer(url: str, response: http.client.HTTPResponse, have: int) -> Answer:
     if response.status == 200:
         return Answer(response, 0, size, tag)
     found = _RANGE.match(response.getheader("Content-Range") or "")
-    if response.status == 206 and found and int(found[1]) == have:
+    if response.status == 206 and have and found and int(found[1]) == have:
         return Answer(response, have, int(found[2] or (have + size if size else 0)), tag)
     response.close()
     if response.status >= 500:

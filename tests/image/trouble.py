@@ -43,7 +43,7 @@ def _well(guest: Guest, key: Key) -> Iterator[Row]:
     found = said(guest, key, DOCTOR, 600.0)
     for what, goal in (
         ("service", "captain.service is active (running)"),
-        ("endpoint", "are the running station's"),
+        ("endpoint", ":: are the running"),
         ("board", "quad: "),
     ):
         told = _line(found, f"{what}:")

@@ -195,11 +195,30 @@ def test_an_address_that_the_box_was_given_may_be_the_endpoint_s(look: Look):
         ('control = "/run/x/y.sock"', 'endpoint.control: the station cannot write /run/x on a box; leave it out, or write "/run/captain/NAME"'),
         ('control = "/run/captain/../x.sock"', 'endpoint.control: the station cannot write /run on a box; leave it out, or write "/run/captain/NAME"'),
         ('control = "here.sock"', 'endpoint.control: the station cannot write /data/owner/current on a box; leave it out, or write "/run/captain/NAME"'),
+        (f'control = "/run/captain/{100 * "x"}"', 'endpoint.control: "/run/captain/xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx... has 113 octets; a socket\'s path has at most 107'),
+        ('control = "/run/captain/a\\u0000b"', r'endpoint.control: "/run/captain/a\x00b" has a zero, which no name of a file or a device has; leave it out'),
         ('control = "/run/captain"', 'endpoint.control: the station cannot write /run on a box; leave it out, or write "/run/captain/NAME"'),
     ],
 )  # fmt: skip
 def test_an_endpoint_that_no_station_of_a_box_can_have_is_refused(look: Look, line: str, said: str):
     assert only(look({"captain.toml": f"[endpoint]\n{line}\n", "box.toml": STATIC})) == f"captain.toml:2: {said}"
+
+
+@pytest.mark.parametrize("written", ["fd00::5", "FD00:0::5"])
+def test_an_address_of_the_box_is_known_however_it_is_written(look: Look, written: str):
+    box = f'[eth0]\naddress = "{written}/64"\ngateway = "fe80::1"\n'
+    assert look({"captain.toml": '[endpoint]\naddress = "fd00::5"\n', "box.toml": box}).is_accepted
+
+
+@pytest.mark.parametrize("name", ["a\\nb", 65 * "a"])
+def test_an_interface_has_a_name_that_can_be_shown(look: Look, name: str):
+    said = only(look({"captain.toml": f'[interfaces."{name}"]\ndriver = "udp"\nlisten = "127.0.0.1:0"\n'}))
+    assert "cannot be an interface's name: at most 64 letters that print" in said
+
+
+def test_a_value_with_an_end_of_line_is_told_in_one_line(look: Look):
+    said = only(look({"box.toml": 'host_name = "captain\\n"\n'}))
+    assert said.startswith(r'box.toml:1: host_name: "captain\n" is no host name')
 
 
 def test_a_control_socket_where_the_station_may_write_is_taken(look: Look):

@@ -143,6 +143,8 @@ NOON = 1_764_072_000.0  # 2025-11-25T12:00:00Z
         ('expiry-time="20251125120001Z" ', ""),
         # The box's own time may be twelve hours behind.
         ('expiry-time="202511250001" ', ""),
+        ('expiry-time="99991231235959" ', ""),
+        ('expiry-time="20300101",expiry-time="20200101" ', "has expired: expiry-time is 20200101"),
         ('no-pty,Expiry-Time="202511250000" ', "has expired: expiry-time is 202511250000"),
         ("cert-authority ", "is an authority's: only a certificate that it has signed for operator gets in"),
         ('no-pty,CERT-AUTHORITY,principals="operator" ', "is an authority's: only a certificate that it has signed for operator gets in"),
@@ -155,12 +157,12 @@ def test_a_key_by_which_nobody_gets_in_is_told(options: str, why: str):
     assert shut(line, NOON) == why
 
 
-@pytest.mark.parametrize("time", ["tomorrow", "2025-11-25", "20251325", "202511250", ""])
+@pytest.mark.parametrize("time", ["tomorrow", "2025-11-25", "20251325", "202511250", "20301231246000", ""])
 def test_an_expiry_time_that_sshd_cannot_read_is_a_mistake(time: str):
     written = f'expiry-time="{time}"'
     keys, (said,) = looked(f"{written} {KEY}")
     assert keys == []
-    assert said.startswith(f"authorized_keys:1: {written[:24]} is no time; write YYYYMMDD")
+    assert said.startswith(f"authorized_keys:1: {written} is no time; write YYYYMMDD")
 
 
 def test_keys_by_which_nobody_gets_in_do_not_count(look: Look):
@@ -173,3 +175,8 @@ def test_keys_by_which_nobody_gets_in_do_not_count(look: Look):
     assert remarks(look({"authorized_keys": f"{old}\n{KEY}\n"})) == [
         "authorized_keys: the key AAAAC3Nz...SxVTpF has expired: expiry-time is 20010101",
     ]
+
+
+def test_a_certificate_is_told_as_one():
+    _, (said,) = looked(f"ssh-ed25519-cert-v01@openssh.com {KEY.split()[1]}")
+    assert said.startswith("authorized_keys:1: is a certificate, which belongs beside your private key; put the .pub")
