@@ -13,6 +13,7 @@ HINTS = {
     errno.EACCES: "as root, or as who has built it",
     errno.EPERM: "as root, or as who has built it",
     errno.ENOSPC: "make room, or name a folder elsewhere: --to DIR",
+    errno.EIO: "is the disk sound?",
     errno.EROFS: "name a folder elsewhere: --to DIR",
 }
 
@@ -24,9 +25,11 @@ def main() -> int:
         return verbs[arguments.verb](arguments, description.read(arguments.description))
     except ImageError as error:
         print(f"image: {error}", file=sys.stderr)
-    except OSError as error:  # of a file, folder or disk, which are the user's
+    except OSError as error:
+        if error.errno not in HINTS:
+            raise  # a mistake of ours
         what = f"{error.filename or arguments.to}: {error.strerror}"
-        print(f"image: {ImageError(what, HINTS.get(error.errno or 0, ''))}", file=sys.stderr)
+        print(f"image: {ImageError(what, HINTS[error.errno])}", file=sys.stderr)
     except KeyboardInterrupt:
         print("image: stopped: a step that was not finished is made again", file=sys.stderr)
         return 130

@@ -53,7 +53,7 @@ class Archive:
         (self._folder / "status").touch()
         sites = _sites()
         for mends in self._base.mends:
-            if mends not in sites:
+            if mends not in sites and self._architecture == self._base.architecture:  # once of a build
                 print(
                     f"image: this machine's apt has no archive {mends}: the card gets no mends of it", file=sys.stderr
                 )

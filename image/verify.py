@@ -232,7 +232,7 @@ class Card:
             with FileSystem(self._image, self._places["root-a"].offset, self._tools) as slot:
                 paths = [path for path in slot.paths() if verify_words.TESTED.fullmatch(path) and slot.size(path)]
                 return b"".join(map(slot.read, paths))
-        except ImageError:  # told where the slot is looked at
+        except (ImageError, *DAMAGED):  # told where the slot is looked at
             return b""
 
     def _where(self, offset: int) -> str:

@@ -168,12 +168,13 @@ def undisturbed(folder: Folder | None = None) -> Iterator[None]:
     A folder or a service that fails keeps nobody from a restart: it may be what mends them.
     """
     with ExitStack() as kept:
-        try:
-            kept.enter_context((folder or Folder()).locked())
-            update_rauc.idle()
-        except StationError as error:
-            if isinstance(error, LockedError | BusyError):
+        for is_free in (lambda: kept.enter_context((folder or Folder()).locked()), update_rauc.idle):
+            try:
+                is_free()
+            except (LockedError, BusyError) as error:
                 raise StationError(f"the box is not restarted: {error.message}", error.hint) from error
+            except StationError:
+                continue  # nothing is known of it
         yield
 
 

@@ -70,7 +70,7 @@ def verdict(folder: Path, scratch: Path, board: str, defaults: str | None, now: 
     look_at_station(StationFiles(files, places, scratch, board, defaults, own, now), notes)
     whys = {key: why for key in keys if (why := shut(key, now))}
     notes += [remark(name, f"the key {named(key)} {why}") for key, why in whys.items()]
-    if len(whys) == len(keys):
+    if all(key in whys for key in keys):
         what = "there is no {}ssh key: nobody {}can log in by ssh".format(*("other ", "else ") if keys else ("", ""))
         notes.append(remark(name, what, "put the line of your .pub file into authorized_keys"))
     return Verdict(_bounded(notes), options, sorted(found), keys, files)

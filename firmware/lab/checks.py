@@ -93,7 +93,7 @@ def endpoint(
             probe.bind((host, 0))
     except OSError as error:
         why = error.strerror or str(error)
-        remedy = "set endpoint.address to an address of this machine, or 0.0.0.0 for all (ip -brief address)"
+        remedy = "set endpoint.address to an address of this machine (ip -brief address), or :: for all"
         yield Finding(Level.PROBLEM, "endpoint", f"address {host} cannot be listened on: {why}", remedy)
         return
     taken = [port for port in (getattr(wanted, key) for key in PORTS) if not ports.is_free(host, port)]

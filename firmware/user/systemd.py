@@ -94,7 +94,7 @@ def options(unit: Unit) -> list[str]:
 def folder(unit: Unit) -> str:
     """Where its paths begin."""
     wanted = unit.get("WorkingDirectory", "").lstrip("!-")  # it may be absent; then, and without one, it is the root
-    return wanted if os.path.isdir(wanted) else "/"
+    return wanted if os.path.isdir(wanted) and os.access(wanted, os.X_OK) else "/"
 
 
 def is_box(unit: Unit) -> bool:

@@ -25,11 +25,11 @@ def rows(card: Path, folder: Path, _options: Options) -> Iterator[Row]:
         guest.stop_loader(EXTRA)
         took_s = time.monotonic() - began
         said = f"restarted after {took_s:.0f} s"
-        yield Row("a start that hangs before systemd", said, f"{LIMIT_S} s", LIMIT_S <= took_s < LIMIT_S + 120)
+        yield Row("a start that hangs before systemd", said, f"{LIMIT_S} s or more", took_s >= LIMIT_S)
         left = guest.wait("slots: trying A, (\\d) tries left").group(1)
         yield Row("tries of its slot", f"{left} left", "1 left", left == "1")
         shell.open()
-        state = shell.run("systemctl is-system-running --wait").split()[-1]
+        state = shell.run("systemctl is-system-running --wait", 900).split()[-1]
         yield Row("the start after it", state, "running", state == "running")
         kept = shell.run(KEPT).splitlines()[-1]
         yield Row("the watchdog then, which systemd has", kept, f"active {SYSTEMDS_S}", kept == f"active {SYSTEMDS_S}")

@@ -61,7 +61,7 @@ def test_a_link_to_itself_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
             "/keys: Permission denied\n  (as root, or as who",
         ),
         (OSError(errno.ENOSPC, "No space left on device"), "/to: No space left on device\n  (make room, or name"),
-        (OSError(errno.EIO, "Input/output error", "/x"), "/x: Input/output error\n"),
+        (OSError(errno.EIO, "Input/output error", "/x"), "/x: Input/output error\n  (is the disk sound?)\n"),
     ],
 )
 def test_what_the_system_refuses_is_told_with_its_place(

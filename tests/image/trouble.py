@@ -1,5 +1,6 @@
 """A station that cannot start: what the doctor, the console and status say of it to whoever may log in."""
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -51,12 +52,13 @@ def _well(guest: Guest, key: Key) -> Iterator[Row]:
 
 
 def _troubled(guest: Guest, key: Key, screen: Screen) -> Iterator[Row]:
-    screen.wait(f"(?s)captain.service is .*{PORT}")
-    yield Row("the console", _line(screen.text, str(PORT)), f"the station's words of {PORT}", True)
+    words = screen.wait(f"(?s)its last words:.{{0,240}}{PORT}").group()
+    yield Row("the console", " ".join(words.split()), f"the station's words of {PORT}", True)
     found = said(guest, key, DOCTOR, 600.0)
-    told = _line(found, "captain.service is")
-    is_told = str(PORT) in found and "ended with 1" in found
-    yield Row("captain doctor", told, f"a problem, and {PORT}", is_told)
+    told = re.search(r"^problem +service: .*(?:\n .*)*", found, re.MULTILINE)
+    words = " ".join(told.group().split()) if told else "nothing of the service"
+    is_told = "its last words: " in words and str(PORT) in words
+    yield Row("captain doctor", words, f"a problem, and the words of {PORT}", is_told)
     status = said(guest, key, "captain status 2>&1")
     yield Row("captain status", status.replace("\n", " "), "names the service", "systemctl status captain" in status)
 

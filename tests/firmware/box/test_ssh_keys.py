@@ -172,6 +172,7 @@ def test_keys_by_which_nobody_gets_in_do_not_count(look: Look):
         "authorized_keys: there is no other ssh key: nobody else can log in by ssh; put the line of your .pub file into "
         "authorized_keys",
     ]
+    assert len(remarks(look({"authorized_keys": f"{old}\n{old}\n"}))) == 2
     assert remarks(look({"authorized_keys": f"{old}\n{KEY}\n"})) == [
         "authorized_keys: the key AAAAC3Nz...SxVTpF has expired: expiry-time is 20010101",
     ]
