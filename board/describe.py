@@ -140,8 +140,6 @@ class _Reading:
             value = {key: self.value(arguments[1], item, _join(path, key)) for key, item in value.items()}
         elif hint is float and type(value) in (int, float):
             value = self.number(value, path)
-        elif hint is str and isinstance(value, str) and "\0" in value:
-            self.wrong(path, f"{show(value)} has a zero, which no name of a file or a device has; leave it out")
         elif hint not in (object, Any) and type(value) is not hint:
             self.wrong(path, f"{show(value)} is {kind_name(value)}; give {_wanted(hint)}")
         return value

@@ -3,7 +3,7 @@
 import copy
 import os
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -20,6 +20,7 @@ from firmware.tables import QueueOptions, Tables
 
 # A driver of a USB module looks where its slot is, unless one of its options tells it to look elsewhere.
 ELSEWHERE = {"usb", "port", "i2c"}
+ZERO = "has a zero, which no name of a file or a device has; leave it out"
 
 
 @dataclass(frozen=True)
@@ -103,9 +104,22 @@ def load(
     mistakes += [f"{where}: {text}" for text in bearers.mistakes(tables.interfaces, sound, mac or NO_MAC)]
     clocked = receivers.mistakes(tables.time, there.pulse, tables.interfaces, sound, mac or NO_MAC)
     mistakes += [f"{where}: {text}" for text in clocked]
+    mistakes += [f"{where}: {path}: {ZERO}" for path in _zeros(merged) if f": {path}: " not in "\n".join(mistakes)]
     if mistakes:
         raise ConfigurationError("\n".join(mistakes))
     return Config(tables, tuple(interfaces), there, mac)
+
+
+def _zeros(value: object, path: str = "") -> Iterator[str]:
+    """Places of texts with a zero, which ends a name of a file or a device wherever the system is given one."""
+    if isinstance(value, str) and "\0" in value:
+        yield path
+    elif isinstance(value, dict):
+        for key, one in value.items():
+            yield from _zeros(one, f"{path}.{key}" if path else key)
+    elif isinstance(value, list):
+        for at, one in enumerate(value):
+            yield from _zeros(one, f"{path}[{at}]")
 
 
 def _source(name: str, wanted: Mapping[str, Any], overrides: Sequence[str], board: str, where: str) -> str:

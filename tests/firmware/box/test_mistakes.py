@@ -196,7 +196,7 @@ def test_an_address_that_the_box_was_given_may_be_the_endpoint_s(look: Look):
         ('control = "/run/captain/../x.sock"', 'endpoint.control: the station cannot write /run on a box; leave it out, or write "/run/captain/NAME"'),
         ('control = "here.sock"', 'endpoint.control: the station cannot write /data/owner/current on a box; leave it out, or write "/run/captain/NAME"'),
         (f'control = "/run/captain/{100 * "x"}"', 'endpoint.control: "/run/captain/xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx... has 113 octets; a socket\'s path has at most 107'),
-        ('control = "/run/captain/a\\u0000b"', r'endpoint.control: "/run/captain/a\x00b" has a zero, which no name of a file or a device has; leave it out'),
+        ('control = "/run/captain/a\\u0000b"', 'endpoint.control: has a zero, which no name of a file or a device has; leave it out'),
         ('control = "/run/captain"', 'endpoint.control: the station cannot write /run on a box; leave it out, or write "/run/captain/NAME"'),
     ],
 )  # fmt: skip
@@ -208,6 +208,23 @@ def test_an_endpoint_that_no_station_of_a_box_can_have_is_refused(look: Look, li
 def test_an_address_of_the_box_is_known_however_it_is_written(look: Look, written: str):
     box = f'[eth0]\naddress = "{written}/64"\ngateway = "fe80::1"\n'
     assert look({"captain.toml": '[endpoint]\naddress = "fd00::5"\n', "box.toml": box}).is_accepted
+
+
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [
+        (
+            '[interfaces.g5]\ndriver = "udp"\ngroup = "239.1.1.1:9001"\ndevice = "a\\u0000"\n',
+            "captain.toml:4: interfaces.g5.device",
+        ),
+        ('[recorder]\nfolder = "a\\u0000b"\n', "captain.toml:2: recorder.folder"),
+    ],
+)
+def test_a_zero_in_a_name_is_refused_wherever_it_is(look: Look, text: str, place: str):
+    assert (
+        only(look({"captain.toml": text}))
+        == f"{place}: has a zero, which no name of a file or a device has; leave it out"
+    )
 
 
 @pytest.mark.parametrize("name", ["a\\nb", 65 * "a"])
