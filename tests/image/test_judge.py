@@ -68,6 +68,12 @@ class Box:
         path = self.folder / "early"
         return path.read_text() if path.exists() else ""
 
+    def delay_counters(self) -> None:
+        """They cannot be read before somebody has waited for them: udev has not named their partition yet."""
+        read = f'exec /usr/bin/fw_printenv -c {self.folder}/fw.config "$@"'
+        self._program("fw_printenv", f"[ -e {self.folder}/waited ] || exit 1\n{read}")
+        self._program("sleep", f"touch {self.folder}/waited")
+
 
 @pytest.fixture
 def box(tmp_path: Path) -> Box:
@@ -214,3 +220,9 @@ def test_the_check_of_a_slot_reads_the_configuration_that_its_station_runs_with(
         assert f"\n{line}\n" in check
     assert "--defaults /etc/captain/captain.toml" in station
     assert "CAPTAIN_DEFAULTS=/etc/captain/captain.toml" in check
+
+
+def test_a_new_slot_is_left_late_though_its_counters_cannot_be_read_at_once(box: Box):
+    box.delay_counters()
+    box.run("judge", "B", State(("B", "A"), 3, 2, new="B"), None, "late")
+    assert box.is_restarting
