@@ -56,9 +56,7 @@ Components = Annotated[
     _EACH_ONCE,
     _ONE_AT_LEAST,
 ]
-Site = Annotated[
-    str, _form(r"[a-z+]+:/[\w.~:/%@+\[\]-]+", "address of an archive", "give one as http://HOST/debian")
-]
+Site = Annotated[str, _form(r"[a-z+]+:/[\w.~:/%@+\[\]-]+", "address of an archive", "give one as http://HOST/debian")]
 Keyring = Annotated[
     str, _form(f"(/{_PART})+", "path of a file", "give all of it, as /usr/share/keyrings/debian-archive-keyring.gpg")
 ]
