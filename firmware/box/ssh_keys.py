@@ -16,14 +16,14 @@ OLD = "ssh-dss"
 LEAST_RSA_BITS = 1024  # RequiredRSASize of sshd_config(5)
 BLANKS = " \t"  # between words; any other letter is part of one
 # A word of options: letters, and values in quotes, in which blanks are not its end.
-OPTIONS = re.compile(r'(?:[^ \t"]|"(?:[^"\\]|\\.)*")+')
-VALUE = re.compile(r'"(?:[^"\\]|\\.)*"')
+QUOTED = r'"(?:[^"\\]|\\.)*"'
+OPTIONS = re.compile(rf'(?:[^ \t"]|{QUOTED})+')
 # Those of sshd(8), in any case of their letters: with a value in quotes, and without one.
 OPTION = re.compile(
     r"(?:cert-authority|restrict|no-touch-required|verify-required"
     r"|(?:no-)?(?:agent-forwarding|port-forwarding|pty|user-rc|x11-forwarding)"
     r"|(?:command|environment|expiry-time|from|permitlisten|permitopen|principals|tunnel)"
-    r'="(?:[^"\\]|\\.)*")',
+    rf"={QUOTED})",
     re.IGNORECASE,
 )
 # YYYYMMDD[Z] or YYYYMMDDHHMM[SS][Z]; sshd(8).
@@ -79,7 +79,7 @@ def shut(line: str, now: float) -> str:
         end = _end(until[1])
         if end is not None and end <= at - (timedelta() if until[2] else ZONE):
             return f"has expired: expiry-time is {until[1]}"
-    if "cert-authority" in VALUE.sub("", options).lower().split(","):
+    if "cert-authority" in re.sub(QUOTED, "", options).lower().split(","):
         return "is an authority's: only a certificate that it has signed for operator gets in"
     return ""
 

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 from board.errors import StationError
 from board.tool import environment
+from firmware.box.update_reason import spoken
 from firmware.box.update_verity import Tree
 
 SYSTEM = Path("/etc/rauc/system.conf")
@@ -126,8 +127,8 @@ _REASONS = (
 
 def refusal(name: str, size: int, log: str) -> StationError:
     """Why a bundle is not taken, of what rauc wrote to its error output."""
-    lines = [line for line in log.splitlines() if line.strip() and "rauc-Message" not in line]
-    said = lines[-1].strip() if lines else "rauc gives no reason"
+    lines = spoken(log)
+    said = lines[-1] if lines else "rauc gives no reason"
     kind = next((word for pattern, word in _REASONS if re.search(pattern, log)), "")
     match kind:
         case "FOREIGN":

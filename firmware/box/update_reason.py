@@ -37,10 +37,15 @@ _NAMES = re.compile(
 _LAST = re.compile(r"LastError: (.*)")
 
 
+def spoken(said: str) -> list[str]:
+    """Lines of RAUC's output that are for people: those of its log are not."""
+    return [line.strip() for line in said.splitlines() if line.strip() and "rauc-Message" not in line]
+
+
 def reason(said: str) -> Reason:
     """Of what a command of RAUC or D-Bus has said, or of the service's LastError."""
     lines = [line.strip() for line in _LAST.findall(said) or said.splitlines()]
-    told = [words for line in lines if "rauc-Message" not in line and (words := _NAMES.sub("", line).strip())]
+    told = [words for line in spoken("\n".join(lines)) if (words := _NAMES.sub("", line).strip())]
     own = told[-1][:MOST] if told else "it gives no reason"
     for pattern, words, hint in _REASONS:
         if re.search(pattern, "\n".join(lines)):

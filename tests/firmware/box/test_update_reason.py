@@ -15,7 +15,7 @@ D-Bus error while installing `/data/update/fetched/bundle.raucb`
 # RAUC 0.1.1: the same, 104.
 NOT_STARTED = """Error creating proxy: Error calling StartServiceByName for de.pengutronix.rauc: \
 GDBus.Error:org.freedesktop.DBus.Error.Spawn.ChildExited: Launch helper exited with unknown return code 1
-D-Bus error while installing `/home/root/update-2017.02-1.raucb`
+D-Bus error while installing `/data/update/fetched/bundle.raucb`
 """
 # RAUC 1.1: the same, 491.
 SIGNALLED = """rauc-Message: 13:31:51.894: rauc mark: rauc status: error retrieving slot status via D-Bus: error creating \
