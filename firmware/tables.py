@@ -12,6 +12,8 @@ Octet = Annotated[int, Range(0, 255)]
 StationId = Annotated[int, Range(0, 4294967295)]
 Priority = Annotated[int, Range(0, 7)]
 Seconds = Annotated[float, Range(0.0, 86400.0)]
+# Octets, before the zero that ends it: unix(7). As pps.chrony has it, which no station needs that has no pulses.
+MOST_PATH = 107
 MOST_NAME = 64  # letters: as a name of DNS; status, confirms and the console's first line have it
 
 
@@ -23,12 +25,8 @@ def _station_name(text: str) -> None:
 
 
 def _control(path: str) -> None:
-    if not path:
-        return
-    from pps.chrony import MAX_PATH
-
-    if (octets := len(path.encode())) > MAX_PATH:
-        raise ConfigurationError(f"{show(path)} has {octets} octets", f"a socket's path has at most {MAX_PATH}")
+    if (octets := len(path.encode())) > MOST_PATH:
+        raise ConfigurationError(f"{show(path)} has {octets} octets", f"a socket's path has at most {MOST_PATH}")
 
 
 def _socket(path: str) -> None:
