@@ -9,8 +9,11 @@ MARKS = ((codecs.BOM_UTF8, "utf-8"), (codecs.BOM_UTF16_LE, "utf-16-le"), (codecs
 RICH = b"{\\rtf"
 
 
-def plain(name: str, octets: bytes, notes: list[Note]) -> str | None:
-    """The text, with \\n at the end of each line; of what is no text that is noted, and there is none."""
+def plain(name: str, octets: bytes, notes: list[Note], errors: str = "strict") -> str | None:
+    """The text, with \\n at the end of each line; of what is no text that is noted, and there is none.
+
+    errors  "replace" where octets of another encoding spoil no more than their own line.
+    """
     if octets.startswith(RICH):
         notes.append(mistake(name, "is rich text (RTF)", "in TextEdit choose Format, Make Plain Text, and save again"))
         return None
@@ -20,7 +23,7 @@ def plain(name: str, octets: bytes, notes: list[Note]) -> str | None:
         notes.append(_nul(name, body))
         return None
     try:
-        text = body.decode(encoding)
+        text = body.decode(encoding, errors)
     except UnicodeDecodeError as error:
         line = body.count("\n".encode(encoding), 0, error.start) + 1
         what = f"octet 0x{body[error.start]:02x} is not {encoding.upper()}"

@@ -3,9 +3,10 @@
 import base64
 import binascii
 import re
-from datetime import UTC, datetime, timedelta
 
+from firmware.box import ssh_options
 from firmware.box.note import Note, at, mistake
+from firmware.box.ssh_options import QUOTED, SHOWN
 
 # sshd(8), AUTHORIZED_KEYS FILE FORMAT; what OpenSSH 10 takes by default.
 KINDS = (
@@ -16,19 +17,7 @@ OLD = "ssh-dss"
 LEAST_RSA_BITS = 1024  # RequiredRSASize of sshd_config(5)
 BLANKS = " \t"  # between words; any other letter is part of one
 # A word of options: letters, and values in quotes, in which blanks are not its end.
-QUOTED = r'"(?:[^"\\]|\\.)*"'
 OPTIONS = re.compile(rf'(?:[^ \t"]|{QUOTED})+')
-# Those of sshd(8), in any case of their letters: with a value in quotes, and without one.
-OPTION = re.compile(
-    r"(?:cert-authority|restrict|no-touch-required|verify-required"
-    r"|(?:no-)?(?:agent-forwarding|port-forwarding|pty|user-rc|x11-forwarding)"
-    r"|(?:command|environment|expiry-time|from|permitlisten|permitopen|principals|tunnel)"
-    rf"={QUOTED})",
-    re.IGNORECASE,
-)
-# YYYYMMDD[Z] or YYYYMMDDHHMM[SS][Z]; sshd(8).
-UNTIL = re.compile(r'expiry-time="(\d{8}(?:\d{4}(?:\d\d)?)?)(Z?)"', re.IGNORECASE)
-ZONE = timedelta(hours=12)  # without Z a time is the box's own, which is never further behind
 # Octets of each field behind the kind; None: any number. Sources: RFC 4253, clause 6.6; RFC 5656, clause 3.1; RFC 8709,
 # clause 4; OpenSSH's PROTOCOL.u2f.
 SIZES: dict[str, tuple[int | None, ...]] = {
@@ -40,8 +29,6 @@ SIZES: dict[str, tuple[int | None, ...]] = {
     "sk-ssh-ed25519@openssh.com": (32, None),
     "sk-ecdsa-sha2-nistp256@openssh.com": (8, 65, None),
 }
-SHOWN = 24
-MOST_TIME = 40  # of an expiry-time; the longest that is one has 29
 CERTIFICATE = "-cert-v01@openssh.com"
 MAKE = "a line of authorized_keys is what `ssh-keygen -t ed25519` writes into id_ed25519.pub"
 
@@ -73,15 +60,7 @@ def shut(line: str, now: float) -> str:
 
     now  Unix time.
     """
-    options = _options(line)
-    at = datetime.fromtimestamp(now, UTC)
-    for until in UNTIL.finditer(options):  # the earliest counts
-        end = _end(until[1])
-        if end is not None and end <= at - (timedelta() if until[2] else ZONE):
-            return f"has expired: expiry-time is {until[1]}"
-    if "cert-authority" in re.sub(QUOTED, "", options).lower().split(","):
-        return "is an authority's: only a certificate that it has signed for operator gets in"
-    return ""
+    return ssh_options.shut(_options(line), now)
 
 
 def named(line: str) -> str:
@@ -95,23 +74,13 @@ def _options(line: str) -> str:
     return options[0] if options and not (options[0] in KINDS or options[0].endswith(CERTIFICATE)) else ""
 
 
-def _end(time: str) -> datetime | None:
-    """None where it is no time."""
-    try:
-        return datetime.strptime(time.ljust(14, "0"), "%Y%m%d%H%M%S").replace(tzinfo=UTC)
-    except ValueError:
-        return None
-
-
 def _trouble(line: str) -> tuple[str, str] | None:
     """What is wrong with a line, and what to do; None where sshd takes it."""
     kind, written = _words(line)
     if kind not in (*KINDS, OLD) and (options := _options(line)):
         kind, written = _words(line.removeprefix(options).lstrip(BLANKS))
-        if kind in KINDS and (unknown := _unknown(options)) is not None:
-            return f'"{unknown[:SHOWN]}" is no option of a key', "sshd(8) lists them, under AUTHORIZED_KEYS FILE FORMAT"
-        if kind in KINDS and (word := _no_time(options)):
-            return f"{word} is no time", "write YYYYMMDD, or YYYYMMDDHHMM, with Z for UTC: sshd passes the line over"
+        if kind in KINDS and (trouble := ssh_options.trouble(options)) is not None:
+            return trouble
     if kind == OLD:
         return "ssh-dss is no longer taken by sshd", "make another key: ssh-keygen -t ed25519"
     if kind.endswith(CERTIFICATE):
@@ -134,28 +103,6 @@ def _trouble(line: str) -> tuple[str, str] | None:
 def _words(line: str) -> list[str]:
     """The first two."""
     return [*re.split(f"[{BLANKS}]+", line, maxsplit=2), "", ""][:2]
-
-
-def _unknown(options: str) -> str | None:
-    """The first of them that sshd does not know, and then passes the whole line over."""
-    rest = options
-    while found := OPTION.match(rest):
-        rest = rest[found.end() :]
-        if not rest:
-            return None
-        if not rest.startswith(","):
-            break
-        rest = rest[1:]
-    return rest
-
-
-def _no_time(options: str) -> str:
-    """The expiry-time among them that is none; empty where there is none such."""
-    for written in re.findall(r'expiry-time="[^"]*"', options, re.IGNORECASE):
-        until = UNTIL.fullmatch(written)
-        if until is None or _end(until[1]) is None:
-            return str(written) if len(written) <= MOST_TIME else f'{written[:MOST_TIME]}..."'
-    return ""
 
 
 def _is_whole(kind: str, fields: list[bytes]) -> bool:

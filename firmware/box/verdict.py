@@ -17,6 +17,7 @@ from firmware.box.ssh_keys import named, shut, sound_keys
 from firmware.box.station import StationFiles, look_at_station
 from firmware.box.toml_lines import line_of, syntax_hint
 
+KEYS = "authorized_keys"
 SECRETS = ("wifi.password", "wifi.psk")
 MOST_TOLD = 50  # of what is to be said of one file
 
@@ -55,25 +56,28 @@ def verdict(folder: Path, scratch: Path, board: str, defaults: str | None, now: 
     notes: list[Note] = []
     found = collect(folder, notes)
     texts = {
-        name: text
-        for name, file in found.items()
-        if not is_brokers(name) and (text := plain(file.place, file.octets, notes)) is not None
+        name: text for name, file in found.items() if not is_brokers(name) and (text := _text(file, notes)) is not None
     }
     options, imager = _options(found, texts, notes)
-    name = "authorized_keys"
-    keys = sound_keys(found[name].place, texts[name], notes) if name in texts else []
+    keys = sound_keys(found[KEYS].place, texts[KEYS], notes) if KEYS in texts else []
+    places = {file.name: file.place for file in found.values()}
+    whose = dict.fromkeys(imager.keys, places.get("user-data", "")) | dict.fromkeys(keys, places.get(KEYS, ""))
     keys += [key for key in imager.keys if key not in keys]
     files = {name: file.octets for name, file in found.items() if is_brokers(name)}
     files |= {name: texts[name].encode() for name in ("captain.toml", "board.toml") if name in texts}
-    places = {file.name: file.place for file in found.values()}
     own = options.eth0.address.partition("/")[0] if options.eth0 else ""
     look_at_station(StationFiles(files, places, scratch, board, defaults, own, now), notes)
     whys = {key: why for key in keys if (why := shut(key, now))}
-    notes += [remark(name, f"the key {named(key)} {why}") for key, why in whys.items()]
+    notes += [remark(whose[key], f"the key {named(key)} {why}") for key, why in whys.items()]
     if all(key in whys for key in keys):
         what = "there is no {}ssh key: nobody {}can log in by ssh".format(*("other ", "else ") if keys else ("", ""))
-        notes.append(remark(name, what, "put the line of your .pub file into authorized_keys"))
+        notes.append(remark(KEYS, what, f"put the line of your .pub file into {KEYS}"))
     return Verdict(_bounded(notes), options, sorted(found), keys, files)
+
+
+def _text(file: File, notes: list[Note]) -> str | None:
+    """A comment of a key may be of another encoding: that key is good, and so are the others."""
+    return plain(file.place, file.octets, notes, "replace" if file.name == KEYS else "strict")
 
 
 def _bounded(notes: list[Note]) -> list[Note]:

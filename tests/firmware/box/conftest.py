@@ -7,6 +7,8 @@ from typing import Protocol
 
 import pytest
 
+from firmware.box.note import Note
+from firmware.box.ssh_keys import sound_keys
 from firmware.box.update_folder import Folder
 from firmware.box.verdict import Verdict, verdict
 from tests.firmware.box.web_site import Site
@@ -42,6 +44,14 @@ def look(tmp_path: Path) -> Look:
         return verdict(write(card, files), scratch, "none", defaults, time.time() + later_s)
 
     return looked
+
+
+def keys_of(text: str) -> tuple[list[str], list[str]]:
+    """The lines of authorized_keys that are taken, and what is said of the others."""
+    notes: list[Note] = []
+    keys = sound_keys("authorized_keys", text, notes)
+    assert all(note.is_mistake for note in notes)
+    return keys, [note.text for note in notes]
 
 
 def mistakes(found: Verdict) -> list[str]:
