@@ -1,9 +1,12 @@
-"""Addresses as they are written: host and port, IPv4 and port, six octets of a device."""
+"""Addresses as they are written: host and port, IPv4 and port, six octets of a device, and its name."""
 
 import ipaddress
 from typing import NamedTuple
 
 from board.errors import ConfigurationError
+from board.toml import show
+
+IFNAMSIZ = 16
 
 
 class Address(NamedTuple):
@@ -55,3 +58,14 @@ def mac_address(text: str) -> bytes:
     if [len(part) for part in parts] != [2] * 6 or len(octets) != 6 or octets[0] & 1 or not any(octets):
         raise ConfigurationError(f'"{text}" is no address of one station', "write for example 02:00:00:00:00:0b")
     return octets
+
+
+def device_name(text: str) -> str:
+    """The name of a network device. Raises ConfigurationError for one that none can have.
+
+    Source: Linux, net/core/dev.c, dev_valid_name(). A zero is told of all texts alike, where they are read.
+    """
+    is_one = 0 < len(text.encode(errors="replace")) < IFNAMSIZ and text not in (".", "..")
+    if not is_one or any(letter in "/:" or letter.isspace() for letter in text):
+        raise ConfigurationError(f"{show(text)} is no name of a network device", "`ip link` lists them")
+    return text

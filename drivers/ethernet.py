@@ -7,9 +7,9 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
-from board.address import mac_address
+from board.address import device_name, mac_address
 from board.describe import Range
-from board.errors import ConfigurationError, InterfaceError, RequestError
+from board.errors import InterfaceError, RequestError
 from board.loop import Timer
 from board.netlink import Device, DeviceWatch
 from drivers.access_category import BEACON, NEW_SOCKET, prioritize_frames
@@ -50,8 +50,7 @@ class EthernetOptions:
     beacon_s: Annotated[float, Range(0.0, 3600.0)] = 3.0
 
     def __post_init__(self) -> None:
-        if not 0 < len(self.device.encode()) < 16:
-            raise ConfigurationError(f'"{self.device}" is no name of a network device', "`ip link` lists them")
+        device_name(self.device)
         if self.mac:
             mac_address(self.mac)
 

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Collection, Iterator
 
+from board.address import Address, address
 from board.describe import remedy
 from board.errors import ConfigurationError
 from board.toml import show
@@ -12,6 +13,7 @@ from firmware.topics import ROWS
 
 # Interface processes appear as an interface of this name.
 IPC = "ipc"
+ALL = "0.0.0.0"  # each address of this host
 # Where messages are dropped that no interface has: an interface so called would share their counters.
 PLACES = frozenset({"from_users", "to_users", "pull", "report", "router"})
 
@@ -25,6 +27,8 @@ def mistakes(tables: Tables, slots: Collection[str]) -> list[str]:
         *_interfaces(tables),
         *_slots(tables, slots),
         *_clients(tables),
+        *_serial_ports(tables),
+        *_listeners(tables),
         *_policy(tables),
         *_types(tables.types),
         *_endpoint(tables.endpoint),
@@ -70,6 +74,37 @@ def _clients(tables: Tables) -> Iterator[str]:
             what = f"that of {first[client]} at the same broker"
             yield f"interfaces.{name}.client_id: {client[1]!r} is {what}; give each its own"
         first.setdefault(client, name)
+
+
+def _serial_ports(tables: Tables) -> Iterator[str]:
+    """Each interface at a serial port of its own: of two each would get a part of what comes."""
+    first: dict[str, str] = {}
+    for name, options in tables.interfaces.items():
+        port = options.get("port")
+        if not port or not isinstance(port, str):
+            continue
+        path = os.path.realpath(port)
+        if path in first:
+            yield f"interfaces.{name}.port: {show(port)} is that of {first[path]} already; a port has one interface"
+        first.setdefault(path, name)
+
+
+def _listeners(tables: Tables) -> Iterator[str]:
+    """Each interface at an address of its own: the second could not listen."""
+    taken: list[tuple[Address, str]] = []
+    for name, options in tables.interfaces.items():
+        try:
+            at = address(str(options.get("listen") or ""))
+        except ConfigurationError:
+            continue  # what is no address is told where it is read
+        if not at.port:
+            continue  # any that is free
+        for other, whose in taken:
+            if at.port == other.port and (at.host == other.host or ALL in (at.host, other.host)):
+                what = f"is that of {whose} already, {other}" if at != other else f"is that of {whose} already"
+                yield f'interfaces.{name}.listen: "{at}" {what}; give each its own'
+                break
+        taken.append((at, name))
 
 
 def _policy(tables: Tables) -> Iterator[str]:
@@ -130,6 +165,6 @@ def _endpoint(endpoint: EndpointOptions) -> Iterator[str]:
         yield f"endpoint: port {port} is given to two sockets; each needs its own"
     if endpoint.ipc_in and endpoint.ipc_in == endpoint.ipc_out:
         yield f"endpoint: ipc_in and ipc_out are both {endpoint.ipc_in!r}; each needs its own"
-    for key, address in (("ipc_in", endpoint.ipc_in), ("ipc_out", endpoint.ipc_out)):
-        if address and not (address.startswith("ipc://") and address.removeprefix("ipc://")):
-            yield f"endpoint.{key}: {address!r} is no path; write ipc:///run/captain/{key}"
+    for key, path in (("ipc_in", endpoint.ipc_in), ("ipc_out", endpoint.ipc_out)):
+        if path and not (path.startswith("ipc://") and path.removeprefix("ipc://")):
+            yield f"endpoint.{key}: {path!r} is no path; write ipc:///run/captain/{key}"

@@ -437,6 +437,51 @@ def test_two_interfaces_in_one_slot_are_a_mistake(folder: Path, slots: str) -> N
     assert said[0].endswith("interfaces.mqtt.slot: 'v2x' is that of g5 already; a slot has one interface")
 
 
+LISTENING = """
+[interfaces.near]
+driver = "udp"
+listen = "{near}"
+
+[interfaces.far]
+driver = "udp"
+listen = "{far}"
+"""
+
+
+@pytest.mark.parametrize(
+    ("near", "far", "said"),
+    [
+        ("127.0.0.1:4001", "127.0.0.1:4001", '"127.0.0.1:4001" is that of near already; give each its own'),
+        ("0.0.0.0:4001", "127.0.0.1:4001", '"127.0.0.1:4001" is that of near already, 0.0.0.0:4001; give each its own'),
+        ("127.0.0.2:4001", "0.0.0.0:4001", '"0.0.0.0:4001" is that of near already, 127.0.0.2:4001; give each its own'),
+    ],
+)  # fmt: skip
+def test_two_interfaces_at_one_address_are_a_mistake(folder: Path, near: str, far: str, said: str) -> None:
+    (told,) = mistakes(folder, LISTENING.format(near=near, far=far))
+    assert told.endswith(f"interfaces.far.listen: {said}")
+
+
+@pytest.mark.parametrize("far", ["127.0.0.1:4002", "127.0.0.2:4001"])
+def test_two_interfaces_at_two_addresses_are_none(folder: Path, far: str) -> None:
+    assert len(loaded(folder, LISTENING.format(near="127.0.0.1:4001", far=far)).interfaces) == 2
+
+
+def test_addresses_that_the_kernel_chooses_are_never_the_same(folder: Path) -> None:
+    assert loaded(folder, LISTENING.format(near="127.0.0.1:0", far="127.0.0.1:0"))
+
+
+def test_two_interfaces_at_one_serial_port_are_a_mistake_by_whatever_names(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(folder)
+    (folder / "ttyUSB0").touch()
+    (folder / "gnss").symlink_to("ttyUSB0")
+    modem = f'[interfaces.cell]\ndriver = "sim8202g"\nport = "{folder}/ttyUSB0"\nbearer = "none"\n'
+    receiver = '[interfaces.gnss]\ndriver = "zed_f9p"\nport = "gnss"\n'
+    (told,) = mistakes(folder, modem + receiver)
+    assert told.endswith('interfaces.gnss.port: "gnss" is that of cell already; a port has one interface')
+
+
 @pytest.mark.parametrize("slot", ["5", "true", "[]"])
 def test_a_slot_that_is_no_name_is_a_mistake(folder: Path, slots: str, slot: str) -> None:
     (said,) = mistakes(folder, TWO_UDP, f"interfaces.g5.slot={slot}", board=slots)
