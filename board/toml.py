@@ -14,6 +14,7 @@ MAX_SHOWN = 60  # characters of a wrong value
 MAX_DEPTH = 3  # of tables and arrays that a message shows
 MAX_PARTS = 64  # of a dotted key; a description has 5. For 20,000 the parser takes half a minute
 _PART = r"""(?:[A-Za-z0-9_-]+|"[^"\n]*"|'[^'\n]*')"""
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
 _LONG_KEY = re.compile(rf"""(?<![\w"'-]){_PART}(?:[ \t]*\.[ \t]*{_PART}){{{MAX_PARTS}}}""")
 
 # A boolean is also an int and must be asked for first; so must a datetime, which is a date.
@@ -36,7 +37,17 @@ def parse(text: str) -> dict[str, Any]:
     if found := _LONG_KEY.search(text):
         line = text.count("\n", 0, found.start()) + 1
         raise ValueError(f"a key has more than {MAX_PARTS} parts (at line {line}, column 1)")
-    return tomllib.loads(text)
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ValueError(_in_words(str(error), text)) from error
+
+
+def _in_words(said: str, text: str) -> str:
+    """What tomllib says, with a line where it says the end of the document, and keys as they are written."""
+    lines = text.rstrip().split("\n")
+    said = said.replace("(at end of document)", f"(at line {len(lines)}, column {len(lines[-1]) + 1})")
+    return re.sub(r"\(('.*'),?\) twice", lambda key: ".".join(re.findall(r"'(.*?)'", key[1])) + " twice", said)
 
 
 def load(path: str | Path) -> dict[str, Any]:
@@ -97,13 +108,18 @@ def _written(value: object, depth: int) -> str:
         case dict() | list() if depth == 0:
             return "..."
         case dict():
-            return "{" + ", ".join(f"{key} = {show(item, depth - 1)}" for key, item in value.items()) + "}"
+            return "{" + ", ".join(f"{_key(key)} = {show(item, depth - 1)}" for key, item in value.items()) + "}"
         case list():
             return "[" + ", ".join(show(item, depth - 1) for item in value) + "]"
     try:
         return str(value)
     except ValueError:  # an integer of more digits than Python writes
         return "the value"
+
+
+def _key(name: object) -> str:
+    """As a table has it: one of other letters than a bare key's in quotes."""
+    return name if isinstance(name, str) and _BARE.fullmatch(name) else _written(name, 1)
 
 
 def kind_name(value: object) -> str:

@@ -12,6 +12,8 @@ from board.errors import ConfigurationError
 from board.toml import show
 
 ZONES = Path("/usr/share/zoneinfo")
+# There as well: what a machine has for itself, and copies of all zones.
+NO_ZONES = ("localtime", "posixrules", "posix", "right", "Factory")
 # RFC 1123, clause 2.1; one label, for mDNS adds .local.
 NAME = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9-]{0,61}[A-Za-z0-9])?")
 # What inet_aton(3) takes for an address.
@@ -48,7 +50,8 @@ def check_country(text: str) -> None:
 
 
 def check_time_zone(text: str) -> None:
-    if re.fullmatch(r"[A-Za-z0-9_+-]+(?:/[A-Za-z0-9_+-]+)*", text) and (not ZONES.is_dir() or _is_zone(ZONES / text)):
+    is_name = re.fullmatch(r"[A-Za-z0-9_+-]+(?:/[A-Za-z0-9_+-]+)*", text) and text.partition("/")[0] not in NO_ZONES
+    if is_name and (not ZONES.is_dir() or _is_zone(ZONES / text)):
         return
     raise ConfigurationError(
         f"{show(text)} is no time zone", 'write for example "Europe/Berlin", or leave it out for UTC'

@@ -116,6 +116,8 @@ def _fetch(url: str, folder: Folder, seen: Seen, most: int, pace: Pace) -> None:
                 _is_within(most, have, url, folder)
                 _put(file, octets, folder, is_counted=bool(answer.total))
                 seen(have, answer.total)
+    if not have:
+        raise BrokenOffError("the server has ended the connection before the first octet")
     if answer.total and have < answer.total:
         raise BrokenOffError(f"the server has ended the connection after {have} of {answer.total} octets")
 

@@ -54,7 +54,7 @@ def asked(url: str, have: int, tag: str, pace: Pace) -> Answer:
     for _ in range(MOST_REDIRECTS):
         response = _request(where, have, tag, pace)
         if response.status in (301, 302, 303, 307, 308):
-            target = _led(where, response.getheader("Location") or "")
+            target = _led(where, response)
             if where.startswith("https://") and not target.startswith("https://"):
                 raise StationError(f"{where}: leads to {target}, which is not secure", "ask for that one by its name")
             where = target
@@ -63,6 +63,7 @@ def asked(url: str, have: int, tag: str, pace: Pace) -> Answer:
             have, tag = 0, ""
         else:
             _is_no_page(url, where, response)
+            _is_plain(url, response)
             return _answer(url, response, have)
         response.close()
     raise StationError(f"{url}: leads from address to address", "ask whoever runs the server")
@@ -82,6 +83,17 @@ def _is_no_page(url: str, where: str, response: http.client.HTTPResponse) -> Non
             f"{url}: {led} sends a page ({kind}), and no bundle",
             "correct the address; or does the network want a login first? A browser shows the page",
         )
+
+
+def _is_plain(url: str, response: http.client.HTTPResponse) -> None:
+    """Raises StationError for what is no file as it is: nothing at all, or packed though nobody asked for it."""
+    coding = response.headers.get("Content-Encoding", "identity").strip().lower()
+    if response.status in (200, 206) and coding not in ("", "identity"):
+        response.close()
+        raise StationError(f"{url}: the server packs the file ({coding})", "ask whoever runs it to send it as it is")
+    if response.status == 200 and response.length == 0:
+        response.close()
+        raise StationError(f"{url}: the server sends an empty file", "was it uploaded to its end?")
 
 
 def why(error: Exception) -> str:
@@ -121,6 +133,9 @@ def _request(url: str, have: int, tag: str, pace: Pace) -> http.client.HTTPRespo
         raise
     except ssl.SSLCertVerificationError as error:
         raise _distrusted(url, error) from error
+    except ssl.SSLError as error:
+        connection.close()
+        raise StationError(f"{url}: {why(error)}", "is it an address with http:// or of another port?") from error
     except (ConnectionError, TimeoutError, socket.gaierror, http.client.HTTPException) as error:
         connection.close()
         raise BrokenOffError(why(error)) from error
@@ -133,16 +148,35 @@ def _parts(url: str) -> SplitResult:
     """Raises StationError."""
     try:
         parts = urlsplit(url)
-        is_one = parts.scheme in ("http", "https") and bool(_HOST.fullmatch(parts.hostname or ""))
+        host = parts.hostname or ""
+        is_one = parts.scheme in ("http", "https") and bool(_HOST.fullmatch(host))
+        host.encode("idna")  # as http.client will do: parts of 1 to 63 octets
     except ValueError:
         is_one = False
     if not is_one:
         raise StationError(f"{url}: is no address of a file", "https://HOST/PATH is one")
+    _port(parts)
     return parts
 
 
-def _led(where: str, to: str) -> str:
+def _port(parts: SplitResult) -> int:
+    """Raises StationError."""
+    try:
+        port = parts.port
+    except ValueError:
+        port = 0
+    if port == 0:
+        raise StationError(f"{parts.geturl()}: there is no port {parts.netloc.rpartition(':')[2]}", "one of 1 to 65535")
+    return port or (http.client.HTTP_PORT if parts.scheme == "http" else http.client.HTTPS_PORT)
+
+
+def _led(where: str, response: http.client.HTTPResponse) -> str:
     """Where a server sends on to. Raises StationError."""
+    to = response.getheader("Location") or ""
+    if not to:
+        response.close()
+        what = f"the server answers {response.status} {response.reason}, and not where to"
+        raise StationError(f"{where}: {what}", "ask whoever runs the server")
     try:
         return urljoin(where, to)
     except ValueError as error:
@@ -151,13 +185,11 @@ def _led(where: str, to: str) -> str:
 
 def _connection(parts: SplitResult) -> http.client.HTTPConnection:
     assert parts.hostname is not None
-    try:
-        port = parts.port or (http.client.HTTP_PORT if parts.scheme == "http" else http.client.HTTPS_PORT)
-    except ValueError as error:
-        raise StationError(f"{parts.geturl()}: {error}", "a port is 1 to 65535") from error
     if parts.scheme == "http":
-        return http.client.HTTPConnection(parts.hostname, port, timeout=WAIT_S)
-    return http.client.HTTPSConnection(parts.hostname, port, timeout=WAIT_S, context=ssl.create_default_context())
+        return http.client.HTTPConnection(parts.hostname, _port(parts), timeout=WAIT_S)
+    return http.client.HTTPSConnection(
+        parts.hostname, _port(parts), timeout=WAIT_S, context=ssl.create_default_context()
+    )
 
 
 def _distrusted(url: str, error: ssl.SSLCertVerificationError) -> StationError:

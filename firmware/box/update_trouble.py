@@ -16,6 +16,7 @@ _CERTIFICATE = {
     62: "its certificate is for another host; correct the host in the address",
     64: "its certificate is not for this address; write the host's name",
 }
+_NO_TLS = ("WRONG_VERSION_NUMBER", "HTTP_REQUEST", "RECORD_LAYER_FAILURE")  # reasons of OpenSSL 3
 _NETWORK = {
     errno.ECONNREFUSED: "refuses the connection; nobody listens there",
     errno.EHOSTUNREACH: "no route to it; is the network there?",
@@ -43,6 +44,8 @@ def why(error: Exception, wait_s: float) -> str:
             return f"what answers there is no web server: {error!r}"[:120]
         case ssl.SSLCertVerificationError():
             return _CERTIFICATE.get(error.verify_code, f"its certificate is refused here: {error.verify_message}")
+        case ssl.SSLError() if error.reason in _NO_TLS:
+            return "what answers there does not speak TLS"
         case ssl.SSLError():
             return f"TLS fails: {(error.reason or error.strerror or '').replace('_', ' ').lower()}"
         case socket.gaierror():

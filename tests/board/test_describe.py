@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from board.describe import Range, load, override, read
@@ -220,6 +220,7 @@ toml_values = st.recursive(
 
 
 @given(table=st.dictionaries(st.sampled_from([*Box.__annotations__, "class", "x", ""]), toml_values))
+@example(table={"name": {"\r\r": False}})
 def test_any_table_is_read_or_explained(table: dict[str, object]):
     try:
         assert isinstance(read(Box, table, "box.toml"), Box)
@@ -248,7 +249,12 @@ def test_a_byte_order_mark_is_ignored(tmp_path: Path):
     ("octets", "message"),
     [
         (b"a = 1\nb 2\n", "line 2, column 3: Expected '=' after a key in a key/value pair"),
-        (b"a = [1,\n", "end of document: Invalid value"),
+        (b"a = [1,\n", "line 1, column 8: Invalid value"),
+        (b'b = 1\na = "x', "line 2, column 7: Unterminated string"),
+        (b"a = '''\nx\n\n\n", "line 2, column 2: Expected"),
+        (b"a = 1\na = 2", "line 2, column 6: Cannot overwrite a value"),
+        (b"[wifi]\n[wifi]\n", "line 2, column 6: Cannot declare wifi twice"),
+        (b"[a]\nx.y = 1\n[a.x]\n", "line 3, column 5: Cannot declare a.x twice"),
         (b"a = 1\na = 2\n", "line 2, column 6: Cannot overwrite a value"),
         (b"a = 1\nb = '\xff'\n", "line 2: octet 0xff is not UTF-8"),
         (b"a = " + b"[" * 100_000, "arrays or tables are nested too deep"),

@@ -1,22 +1,30 @@
 """An owner's files on a card."""
 
+import os
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Protocol
 
 import pytest
 
+from firmware.box import update, update_bundle, update_counters, update_slots
 from firmware.box.note import Note
 from firmware.box.ssh_keys import sound_keys
+from firmware.box.update_bundle import Box, Bundle
+from firmware.box.update_counters import Counters
 from firmware.box.update_folder import Folder
+from firmware.box.update_verity import Tree
 from firmware.box.verdict import Verdict, verdict
+from tests.firmware.box.rauc_service import Service
 from tests.firmware.box.web_site import Site
 
 KEY = "ssh-ed25519 AAAAC3NzaC1lZDI1NTE5AAAAIG5QZ1u1f8oMAbrUoaqgzTVh2tFvWYAEBoCd2aSxVTpF me"
 OVERLAY = Path(__file__).resolve().parents[3] / "image/overlay"
 
 Files = dict[str, str | bytes]
+Said = Callable[[], tuple[str, str]]  # what was written to both streams since it was asked last
+BUNDLE = Bundle("x", 5000, "1.2.4", "captain trixie quad", "b", "O=captain", Tree(1, "", ""), 4_000_000)
 
 
 class Look(Protocol):
@@ -73,3 +81,40 @@ def folder(tmp_path: Path) -> Folder:
     """Of updates, as the lock makes it."""
     (tmp_path / "fetched").mkdir(exist_ok=True)
     return Folder(tmp_path, reserve=0)
+
+
+@pytest.fixture
+def service(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Service:
+    """In a box whose bundles are all well signed."""
+    (tmp_path / "bin").mkdir()
+    made = Service(tmp_path / "bin")
+    monkeypatch.setenv("PATH", f"{tmp_path / 'bin'}:{os.environ['PATH']}")
+    counters = Counters(("B", "A"), {"A": 2, "B": 3}, "B")
+    monkeypatch.setattr(update_counters, "read", lambda: counters)
+    (tmp_path / "judged").write_text("well\n")
+    monkeypatch.setattr(update._judged, "__defaults__", (tmp_path / "judged",))
+    monkeypatch.setattr(update_slots, "largest", lambda slot: 1 << 20)
+    monkeypatch.setattr(update_bundle, "box", lambda: Box("captain trixie quad", "a release image"))
+    monkeypatch.setattr(update_bundle, "read", lambda path, name: BUNDLE)
+    monkeypatch.setattr("firmware.box.update_verity.check", lambda path, name, tree, seen: seen(1.0))
+    monkeypatch.setattr("firmware.commands.update.signal.signal", lambda number, action: None)
+    (tmp_path / "update").mkdir()
+    monkeypatch.setattr(update, "Folder", lambda: Folder(tmp_path / "update"))
+    monkeypatch.setattr("firmware.commands.update.Folder", lambda: Folder(tmp_path / "update"))
+    return made
+
+
+@pytest.fixture
+def bundle(tmp_path: Path) -> str:
+    path = tmp_path / "update.raucb"
+    path.write_bytes(b"x" * 5000)
+    return str(path)
+
+
+@pytest.fixture
+def said(capsys: pytest.CaptureFixture[str]) -> Said:
+    def said() -> tuple[str, str]:
+        found = capsys.readouterr()
+        return found.out, found.err
+
+    return said

@@ -47,6 +47,15 @@ def test_a_name_that_means_an_address_is_no_host_name(name: str):
         check_host_name(name)
 
 
+@pytest.mark.parametrize("text", ["localtime", "posixrules", "posix/Europe/Berlin", "right/UTC", "Factory", "../UTC"])
+def test_what_lies_beside_the_zones_is_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str):
+    (tmp_path / "zones" / text).parent.mkdir(parents=True, exist_ok=True)
+    (tmp_path / "zones" / text).write_bytes(b"TZif2")
+    monkeypatch.setattr("firmware.box.box_file.ZONES", tmp_path / "zones")
+    with pytest.raises(ConfigurationError, match="is no time zone"):
+        check_time_zone(text)
+
+
 def test_a_time_zone_is_a_file_of_that_kind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(box_file, "ZONES", tmp_path)
     (tmp_path / "UTC").write_bytes(b"TZif2" + bytes(40))

@@ -32,6 +32,7 @@ class Server(http.server.BaseHTTPRequestHandler):
     status: int
     kind = ""  # Content-Type
     length = ""  # what it says in place of the length
+    coding = ""  # Content-Encoding
 
     def do_GET(self) -> None:
         wanted = self.headers.get("Range")
@@ -61,6 +62,8 @@ class Server(http.server.BaseHTTPRequestHandler):
         self.send_header("ETag", self.tag)
         if self.kind:
             self.send_header("Content-Type", self.kind)
+        if self.coding:
+            self.send_header("Content-Encoding", self.coding)
         self.send_header("Connection", "close")
         self.end_headers()
         octets = FILE[begin:]

@@ -1,0 +1,105 @@
+"""A restart is asked for while no update is written, and by nothing else."""
+
+import socket
+import stat
+from pathlib import Path
+
+import pytest
+
+from firmware.box import update, update_rauc
+from firmware.box.update_folder import Folder, LockedError
+from firmware.cli import main
+from tests.firmware.box.conftest import Said
+from tests.firmware.box.rauc_service import Service
+
+
+def test_a_restart_is_asked_for_by_a_connection_and_by_nothing_else(
+    service: Service, tmp_path: Path, said: Said, monkeypatch: pytest.MonkeyPatch
+):
+    place = tmp_path / "restart"
+    monkeypatch.setattr(update.restart, "__defaults__", (place,))
+    assert main(["update", "--restart"]) == 1
+    assert "cannot be asked to restart: No such file" in said()[1]
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.bind(str(place))
+        listener.listen()
+        assert stat.S_ISSOCK(place.stat().st_mode)
+        assert main(["update", "--restart"]) == 0
+        taken, _ = listener.accept()
+        with taken:
+            assert taken.recv(1) == b""
+
+
+class Asked(list[str]):
+    """Restarts that were asked for."""
+
+
+@pytest.fixture
+def restarts(monkeypatch: pytest.MonkeyPatch) -> Asked:
+    asked = Asked()
+    monkeypatch.setattr(update, "restart", lambda: asked.append("restart"))
+    return asked
+
+
+def test_no_restart_is_asked_for_while_the_service_writes_a_slot(service: Service, restarts: Asked, said: Said):
+    service.is_at("installing")
+    assert main(["update", "--restart"]) == 1
+    out, err = said()
+    assert (restarts, out) == ([], "")
+    assert "captain: the box is not restarted: another update is being installed\n  (captain update --status" in err
+    service.is_at("idle")
+    assert main(["update", "--restart"]) == 0
+    assert restarts == ["restart"]
+
+
+def test_no_restart_is_asked_for_while_another_update_has_the_lock(
+    service: Service, restarts: Asked, tmp_path: Path, said: Said
+):
+    with Folder(tmp_path / "update").locked():
+        assert main(["update", "--restart"]) == 1
+        assert main(["update", "--back", "--restart"]) == 1
+    assert "the box is not restarted: another update is running\n  (wait for it" in said()[1]
+    assert restarts == []
+    assert main(["update", "--restart"]) == 0
+    assert restarts == ["restart"]
+
+
+@pytest.mark.parametrize("words", [["--back", "--restart"], ["FILE", "--restart"]])
+def test_no_update_begins_between_the_last_word_and_the_restart(
+    service: Service, bundle: str, tmp_path: Path, said: Said, monkeypatch: pytest.MonkeyPatch, words: list[str]
+):
+    def restart() -> None:
+        with pytest.raises(LockedError), Folder(tmp_path / "update").locked():
+            raise AssertionError("another one has the lock")
+
+    monkeypatch.setattr(update, "restart", restart)
+    assert main(["update", *(word.replace("FILE", bundle) for word in words)]) == 0
+    assert said()[0].endswith(
+        "; the next start takes it\nrestarting now\n" if "FILE" in words else "\nrestarting now\n"
+    )
+
+
+def test_what_was_installed_is_told_though_the_restart_is_refused(
+    service: Service, bundle: str, restarts: Asked, said: Said, monkeypatch: pytest.MonkeyPatch
+):
+    def installed(path: Path, name: str, step: object) -> None:
+        service.is_at("installing")  # of somebody who asks the service itself
+
+    monkeypatch.setattr(update_rauc, "install", installed)
+    assert main(["update", bundle, "--restart"]) == 1
+    out, err = said()
+    assert out.endswith("version 1.2.4 is installed; the next start takes it\n")
+    assert "the box is not restarted" in err
+    assert restarts == []
+
+
+def test_a_box_whose_folder_or_service_of_updates_fails_can_be_restarted(
+    service: Service, restarts: Asked, tmp_path: Path
+):
+    (service.folder / "bus").write_text("what nobody understands")
+    assert main(["update", "--restart"]) == 0
+    (tmp_path / "update/lock").unlink()
+    (tmp_path / "update/fetched").rmdir()
+    (tmp_path / "update").rmdir()
+    assert main(["update", "--restart"]) == 0
+    assert restarts == ["restart", "restart"]
