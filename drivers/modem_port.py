@@ -28,15 +28,11 @@ class Above(NamedTuple):
 
 
 class AtPort:
-    """Commands in, answers by a call; raises InterfaceError where the tty cannot be opened.
-
-    octets_in, octets_out  that the line has carried since.
-    """
+    """Commands in, answers by a call; raises InterfaceError where the tty cannot be opened."""
 
     def __init__(self, loop: Loop, path: str, above: Above) -> None:
         self.path = path
         self.core = AtCore()
-        self.octets_in = self.octets_out = 0
         self._loop = loop
         self._above = above
         self._done: dict[int, Done] = {}
@@ -59,7 +55,6 @@ class AtPort:
         self._port.close()
 
     def _received(self, octets: bytes) -> None:
-        self.octets_in += len(octets)
         self._tell(self.core.receive(octets, self._loop.clock()))
 
     def _expired(self) -> None:
@@ -90,7 +85,6 @@ class AtPort:
         self._unwritten += self.core.take()
         if self._unwritten and not self._port.is_busy:
             octets, self._unwritten = self._unwritten, b""
-            self.octets_out += len(octets)
             self._port.write(octets)
         if self._timer is not None:
             self._timer.cancel()

@@ -46,7 +46,6 @@ class SimulatedModem:
     is_plugged    whether it is at USB.
     boots         how often it has booted. asked: the last KEPT command lines that it got.
     answers       False: it takes everything and says nothing.
-    octets_said, octets_heard  that its port has carried.
     lies          called with each command; what it returns is said in place of the answer, None lets it pass.
     """
 
@@ -69,7 +68,7 @@ class SimulatedModem:
         self.answers = True
         self.lies: Callable[[str], str | None] = lambda text: None
         self.asked: list[str] = []
-        self.boots = self.octets_heard = 0
+        self.boots = 0
         self._plug = plug
         self._unplug = unplug
         self._network_device = network_device
@@ -79,10 +78,6 @@ class SimulatedModem:
         self.is_plugged = False
         self._heard = b""  # of a command
         self._reset()
-
-    @property
-    def octets_said(self) -> int:
-        return self._end.octets_said
 
     # -- power
 
@@ -176,7 +171,6 @@ class SimulatedModem:
             self.network.search()
 
     def _hear(self, octets: bytes) -> None:
-        self.octets_heard += len(octets)
         if self.is_deaf or not self.answers:
             return
         *texts, self._heard = (self._heard + octets.replace(b"\n", b"")).split(b"\r")

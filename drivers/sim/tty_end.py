@@ -16,8 +16,7 @@ REOPEN_S = 1.0  # between two tries to open the tty of a gadget whose host has g
 class TtyEnd:
     """Octets in by a call; octets out as somebody reads.
 
-    path         that an interface opens; empty while there is none.
-    octets_said  that it has carried away.
+    path  that an interface opens; empty while there is none.
     """
 
     def __init__(
@@ -31,7 +30,6 @@ class TtyEnd:
         reads   False: it takes nothing from the line, which is full some 4 KiB later.
         """
         self.path = ""
-        self.octets_said = 0
         self._loop = loop
         self._heard = heard
         self._gadget = gadget
@@ -113,9 +111,7 @@ class TtyEnd:
     def _write(self) -> None:
         if self.is_open:
             with suppress(OSError):  # full, or the host of a gadget has gone: reading tells
-                written = os.write(self._end, self._waiting)
-                self._waiting = self._waiting[written:]
-                self.octets_said += written
+                self._waiting = self._waiting[os.write(self._end, self._waiting) :]
 
     def _want(self) -> None:
         if self.is_open:

@@ -4,18 +4,15 @@ All of the station is real, its sockets too, and all of the simulated board but 
 processes.py plays those. The air of the radio is not played, so neighbours are left out of the board file.
 """
 
-import fcntl
 import itertools
 import logging
 import os
 import random
 import socket
-import struct
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -34,7 +31,7 @@ from pps import pulse
 from pps.pulse import Clocks
 from tests.chaos.patient import WORKER
 from tests.chaos.processes import PlayedChild, PlayedRadio
-from tests.virtual import VirtualLoop
+from tests.ptys import PtyLoop, Ptys
 
 INTERFACES = {"gnss": "gnss", "v2x": "g5", "cellular": "cellular"}  # by slot
 POLL_S = 0.25  # of the simulated board, which looks ten times a second in real time: files take time to read
@@ -43,68 +40,8 @@ DRAIN_S = 15.0  # longer than a CAM lives
 CAM = bytes.fromhex("020200000539")
 
 
-class Ptys:
-    """Octets under way in ptys, which a thread of the kernel carries: written by one end and not yet read at the other.
-
-    What this process does with ttys goes through here. What is said to a port that nobody has open goes nowhere.
-    """
-
-    NUMBER = 0x8004_5430  # TIOCGPTN of linux/tty.h: which port a simulator's end belongs to
-
-    def __init__(self, patch: pytest.MonkeyPatch) -> None:
-        self.under_way = 0
-        self._open_ports: dict[int, int] = {}  # those of the station: descriptor -> number
-        self._write, self._read, self._open, self._close = os.write, os.read, os.open, os.close
-        for name in ("write", "read", "open", "close"):
-            patch.setattr(os, name, getattr(self, name))
-
-    def open(self, path: Any, *how: Any, **more: Any) -> int:
-        descriptor = self._open(path, *how, **more)
-        if os.isatty(descriptor):
-            self._open_ports[descriptor] = int(os.ttyname(descriptor).rpartition("/")[2])
-        return descriptor
-
-    def close(self, descriptor: int) -> None:
-        self._open_ports.pop(descriptor, None)
-        self._close(descriptor)
-
-    def write(self, descriptor: int, octets: bytes) -> int:
-        written = self._write(descriptor, octets)
-        if os.isatty(descriptor) and self._is_read(descriptor):
-            self.under_way += written
-        return written
-
-    def read(self, descriptor: int, size: int) -> bytes:
-        octets = self._read(descriptor, size)
-        if os.isatty(descriptor):
-            self.under_way = max(0, self.under_way - len(octets))
-        return octets
-
-    def _is_read(self, descriptor: int) -> bool:
-        if descriptor in self._open_ports:
-            return True
-        try:
-            (number,) = struct.unpack("I", fcntl.ioctl(descriptor, self.NUMBER, bytes(4)))
-        except OSError:
-            return False
-        return number in self._open_ports.values()
-
-
-class StageLoop(VirtualLoop):
-    """Lets what is under way in ptys arrive before its clock jumps; what does not is lost, as in a port just closed."""
-
-    LOST_S = 0.05  # real seconds
-
-    def __init__(self, ptys: Ptys) -> None:
-        super().__init__()
-        self.ptys = ptys
-
-    def _wait(self) -> list[tuple[int, int]]:
-        self.patience_s = self.LOST_S if self.ptys.under_way else 0.0
-        ready = super()._wait()
-        if not ready:
-            self.ptys.under_way = 0
-        return ready
+class StageLoop(PtyLoop):
+    """Tells what there is still to come."""
 
     def pending(self) -> int:
         """Timers that will be called."""

@@ -43,7 +43,6 @@ from tests.broker.certificates import Authority
 from tests.broker.client import Client
 from tests.broker.mosquitto import Mosquitto
 from tests.drivers.host import SHARED, Host, request
-from tests.drivers.modem import Carried
 from tests.drivers.radio import SimulatedRadio, free_addresses, library
 from tests.system.ports import Ports
 from tests.virtual import VirtualLoop
@@ -409,7 +408,6 @@ class ModemBench(ModuleBench):
         self._path = folder / "tty"
         self._modem = SimulatedModem(loop, self._appeared, lambda: self._path.unlink(missing_ok=True))
         driver = Sim8202g(ModemOptions(port=str(self._path), bearer="none"), SHARED)
-        loop.is_carrying = Carried(loop, self._modem, driver)
         self.driver: Driver = driver
 
     def plug(self) -> None:

@@ -11,16 +11,16 @@ import pytest
 
 from tests.drivers import gnss, modem
 from tests.drivers.host import Host
-from tests.virtual import VirtualLoop
+from tests.ptys import PtyLoop, Ptys
 
 CLONE_NEWUSER, CLONE_NEWNET = 0x10000000, 0x40000000
 
 
 @pytest.fixture
-def loop(request):
-    # What crosses a pty or a veth pair is moved by a thread of the kernel: it is given a moment of real time, but where
-    # a file of tests says that nothing does, or that it knows when something is on its way.
-    with closing(VirtualLoop(patience_s=getattr(request.module, "PATIENCE_S", 0.02))) as loop:
+def loop(request, monkeypatch):
+    # What crosses a veth pair is moved by a thread of the kernel: it is given a moment of real time, but where a file of
+    # tests says that nothing does.
+    with closing(PtyLoop(Ptys(monkeypatch), getattr(request.module, "PATIENCE_S", 0.02))) as loop:
         yield loop
 
 

@@ -5,46 +5,15 @@ from pathlib import Path
 
 from board.errors import InterfaceError, StationError, StuckError
 from drivers.modem_options import ModemOptions
-from drivers.modem_port import AtPort
 from drivers.modem_script import Ended, Program, Run, StepError
 from drivers.modem_system import Counters, Route, System
 from drivers.sim.machine import SimulatedMachine
 from drivers.sim.modem import SimulatedModem
 from drivers.sim8202g import Sim8202g
 from tests.drivers.host import SHARED, Host
-from tests.virtual import VirtualLoop
 
 PLACE = "1-1.2"
 RETRY_S = 5.0
-
-
-class Carried:
-    """Whether octets are on their way through the pty of a modem, to which a thread of the kernel takes its time."""
-
-    def __init__(self, loop: VirtualLoop, modem: SimulatedModem, driver: Sim8202g) -> None:
-        self._loop = loop
-        self._modem = modem
-        self._driver = driver
-        self._port: AtPort | None = None
-        self._down = self._up = 0  # octets that the modem has carried beyond this port, when it was opened
-        self._seen: tuple[int, ...] = ()
-        self._seen_at = 0.0
-
-    def __call__(self) -> bool:
-        port, modem = self._driver._port, self._modem
-        if port is None or not modem.is_plugged:
-            return False
-        seen = (modem.octets_said, port.octets_in, port.octets_out, modem.octets_heard)
-        is_lost = seen == self._seen and self._loop.now > self._seen_at  # nothing has come for all that time
-        if port is not self._port or is_lost:
-            self._port = port
-            self._down, self._up = modem.octets_said - port.octets_in, modem.octets_heard - port.octets_out * is_lost
-        # What was said before the port was opened has been kept for it, or thrown away.
-        self._down = min(self._down, modem.octets_said - port.octets_in)
-        is_carrying = modem.octets_said - port.octets_in > self._down or port.octets_out > modem.octets_heard - self._up
-        if is_carrying and seen != self._seen:
-            self._seen, self._seen_at = seen, self._loop.now
-        return is_carrying
 
 
 class NoProgram:
@@ -164,7 +133,6 @@ class Bench:
         shared = SHARED._replace(machine=self.board.machine)
         self.driver = Sim8202g(ModemOptions(**table), shared, self.system)
         self.station = Station(loop, self.driver)
-        loop.is_carrying = Carried(loop, self.modem, self.driver)
 
     def power(self) -> None:
         """Supply the modem, and wait until it is at USB."""

@@ -2,13 +2,10 @@
 
 import random
 import re
-from contextlib import closing
 
 import pytest
 
-from tests.drivers.modem import Bench
-from tests.virtual import VirtualLoop
-
+PATIENCE_S = 0.0  # ptys tell when octets are on their way
 COLUMNS = ["", "0", "1", "2", "99", "-1", '"x"', '"', "Online", "LTE", "262-01", "0x1", "NR5G", "7"]
 ENDS = ["OK", "ERROR", "+CME ERROR: 14", "+CME ERROR: x"]
 
@@ -31,22 +28,20 @@ def mutated(chance: random.Random, text: str) -> str | None:
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_whatever_a_modem_answers_its_driver_goes_on(tmp_path, seed):
+def test_whatever_a_modem_answers_its_driver_goes_on(make_modem, loop, seed):
     chance = random.Random(seed)
-    with closing(VirtualLoop()) as loop:
-        bench = Bench(loop, tmp_path, apn="internet", bearer=["none", "qmi", "rndis", "at"][seed % 4])
-        with closing(bench):
-            bench.system.printed = dict(PRINTED)
-            bench.modem.lies = lambda text: mutated(chance, text)
-            bench.start()
-            loop.run_for(300)
-            bench.modem.lies = lambda text: None
-            loop.run_until(lambda: bench.station.is_up, within=2400)
+    bench = make_modem(apn="internet", bearer=["none", "qmi", "rndis", "at"][seed % 4])
+    bench.system.printed = dict(PRINTED)
+    bench.modem.lies = lambda text: mutated(chance, text)
+    bench.start()
+    loop.run_for(300)
+    bench.modem.lies = lambda text: None
+    loop.run_until(lambda: bench.station.is_up, within=2400)
 
 
 @pytest.mark.parametrize("line", ["+CGDCONT: 1", "+CGDCONT: ", "+CGDCONT: 1,", '+CGDCONT: 1,"', '+CGDCONT: x,"IP"'])
-def test_a_packet_context_with_fewer_columns_is_one_that_has_to_be_set(tmp_path, line):
-    with closing(VirtualLoop()) as loop, closing(Bench(loop, tmp_path, apn="internet")) as bench:
-        bench.modem.lies = lambda text: f"\r\n{line}\r\n\r\nOK\r\n" if text == "AT+CGDCONT?" else None
-        bench.up()
-        assert bench.modem.context == ("IPV4V6", "internet")
+def test_a_packet_context_with_fewer_columns_is_one_that_has_to_be_set(make_modem, line):
+    bench = make_modem(apn="internet")
+    bench.modem.lies = lambda text: f"\r\n{line}\r\n\r\nOK\r\n" if text == "AT+CGDCONT?" else None
+    bench.up()
+    assert bench.modem.context == ("IPV4V6", "internet")

@@ -7,7 +7,7 @@ from drivers.modem_script import StepError
 from drivers.modem_system import Route
 from tests.drivers.modem import FakeSystem
 
-PATIENCE_S = 0.0  # the bench knows when octets are on their way
+PATIENCE_S = 0.0  # ptys tell when octets are on their way
 
 
 # What qmicli 1.32 and mbimcli 1.28 print, after their sources.

@@ -7,7 +7,7 @@ import pytest
 from board.errors import InterfaceError
 from drivers.sim.modem_commands import ICCID
 
-PATIENCE_S = 0.0  # the bench knows when octets are on their way
+PATIENCE_S = 0.0  # ptys tell when octets are on their way
 OTHER_ICCID = ICCID[:-1] + "1"
 
 

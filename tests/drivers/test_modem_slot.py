@@ -20,7 +20,7 @@ from firmware.tables import QueueOptions
 from firmware.topics import Topics
 from tests.drivers.modem import PLACE, Bench
 from tests.firmware.doubles import NotingStation
-from tests.virtual import VirtualLoop
+from tests.ptys import PtyLoop, Ptys
 
 
 class SlotBench:
@@ -59,8 +59,8 @@ class SlotBench:
 
 
 @pytest.fixture
-def make(tmp_path):
-    with closing(VirtualLoop()) as loop:
+def make(tmp_path, monkeypatch):
+    with closing(PtyLoop(Ptys(monkeypatch))) as loop:
         made = []
 
         def make(**options):

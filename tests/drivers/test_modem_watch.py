@@ -4,7 +4,7 @@ from drivers.modem_system import Counters, Route
 from drivers.modem_watch import FAILED_MOST, STALL_PACKETS, STALL_S, Stall
 from drivers.sim.modem_network import Access
 
-PATIENCE_S = 0.0  # the bench knows when octets are on their way
+PATIENCE_S = 0.0  # ptys tell when octets are on their way
 GATEWAY = "10.64.1.1"
 
 

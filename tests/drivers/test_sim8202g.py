@@ -17,7 +17,7 @@ from drivers.sim.modem_network import ADDRESS, Access
 from drivers.sim8202g import Sim8202g
 from tests.drivers.host import SHARED
 
-PATIENCE_S = 0.0  # the bench knows when octets are on their way
+PATIENCE_S = 0.0  # ptys tell when octets are on their way
 
 
 @pytest.fixture

@@ -4,6 +4,7 @@ import os
 import pty
 import select
 import tty
+from contextlib import closing
 
 import pytest
 
@@ -18,6 +19,7 @@ from drivers.wire.ubx import Kind
 from drivers.wire.ubx_keys import KEYS
 from drivers.wire.ubx_messages import Ack, Nak, NavPvt, decode, encode
 from drivers.wire.ubx_values import GET_RAM, RAM, ValGet, ValSet
+from tests.virtual import VirtualLoop
 
 PATIENCE_S = 0.2  # real, that the kernel has for carrying octets from one end of a pty to the other
 
@@ -49,6 +51,12 @@ class Reader:
 
     def close(self):
         os.close(self.end)
+
+
+@pytest.fixture
+def loop():
+    with closing(VirtualLoop(patience_s=PATIENCE_S)) as loop:  # the reader reads when it likes
+        yield loop
 
 
 @pytest.fixture

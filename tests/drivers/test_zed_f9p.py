@@ -21,6 +21,7 @@ from tests.drivers.gnss import UTC
 from tests.drivers.host import SHARED, request
 from tests.drivers.test_contract import descriptors, sources
 
+PATIENCE_S = 0.0  # ptys tell when octets are on their way
 UART = Habits(port="uart1")
 SIGNALS = "CFG-MSGOUT-UBX_SEC_SIG_USB"
 

@@ -15,6 +15,7 @@ from drivers.sim.receiver_habits import Habits
 from drivers.wire.gnss_time import Leap
 from tests.drivers.gnss import UTC
 
+PATIENCE_S = 0.0  # ptys tell when octets are on their way
 UART = Habits(port="uart1")
 MIDNIGHT = calendar.timegm((2017, 1, 1, 0, 0, 0))
 EVENT = MIDNIGHT - GPS_EPOCH + 17
