@@ -6,7 +6,8 @@ from typing import NamedTuple
 from board.errors import ConfigurationError
 from board.toml import show
 
-IFNAMSIZ = 16
+IFNAMSIZ = 16  # of linux/if.h: octets of a network device's name, with the zero behind it
+NOT_IN_DEVICES = frozenset(b"/:\t\n\v\f\r \xa0")
 
 
 class Address(NamedTuple):
@@ -60,12 +61,12 @@ def mac_address(text: str) -> bytes:
     return octets
 
 
-def device_name(text: str) -> str:
-    """The name of a network device. Raises ConfigurationError for one that none can have.
+def check_device_name(text: str) -> None:
+    """Raises ConfigurationError for what no network device can be called.
 
-    Source: Linux, net/core/dev.c, dev_valid_name(). A zero is told of all texts alike, where they are read.
+    Source: Linux, net/core/dev.c, dev_valid_name(), and lib/ctype.c. A zero is told of all texts alike, where they are
+    read.
     """
-    is_one = 0 < len(text.encode(errors="replace")) < IFNAMSIZ and text not in (".", "..")
-    if not is_one or any(letter in "/:" or letter.isspace() for letter in text):
-        raise ConfigurationError(f"{show(text)} is no name of a network device", "`ip link` lists them")
-    return text
+    octets = text.encode(errors="replace")
+    if not 0 < len(octets) < IFNAMSIZ or octets in (b".", b"..") or set(octets) & NOT_IN_DEVICES:
+        raise ConfigurationError(f"{show(text)} is no name of a network device", "`ip -brief link` lists them")

@@ -1,5 +1,6 @@
 """TOML text into tables: a whole file, or one assignment of the command line; and how a value is shown."""
 
+import ast
 import re
 import tomllib
 from datetime import date, time
@@ -15,6 +16,8 @@ MAX_DEPTH = 3  # of tables and arrays that a message shows
 MAX_PARTS = 64  # of a dotted key; a description has 5. For 20,000 the parser takes half a minute
 _PART = r"""(?:[A-Za-z0-9_-]+|"[^"\n]*"|'[^'\n]*')"""
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
+_QUOTED = r"""(?:'(?:[^'\\]|\\.)*'|"(?:[^"\\]|\\.)*")"""
+_KEY_TUPLE = re.compile(rf"\({_QUOTED},(?: {_QUOTED}(?:, {_QUOTED})*)?\)")  # as Python writes one
 _LONG_KEY = re.compile(rf"""(?<![\w"'-]){_PART}(?:[ \t]*\.[ \t]*{_PART}){{{MAX_PARTS}}}""")
 
 # A boolean is also an int and must be asked for first; so must a datetime, which is a date.
@@ -47,7 +50,7 @@ def _in_words(said: str, text: str) -> str:
     """What tomllib says, with a line where it says the end of the document, and keys as they are written."""
     lines = text.rstrip().split("\n")
     said = said.replace("(at end of document)", f"(at line {len(lines)}, column {len(lines[-1]) + 1})")
-    return re.sub(r"\(('.*'),?\) twice", lambda key: ".".join(re.findall(r"'(.*?)'", key[1])) + " twice", said)
+    return _KEY_TUPLE.sub(lambda found: ".".join(_key(part) for part in ast.literal_eval(found[0])), said)
 
 
 def load(path: str | Path) -> dict[str, Any]:

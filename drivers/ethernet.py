@@ -7,7 +7,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
-from board.address import device_name, mac_address
+from board.address import check_device_name, mac_address
 from board.describe import Range
 from board.errors import InterfaceError, RequestError
 from board.loop import Timer
@@ -50,7 +50,7 @@ class EthernetOptions:
     beacon_s: Annotated[float, Range(0.0, 3600.0)] = 3.0
 
     def __post_init__(self) -> None:
-        device_name(self.device)
+        check_device_name(self.device)
         if self.mac:
             mac_address(self.mac)
 

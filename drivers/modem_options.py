@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from board import topology
-from board.address import device_name
+from board.address import check_device_name
 from board.describe import Range
 from board.errors import ConfigurationError
 
@@ -61,6 +61,6 @@ class ModemOptions:
                 f"bearer {self.bearer} with port needs device", "name the network device, or give usb"
             )
         if self.device:
-            device_name(self.device)
+            check_device_name(self.device)
         if not _APN.fullmatch(self.apn):
             raise ConfigurationError(f"{self.apn[:40]!r} is no access point name", "letters, digits, dots and dashes")

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Annotated, Literal
 
+from board.address import check_device_name
 from board.describe import Range, all_of, remedy
 from board.errors import BlockedError, ConfigurationError
 from drivers.mqtt_broker import broker
@@ -18,7 +19,6 @@ KEEP_ALIVE_S = 20  # mobile networks forget an idle TCP connection after 30 s an
 SESSION_EXPIRY_S = 30  # of a session that is kept: what arrives late is passed on as if it were new
 IN_FLIGHT = 20  # publications without an acknowledgement
 
-MAX_DEVICE = 15  # characters of a network device's name: IFNAMSIZ of linux/if.h, less the 0 behind it
 OTHERS = 0o077  # permissions of group and others
 
 # Why a letter must not be in a name.
@@ -119,8 +119,11 @@ class MqttOptions:
             raise ConfigurationError(f"{given} is given without {missing}", "give both or none")
 
     def _check_device(self) -> None:
-        if len(self.device) > MAX_DEVICE or "/" in self.device:
-            raise ConfigurationError(f'device: "{self.device}" is no network device', "`ip -brief link` lists them")
+        if self.device:
+            try:
+                check_device_name(self.device)
+            except ConfigurationError as error:
+                raise ConfigurationError(f"device: {error.message}", error.hint) from error
 
     def _check_depths(self) -> None:
         if self.depths and (len(self.depths) != 2 or self.depths[0] > self.depths[1]):

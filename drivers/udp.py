@@ -5,7 +5,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
-from board.address import Address, address, device_name, is_ipv4
+from board.address import Address, address, check_device_name, is_ipv4
 from board.describe import Range
 from board.errors import ConfigurationError, InterfaceError, RequestError
 from board.netlink import Device, DeviceWatch
@@ -61,7 +61,7 @@ class UdpOptions:
         if self.group:
             group_address(self.group)
         if self.device and not is_ipv4(self.device):
-            device_name(self.device)
+            check_device_name(self.device)
         if not (self.listen or self.group or self.peers):
             raise ConfigurationError("a udp interface has neither listen nor group nor peers", "give one of them")
 

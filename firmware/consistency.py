@@ -1,7 +1,9 @@
 """What only several tables of captain.toml together can tell: names that mean nothing, bits that do not fit."""
 
 import os
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import suppress
+from typing import Any
 
 from board.address import Address, address
 from board.describe import remedy
@@ -14,6 +16,7 @@ from firmware.topics import ROWS
 # Interface processes appear as an interface of this name.
 IPC = "ipc"
 ALL = "0.0.0.0"  # each address of this host
+SERIAL = {"uart": "device", "sim8202g": "port", "zed_f9p": "port"}  # driver = its option that is a serial port
 # Where messages are dropped that no interface has: an interface so called would share their counters.
 PLACES = frozenset({"from_users", "to_users", "pull", "report", "router"})
 
@@ -47,64 +50,73 @@ def _interfaces(tables: Tables) -> Iterator[str]:
 
 def _slots(tables: Tables, known: Collection[str]) -> Iterator[str]:
     """Each interface in a slot that there is, and alone: two could not agree on its power."""
-    first: dict[str, str] = {}
-    for name, options in tables.interfaces.items():
-        slot = options.get("slot")
-        if not slot or not isinstance(slot, str):
-            continue
+    slots = _texts(tables, lambda options: "slot")
+    for name, slot in slots.items():
         if slot not in known:
             yield f"interfaces.{name}.slot: the board has no slot {slot!r}; {remedy(slot, known)}"
-        elif slot in first:
-            yield f"interfaces.{name}.slot: {slot!r} is that of {first[slot]} already; a slot has one interface"
-        first.setdefault(slot, name)
+    for name, first in _second({name: slot for name, slot in slots.items() if slot in known}):
+        yield f"interfaces.{name}.slot: {slots[name]!r} is that of {first} already; a slot has one interface"
 
 
 def _clients(tables: Tables) -> Iterator[str]:
     """Each interface at a broker is a client of its own: of two with one name the broker throws out the first."""
-    first: dict[tuple[Broker, str], str] = {}
+    clients: dict[str, tuple[Broker, str]] = {}
     for name, options in tables.interfaces.items():
-        if options.get("driver") != "mqtt":
-            continue
-        try:
-            where = broker(str(options.get("url")))
-        except ConfigurationError:
-            continue  # what is no URL is told where it is read
-        client = where, str(options.get("client_id") or os.uname().nodename)
-        if client in first:
-            what = f"that of {first[client]} at the same broker"
-            yield f"interfaces.{name}.client_id: {client[1]!r} is {what}; give each its own"
-        first.setdefault(client, name)
+        if options.get("driver") == "mqtt":
+            with suppress(ConfigurationError):  # what is no URL is told where it is read
+                where = broker(str(options.get("url")))
+                clients[name] = where, str(options.get("client_id") or os.uname().nodename)
+    for name, first in _second(clients):
+        what = f"that of {first} at the same broker"
+        yield f"interfaces.{name}.client_id: {clients[name][1]!r} is {what}; give each its own"
 
 
 def _serial_ports(tables: Tables) -> Iterator[str]:
     """Each interface at a serial port of its own: of two each would get a part of what comes."""
-    first: dict[str, str] = {}
-    for name, options in tables.interfaces.items():
-        port = options.get("port")
-        if not port or not isinstance(port, str):
-            continue
-        path = os.path.realpath(port)
-        if path in first:
-            yield f"interfaces.{name}.port: {show(port)} is that of {first[path]} already; a port has one interface"
-        first.setdefault(path, name)
+    ports = _texts(tables, _serial)
+    for name, first in _second({name: os.path.realpath(port) for name, port in ports.items() if "\0" not in port}):
+        key = _serial(tables.interfaces[name])
+        what = f"is that of {first} already; a port has one interface"
+        yield f"interfaces.{name}.{key}: {show(ports[name])} {what}"
 
 
 def _listeners(tables: Tables) -> Iterator[str]:
-    """Each interface at an address of its own: the second could not listen."""
-    taken: list[tuple[Address, str]] = []
+    """Each interface at an address of its own: the second could not listen. Groups are shared, but with none of all."""
+    taken: list[tuple[Address, bool, str]] = []
     for name, options in tables.interfaces.items():
-        try:
-            at = address(str(options.get("listen") or ""))
-        except ConfigurationError:
-            continue  # what is no address is told where it is read
-        if not at.port:
-            continue  # any that is free
-        for other, whose in taken:
-            if at.port == other.port and (at.host == other.host or ALL in (at.host, other.host)):
-                what = f"is that of {whose} already, {other}" if at != other else f"is that of {whose} already"
-                yield f'interfaces.{name}.listen: "{at}" {what}; give each its own'
-                break
-        taken.append((at, name))
+        for key in ("listen", "group") if options.get("driver") == "udp" else ():
+            is_group = key == "group"
+            try:
+                at = address(str(options.get(key) or ""))
+            except ConfigurationError:
+                continue  # what is no address is told where it is read
+            for other, is_other_group, whose in taken if at.port else ():  # port 0: any that is free
+                is_same = at.host == other.host and not is_group
+                is_one_all = ALL in (at.host, other.host) and not (is_group and is_other_group)
+                if at.port == other.port and (is_same or is_one_all):
+                    what = f"that of {whose} already" + (f", {other}" if at != other else "")
+                    yield f'interfaces.{name}.{key}: "{at}" is {what}; give each its own'
+                    break
+            taken.append((at, is_group, name))
+
+
+def _serial(options: Mapping[str, Any]) -> str:
+    """The key of the serial port that an interface opens; empty: it opens none."""
+    return "" if options.get("kind") == "static" else SERIAL.get(str(options.get("driver")), "")
+
+
+def _texts(tables: Tables, key: Callable[[Mapping[str, Any]], str]) -> dict[str, str]:
+    """What interfaces have written under a key, where that is a text."""
+    found = {name: options.get(key(options)) for name, options in tables.interfaces.items()}
+    return {name: text for name, text in found.items() if text and isinstance(text, str)}
+
+
+def _second(taken: Mapping[str, object]) -> Iterator[tuple[str, str]]:
+    """Interfaces that want what another has already, and who has it."""
+    first: dict[object, str] = {}
+    for name, what in taken.items():
+        if (whose := first.setdefault(what, name)) != name:
+            yield name, whose
 
 
 def _policy(tables: Tables) -> Iterator[str]:

@@ -41,12 +41,9 @@ class Ptys:
         return descriptor
 
     def close(self, descriptor: int) -> None:
-        number = self._number(descriptor)
-        is_port = self._ports.pop(descriptor, None) is not None
-        if number is not None:
-            self._under_way[number, False] = 0
-            if not is_port:  # nobody is there any more who would read the rest
-                self._under_way[number, True] = 0
+        if (number := self._number(descriptor)) is not None:
+            self._under_way[number, True] = self._under_way[number, False] = 0
+        self._ports.pop(descriptor, None)
         self._close(descriptor)
 
     def write(self, descriptor: int, octets: bytes) -> int:

@@ -12,7 +12,7 @@ from board.errors import ConfigurationError
 from board.toml import show
 
 ZONES = Path("/usr/share/zoneinfo")
-# There as well: what a machine has for itself, and copies of all zones.
+# There as well: what a machine has for itself, copies of all zones, and one that says that none was chosen.
 NO_ZONES = ("localtime", "posixrules", "posix", "right", "Factory")
 # RFC 1123, clause 2.1; one label, for mDNS adds .local.
 NAME = re.compile(r"[A-Za-z0-9](?:[A-Za-z0-9-]{0,61}[A-Za-z0-9])?")

@@ -6,7 +6,7 @@ import re
 
 from firmware.box import ssh_options
 from firmware.box.note import Note, at, mistake
-from firmware.box.ssh_options import QUOTED, SHOWN
+from firmware.box.ssh_options import QUOTED, SHOWN, Trouble
 
 # sshd(8), AUTHORIZED_KEYS FILE FORMAT; what OpenSSH 10 takes by default.
 KINDS = (
@@ -74,7 +74,7 @@ def _options(line: str) -> str:
     return options[0] if options and not (options[0] in KINDS or options[0].endswith(CERTIFICATE)) else ""
 
 
-def _trouble(line: str) -> tuple[str, str] | None:
+def _trouble(line: str) -> Trouble | None:
     """What is wrong with a line, and what to do; None where sshd takes it."""
     kind, written = _words(line)
     if kind not in (*KINDS, OLD) and (options := _options(line)):

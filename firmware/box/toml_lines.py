@@ -28,8 +28,8 @@ def line_of(text: str, path: str) -> int | None:
 
 def syntax_hint(why: str) -> str:
     """What to do about what a parser says."""
-    if "overwrite" in why or "twice" in why:
-        return "each key and each [table] stands once"
+    if any(word in why for word in ("overwrite", "twice", "namespace", "Duplicate")):
+        return "each key and each [table] stands once, and what is in { } or [ ] is whole there"
     if "value" in why.lower():
         return 'text stands in quotes: key = "value"'
     return "compare with the example in README"

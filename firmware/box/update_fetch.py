@@ -35,7 +35,7 @@ def from_stream(stream: BinaryIO, folder: Folder, seen: Seen, most: int) -> Path
     with _kept(folder), storing(folder.part), folder.part.open("wb") as file:
         while octets := _taken(stream):
             have += len(octets)
-            _is_within(most, have, INPUT, folder)
+            _check_size(most, have, INPUT, folder)
             _put(file, octets, folder, is_counted=False)
             seen(have, 0)
     return folder.finish()
@@ -96,7 +96,7 @@ def _fetch(url: str, folder: Folder, seen: Seen, most: int, pace: Pace) -> None:
         return  # it broke off behind the last octet
     answer = update_server.asked(url, have, str(about.get("tag") or ""), pace)
     with answer.response:
-        _is_within(most, answer.total, url, folder)
+        _check_size(most, answer.total, url, folder)
         if answer.begin != have:
             have = 0
             folder.begin_again()  # before there is asked for room
@@ -113,7 +113,7 @@ def _fetch(url: str, folder: Folder, seen: Seen, most: int, pace: Pace) -> None:
                 if not octets:
                     break
                 have += len(octets)
-                _is_within(most, have, url, folder)
+                _check_size(most, have, url, folder)
                 _put(file, octets, folder, is_counted=bool(answer.total))
                 seen(have, answer.total)
     if not have:
@@ -140,7 +140,7 @@ def _goes_on(folder: Folder) -> bool:
     return bool(about.get("size")) and update_server.is_exact(str(about.get("tag") or ""))
 
 
-def _is_within(most: int, size: int, name: str, folder: Folder) -> None:
+def _check_size(most: int, size: int, name: str, folder: Folder) -> None:
     """Raises StationError for more octets than any bundle has, and nothing of them stays."""
     if size > most:
         folder.clear()

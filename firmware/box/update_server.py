@@ -17,6 +17,10 @@ WAIT_S = 30.0  # for a connection, an answer, the next octets
 MOST_REDIRECTS = 5
 NOT_YET_VALID = 9  # X509_V_ERR_CERT_NOT_YET_VALID
 
+# What another try may mend.
+BREAKS = (
+    ConnectionError, TimeoutError, socket.gaierror, http.client.HTTPException, ssl.SSLEOFError, ssl.SSLZeroReturnError,
+)  # fmt: skip
 SAFE = "/?%:@!$&'()*+,;=~"  # what an address has as it is; RFC 3986, clause 2
 _HOST = re.compile(r"[^\x00-\x20\x7f]+")  # others are refused by http.client
 _LENGTH = re.compile(r"\d{1,18}")
@@ -54,6 +58,7 @@ def asked(url: str, have: int, tag: str, pace: Pace) -> Answer:
     for _ in range(MOST_REDIRECTS):
         response = _request(where, have, tag, pace)
         if response.status in (301, 302, 303, 307, 308):
+            response.close()
             target = _led(where, response)
             if where.startswith("https://") and not target.startswith("https://"):
                 raise StationError(f"{where}: leads to {target}, which is not secure", "ask for that one by its name")
@@ -62,8 +67,8 @@ def asked(url: str, have: int, tag: str, pace: Pace) -> Answer:
             response.close()
             have, tag = 0, ""
         else:
-            _is_no_page(url, where, response)
-            _is_plain(url, response)
+            _check_kind(url, where, response)
+            _check_content(url, response)
             return _answer(url, response, have)
         response.close()
     raise StationError(f"{url}: leads from address to address", "ask whoever runs the server")
@@ -74,7 +79,7 @@ def is_exact(tag: str) -> bool:
     return bool(tag) and not tag.startswith("W/")
 
 
-def _is_no_page(url: str, where: str, response: http.client.HTTPResponse) -> None:
+def _check_kind(url: str, where: str, response: http.client.HTTPResponse) -> None:
     """Raises StationError for what is answered by people's pages, and not by a file."""
     if response.status in (200, 206) and (kind := response.headers.get_content_type()) in _PAGES:
         response.close()
@@ -85,7 +90,7 @@ def _is_no_page(url: str, where: str, response: http.client.HTTPResponse) -> Non
         )
 
 
-def _is_plain(url: str, response: http.client.HTTPResponse) -> None:
+def _check_content(url: str, response: http.client.HTTPResponse) -> None:
     """Raises StationError for what is no file as it is: nothing at all, or packed though nobody asked for it."""
     coding = response.headers.get("Content-Encoding", "identity").strip().lower()
     if response.status in (200, 206) and coding not in ("", "identity"):
@@ -133,12 +138,13 @@ def _request(url: str, have: int, tag: str, pace: Pace) -> http.client.HTTPRespo
         raise
     except ssl.SSLCertVerificationError as error:
         raise _distrusted(url, error) from error
-    except ssl.SSLError as error:
-        connection.close()
-        raise StationError(f"{url}: {why(error)}", "is it an address with http:// or of another port?") from error
-    except (ConnectionError, TimeoutError, socket.gaierror, http.client.HTTPException) as error:
+    except BREAKS as error:
         connection.close()
         raise BrokenOffError(why(error)) from error
+    except ssl.SSLError as error:
+        connection.close()
+        hint = "is it an address with http://?" if update_trouble.is_no_tls(error) else "ask whoever runs the server"
+        raise StationError(f"{url}: {why(error)}", hint) from error
     except (OSError, ValueError) as error:
         connection.close()
         raise StationError(f"{url}: {why(error)}", "is the network there? captain doctor") from error
@@ -150,12 +156,11 @@ def _parts(url: str) -> SplitResult:
         parts = urlsplit(url)
         host = parts.hostname or ""
         is_one = parts.scheme in ("http", "https") and bool(_HOST.fullmatch(host))
-        host.encode("idna")  # as http.client will do: parts of 1 to 63 octets
+        host.encode("idna")  # as the system's resolver is asked for it: parts of 1 to 63 octets
     except ValueError:
         is_one = False
     if not is_one:
         raise StationError(f"{url}: is no address of a file", "https://HOST/PATH is one")
-    _port(parts)
     return parts
 
 
@@ -174,7 +179,6 @@ def _led(where: str, response: http.client.HTTPResponse) -> str:
     """Where a server sends on to. Raises StationError."""
     to = response.getheader("Location") or ""
     if not to:
-        response.close()
         what = f"the server answers {response.status} {response.reason}, and not where to"
         raise StationError(f"{where}: {what}", "ask whoever runs the server")
     try:
@@ -185,11 +189,10 @@ def _led(where: str, response: http.client.HTTPResponse) -> str:
 
 def _connection(parts: SplitResult) -> http.client.HTTPConnection:
     assert parts.hostname is not None
+    port = _port(parts)
     if parts.scheme == "http":
-        return http.client.HTTPConnection(parts.hostname, _port(parts), timeout=WAIT_S)
-    return http.client.HTTPSConnection(
-        parts.hostname, _port(parts), timeout=WAIT_S, context=ssl.create_default_context()
-    )
+        return http.client.HTTPConnection(parts.hostname, port, timeout=WAIT_S)
+    return http.client.HTTPSConnection(parts.hostname, port, timeout=WAIT_S, context=ssl.create_default_context())
 
 
 def _distrusted(url: str, error: ssl.SSLCertVerificationError) -> StationError:

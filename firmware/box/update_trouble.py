@@ -16,7 +16,7 @@ _CERTIFICATE = {
     62: "its certificate is for another host; correct the host in the address",
     64: "its certificate is not for this address; write the host's name",
 }
-_NO_TLS = ("WRONG_VERSION_NUMBER", "HTTP_REQUEST", "RECORD_LAYER_FAILURE")  # reasons of OpenSSL 3
+_NO_TLS = ("WRONG_VERSION_NUMBER", "RECORD_LAYER_FAILURE")  # reasons of OpenSSL 3.0, and of 3.2 and later
 _NETWORK = {
     errno.ECONNREFUSED: "refuses the connection; nobody listens there",
     errno.EHOSTUNREACH: "no route to it; is the network there?",
@@ -33,6 +33,11 @@ _NAMES = {
 }
 
 
+def is_no_tls(error: ssl.SSLError) -> bool:
+    """Whether something answers that is no TLS, such as plain HTTP."""
+    return error.reason in _NO_TLS
+
+
 def why(error: Exception, wait_s: float) -> str:
     """What a connection ended with, or why there is none. wait_s: how long an answer was waited for."""
     match error:
@@ -44,7 +49,9 @@ def why(error: Exception, wait_s: float) -> str:
             return f"what answers there is no web server: {error!r}"[:120]
         case ssl.SSLCertVerificationError():
             return _CERTIFICATE.get(error.verify_code, f"its certificate is refused here: {error.verify_message}")
-        case ssl.SSLError() if error.reason in _NO_TLS:
+        case ssl.SSLEOFError() | ssl.SSLZeroReturnError():
+            return "has closed the connection"
+        case ssl.SSLError() if is_no_tls(error):
             return "what answers there does not speak TLS"
         case ssl.SSLError():
             return f"TLS fails: {(error.reason or error.strerror or '').replace('_', ' ').lower()}"

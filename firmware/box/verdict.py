@@ -59,16 +59,16 @@ def verdict(folder: Path, scratch: Path, board: str, defaults: str | None, now: 
         name: text for name, file in found.items() if not is_brokers(name) and (text := _text(file, notes)) is not None
     }
     options, imager = _options(found, texts, notes)
-    keys = sound_keys(found[KEYS].place, texts[KEYS], notes) if KEYS in texts else []
-    places = {file.name: file.place for file in found.values()}
-    whose = dict.fromkeys(imager.keys, places.get("user-data", "")) | dict.fromkeys(keys, places.get(KEYS, ""))
-    keys += [key for key in imager.keys if key not in keys]
+    written = sound_keys(found[KEYS].place, texts[KEYS], notes) if KEYS in texts else []
+    keys = [*written, *(key for key in imager.keys if key not in written)]
     files = {name: file.octets for name, file in found.items() if is_brokers(name)}
     files |= {name: texts[name].encode() for name in ("captain.toml", "board.toml") if name in texts}
+    places = {file.name: file.place for file in found.values()}
     own = options.eth0.address.partition("/")[0] if options.eth0 else ""
     look_at_station(StationFiles(files, places, scratch, board, defaults, own, now), notes)
     whys = {key: why for key in keys if (why := shut(key, now))}
-    notes += [remark(whose[key], f"the key {named(key)} {why}") for key, why in whys.items()]
+    for key, why in whys.items():
+        notes.append(remark(found[KEYS if key in written else "user-data"].place, f"the key {named(key)} {why}"))
     if all(key in whys for key in keys):
         what = "there is no {}ssh key: nobody {}can log in by ssh".format(*("other ", "else ") if keys else ("", ""))
         notes.append(remark(KEYS, what, f"put the line of your .pub file into {KEYS}"))
@@ -76,8 +76,8 @@ def verdict(folder: Path, scratch: Path, board: str, defaults: str | None, now: 
 
 
 def _text(file: File, notes: list[Note]) -> str | None:
-    """A comment of a key may be of another encoding: that key is good, and so are the others."""
-    return plain(file.place, file.octets, notes, "replace" if file.name == KEYS else "strict")
+    """As plain() has it. A comment of a key may be of another encoding: that key is good, and so are the others."""
+    return plain(file.place, file.octets, notes, is_lenient=file.name == KEYS)
 
 
 def _bounded(notes: list[Note]) -> list[Note]:

@@ -51,7 +51,7 @@ def _fake(monkeypatch):
         ({"status_topic": "a/+/#"}, "status_topic: 'a/+/#' has '+'", "nothing can be published to a wildcard"),
         ({"status_topic": "$SYS/x"}, "status_topic: '$SYS/x' begins with $", "the broker's own"),
         ({"status_topic": "a\n"}, "has '\\n'", "leave it out"),
-        ({"device": "a-name-much-too-long"}, "is no network device", "ip -brief link"),
+        ({"device": "a-name-much-too-long"}, "is no name of a network device", "ip -brief link"),
         ({"depths": [18, 14]}, "[18, 14] is not the least and the most", "[14, 18]"),
         ({"depths": [14]}, "is not the least and the most", "[14, 18]"),
         ({"depths": [0, 14]}, "depths[0]: 0 is out of range", "at least 1 and at most 30"),

@@ -20,7 +20,7 @@ LISTED = {22, 5555, 5556, 5557, 5558}
 SERVERS = (53, 67, 547)  # of DNS, DHCP and DHCPv6: a firewall may let in what comes from there
 CLIENT6 = 546  # of DHCPv6, let in where users are; the network says whether its client is at work
 MODEM, RADIO = "wwan0", "usb0"
-ASKED = 20  # times by mDNS: who comes late to its group has not heard the question
+TRIES = 20  # of questions by multicast: who comes late to a group has not heard them
 ALONE = ipaddress.IPv4Address("169.254.7.7")  # of who has none by DHCP either; RFC 3927
 
 
@@ -225,11 +225,13 @@ def _multicast(neighbour: Neighbour, is_answered: bool) -> set[str]:
         return "mDNS" in found
 
     if is_answered:
-        for _ in range(ASKED):
+        for _ in range(TRIES):
             ask()
             with suppress(NotSeenError):
-                neighbour.wire.wait(is_answer, LIMIT_S / ASKED, "an answer of mDNS")
+                neighbour.wire.wait(is_answer, LIMIT_S / TRIES, "an answer of mDNS")
                 break
+        else:
+            raise NotSeenError(f"{neighbour.wire.name}: no answer of mDNS to {TRIES} questions, {LIMIT_S:.0f} s")
     else:
         ask()
         for one in neighbour.settle():

@@ -1,6 +1,7 @@
 """Lines of authorized_keys: those that sshd takes, and what else people paste."""
 
 import base64
+import random
 import subprocess
 from pathlib import Path
 
@@ -80,7 +81,6 @@ def key(kind: str, *fields: bytes) -> str:
         f"foobar {KEY}",
         f"restrict,foobar {KEY}",
         f"from=10.0.0.1 {KEY}",
-        f"restrict, {KEY}",
         f'pty="x" {KEY}',
         key("ssh-ed25519", bytes(10)),
         key("ssh-ed25519", bytes(32), b"more"),
@@ -143,6 +143,11 @@ def test_a_comment_of_another_encoding_spoils_no_key(look: Look):
     found = look({"authorized_keys": b"# m\xfcnchen\n" + other + f"\n{KEY}\n".encode()})
     assert mistakes(found) == []
     assert [key.split()[:2] for key in found.keys] == [KEY.split()[:2]] * 2
+
+
+def test_what_is_no_text_is_told_once(look: Look):
+    octets = bytes(octet for octet in random.Random(4).randbytes(4000) if octet)
+    assert len(mistakes(look({"authorized_keys": octets}))) == 1
 
 
 @pytest.mark.parametrize("place", [3, 20])

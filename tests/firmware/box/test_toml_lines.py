@@ -4,7 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as some
 
-from firmware.box.toml_lines import line_of
+from board.toml import parse
+from firmware.box.toml_lines import line_of, syntax_hint
 
 TEXT = """\
 name = "x"  # 1
@@ -49,3 +50,18 @@ def test_any_text_and_any_path_give_a_line_of_the_text_or_none(text: str, path: 
 def test_a_long_word_of_a_text_is_passed_over():
     # A pattern that takes a word apart in every way would not end within a lifetime.
     assert line_of(f'a = """\n{"x" * 100}\n{". " * 100}\n"""\nb = 1\n', "b") == 5
+
+
+@pytest.mark.parametrize(
+    "text", ["a = 1\na = 2", "[a]\n[a]", "a = {b = 1, b = 2}", "a = {b = 1}\na.c = 1", "[a.b]\n[a]\nb.c = 1"]
+)
+def test_what_stands_twice_is_told_to_stand_once(text: str):
+    with pytest.raises(ValueError, match="line") as told:
+        parse(text)
+    assert syntax_hint(str(told.value)).startswith("each key and each [table] stands once")
+
+
+def test_what_is_no_value_is_told_to_stand_in_quotes():
+    with pytest.raises(ValueError, match="Invalid value") as told:
+        parse("a = b")
+    assert syntax_hint(str(told.value)) == 'text stands in quotes: key = "value"'

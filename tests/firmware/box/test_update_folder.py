@@ -1,12 +1,11 @@
 """The folder of updates: one at a time, and how the last one ended."""
 
-import json
 from pathlib import Path
 
 import pytest
 
 from board.errors import StationError
-from firmware.box.update_folder import Folder
+from firmware.box.update_folder import Folder, LockedError
 
 
 def test_two_updates_at_once_are_told(folder: Folder, tmp_path: Path):
@@ -16,8 +15,8 @@ def test_two_updates_at_once_are_told(folder: Folder, tmp_path: Path):
         Folder(tmp_path).locked(),
     ):
         raise AssertionError("the second one has it too")
-    with Folder(tmp_path).locked():
-        assert json.loads('"both in turn"')
+    with Folder(tmp_path).locked(), pytest.raises(LockedError), folder.locked():
+        raise AssertionError("the first one has it still")
 
 
 def test_a_folder_that_is_not_there_is_told(tmp_path: Path):
