@@ -68,6 +68,10 @@ class GnssOptions:
         for name in ("corrections", "i2c"):
             if getattr(self, name) and self.kind != "ubx":
                 raise ConfigurationError(f"{name}: only for kind ubx, not {self.kind}", "leave it out")
+        scheme, is_url, _ = self.corrections.partition("://")
+        if is_url and f"{scheme}://" != TCP:
+            what = f'corrections: "{scheme}://" is not read'  # what follows may be a password
+            raise ConfigurationError(what, f"{TCP}HOST:PORT, or the path of a file; NTRIP needs a program of its own")
         if self.corrections.startswith(TCP):
             address(self.corrections.removeprefix(TCP))
 

@@ -15,6 +15,10 @@ _SHARED = 3  # ET_DYN
 MACHINES = {3: "i386", 40: "arm", 62: "x86-64", 183: "aarch64", 243: "riscv64"}  # e_machine
 BITS = {1: 32, 2: 64}  # EI_CLASS
 
+# Where one is looked for that has no path: beside captain.toml, where a box has what lay on its card, and where makers'
+# packages put them.
+FOLDERS = ("lib", "/usr/local/lib", "/usr/lib")
+
 Identity = tuple[int, ...] | None
 
 
@@ -29,10 +33,27 @@ class Architecture(NamedTuple):
         return f"{MACHINES.get(self.machine, f'machine {self.machine}')}, {BITS.get(self.class_, 0)} bit"
 
 
-def check(path: str) -> None:
-    """Raises BlockedError, with what to do: absent, not readable, no shared library, of another architecture."""
+AARCH64 = Architecture(2, 1, 183)
+
+
+def found(name: str) -> str:
+    """The path of a library that is named by its file alone: the first of FOLDERS that has it. Raises BlockedError."""
+    if "/" in name:
+        return name
+    path = next((path for folder in FOLDERS if os.path.exists(path := f"{folder}/{name}")), "")
+    if not path:
+        hint = "install it in one of them, on a box into lib/ of its card, or name its path: option library"
+        raise BlockedError(f"{name}: is in none of {', '.join(FOLDERS)}", hint)
+    return path
+
+
+def check(path: str, ours: Architecture | None = None) -> None:
+    """Raises BlockedError, with what to do: absent, not readable, no shared library, of another architecture.
+
+    ours  what it is to run on; without, that of this program.
+    """
     try:
-        ours, octets = own_architecture(), _head(path)
+        ours, octets = ours or own_architecture(), _head(path)
     except OSError as error:
         hint = "install it there, or say where it is: option library"
         raise BlockedError(f"{path}: cannot be opened: {error.strerror}", hint) from error
@@ -40,7 +61,7 @@ def check(path: str) -> None:
     if found is None:
         raise BlockedError(f"{path}: is no shared library: it begins with {octets[:4].hex(' ') or 'nothing'}")
     if found != ours:
-        raise BlockedError(f"{path}: is built for {found}; this program runs as {ours}", f"install that for {ours}")
+        raise BlockedError(f"{path}: is built for {found}; the station runs as {ours}", f"install that for {ours}")
 
 
 @cache

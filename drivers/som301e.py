@@ -48,7 +48,8 @@ VEHICLE_CAPTAIN = tuple(
 class Som301eOptions:
     """Options of an interface with driver = "som301e".
 
-    library  path of the vendor's libeu_v2xcast.so, which is not part of this program.
+    library  path of the vendor's libeu_v2xcast.so, which is not part of this program; its name alone: where libraries
+             are looked for.
     ip       of the module; the vendor's default, other images have others.
     casters  services of the module that are used, as { caster_id = 0, btp_port = 2001, mode = "both" }.
     silent_s  without one working handler, after which a module in a slot is given a power cycle.
@@ -109,7 +110,7 @@ class Som301e:
         }
 
     def start(self, host: Host) -> None:
-        library = self._options.library
+        self._library = library = shared_library.found(self._options.library)
         shared_library.check(library)
         if self._unusable is not None:
             identity, message, hint = self._unusable
@@ -163,14 +164,14 @@ class Som301e:
         elif self._is_starting:
             self._start_failed = _ending(why)
         elif not is_up:
-            self._fail(InterfaceError(f"the process for {self._options.library} {_ending(why)}"))
+            self._fail(InterfaceError(f"the process for {self._library} {_ending(why)}"))
 
     def _settings(self) -> bytes:
         """What v2xcast.Settings reads."""
         options, lanes = self._options, self._shared.lanes
         casters = [(caster.caster_id, caster.receives, caster.transmits) for caster in options.casters]
         urgent = sorted(lanes[0]) if lanes else []
-        return json.dumps({"library": options.library, "ip": options.ip, "casters": casters, "urgent": urgent}).encode()
+        return json.dumps({"library": self._library, "ip": options.ip, "casters": casters, "urgent": urgent}).encode()
 
     def _fail(self, error: InterfaceError) -> None:
         self._restarts += 1
@@ -242,7 +243,7 @@ class Som301e:
         is_library, text, hint = wire.parse_fault(message)
         if is_library:
             # No try will help before the file is another: the next start says the same at once.
-            self._unusable = shared_library.identity(self._options.library), text, hint
+            self._unusable = shared_library.identity(self._library), text, hint
         self._fail((BlockedError if is_library else InterfaceError)(text, hint))
 
     # What status shows.

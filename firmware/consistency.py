@@ -31,6 +31,7 @@ def mistakes(tables: Tables, slots: Collection[str]) -> list[str]:
         *_slots(tables, slots),
         *_clients(tables),
         *_serial_ports(tables),
+        *_usb_places(tables),
         *_listeners(tables),
         *_policy(tables),
         *_types(tables.types),
@@ -78,6 +79,13 @@ def _serial_ports(tables: Tables) -> Iterator[str]:
         key = _serial(tables.interfaces[name])
         what = f"is that of {first} already; a port has one interface"
         yield f"interfaces.{name}.{key}: {show(ports[name])} {what}"
+
+
+def _usb_places(tables: Tables) -> Iterator[str]:
+    """Each interface at a module of its own."""
+    places = _texts(tables, lambda options: "" if options.get("kind") == "static" else "usb")
+    for name, first in _second(places):
+        yield f"interfaces.{name}.usb: {show(places[name])} is that of {first} already; a module has one interface"
 
 
 def _listeners(tables: Tables) -> Iterator[str]:

@@ -11,6 +11,8 @@ from firmware.box.note import Note, mistake, remark
 
 OWN = ("captain.toml", "box.toml", "authorized_keys", "board.toml", "user-data", "network-config", "cmdline.txt")
 FOLDER = "mqtt"  # certificates, keys and passwords for brokers
+LIBRARIES = "lib"  # of modules' makers: no part of the image
+FOLDERS = (FOLDER, LIBRARIES)
 # What other systems read there, and what to do here instead.
 FOREIGN = {
     "firstrun.sh": "nothing here is ever run; Imager's settings count as user-data and network-config",
@@ -33,7 +35,8 @@ MEANT = {
 # Whoever puts such a file there expects something of it.
 EXPECTED = (".toml", ".pub", ".pem", ".crt", ".key", ".conf", ".yaml", ".yml", ".sh")
 LARGEST = 256 << 10  # octets of one file; the longest that is of use has a few thousand
-MOST = 64  # files of mqtt/
+LARGEST_LIBRARY = 16 << 20
+MOST = {FOLDER: 64, LIBRARIES: 8}  # files
 
 
 class File(NamedTuple):
@@ -56,8 +59,8 @@ def collect(folder: Path, notes: list[Note]) -> dict[str, File]:
     for name, paths in by_name.items():
         if name in FOREIGN:
             notes.append(remark(paths[0].name, "is not read here", FOREIGN[name]))
-        elif name == FOLDER and paths[0].is_dir():
-            found |= {file.name: file for file in _below(paths[0], notes)}
+        elif name in FOLDERS and paths[0].is_dir():
+            found |= {file.name: file for file in _below(paths[0], name, notes)}
         elif name in OWN and (file := _chosen(name, paths, notes)):
             found[name] = file
     for name, paths in by_name.items():
@@ -65,9 +68,9 @@ def collect(folder: Path, notes: list[Note]) -> dict[str, File]:
     return found
 
 
-def is_brokers(name: str) -> bool:
-    """Whether it is for brokers, and its octets are nobody's to change."""
-    return name.startswith(f"{FOLDER}/")
+def is_kept(name: str) -> bool:
+    """Whether its octets are nobody's to change: it is for a broker, or a library."""
+    return name.partition("/")[0] in FOLDERS and "/" in name
 
 
 def _known(name: str, path: Path) -> str:
@@ -88,40 +91,41 @@ def _chosen(name: str, paths: list[Path], notes: list[Note]) -> File | None:
     return files[0] if files else None
 
 
-def _below(folder: Path, notes: list[Note]) -> Iterator[File]:
+def _below(folder: Path, known: str, notes: list[Note]) -> Iterator[File]:
     paths = [path for path in sorted(folder.iterdir()) if not path.name.startswith((".", "~"))]
-    if len(paths) > MOST:
-        notes.append(mistake(folder.name, f"has {len(paths)} files", f"{MOST} at most"))
-    for path in paths[:MOST]:
-        name = f"{FOLDER}/{path.name}"
+    if len(paths) > MOST[known]:
+        notes.append(mistake(folder.name, f"has {len(paths)} files", f"{MOST[known]} at most"))
+    for path in paths[: MOST[known]]:
+        name = f"{known}/{path.name}"
         if path.is_dir():
-            notes.append(mistake(name, "is a folder", f"put the files into {FOLDER}/ itself"))
+            notes.append(mistake(name, "is a folder", f"put the files into {known}/ itself"))
         elif file := _read(name, name, path, notes):
             yield file
 
 
 def _read(name: str, place: str, path: Path, notes: list[Note]) -> File | None:
+    largest = LARGEST_LIBRARY if name.startswith(f"{LIBRARIES}/") else LARGEST
     try:
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
         try:
             if not stat.S_ISREG(os.fstat(descriptor).st_mode):
                 notes.append(mistake(place, "is no file", "put a text file there"))
                 return None
-            octets = os.read(descriptor, LARGEST + 1)
+            octets = os.read(descriptor, largest + 1)
         finally:
             os.close(descriptor)
     except OSError as error:
         notes.append(mistake(place, f"cannot be read: {error.strerror}", "copy it again; is the card sound?"))
         return None
-    if len(octets) > LARGEST:
-        notes.append(mistake(place, f"has more than {LARGEST} octets", "is it the right file?"))
+    if len(octets) > largest:
+        notes.append(mistake(place, f"has more than {largest} octets", "is it the right file?"))
         return None
     return File(name, place, octets)
 
 
 def _look_for_slips(name: str, path: Path, found: dict[str, File], notes: list[Note]) -> None:
     """A name that is nearly one of ours: when that one is not there, it is a slip."""
-    if name in OWN or name in FOREIGN or name == FOLDER:
+    if name in OWN or name in FOREIGN or name in FOLDERS:
         return
     near = [MEANT[name]] if name in MEANT else get_close_matches(name, OWN[:-1], 1, 0.8)
     if near and near[0] not in found:
@@ -129,4 +133,4 @@ def _look_for_slips(name: str, path: Path, found: dict[str, File], notes: list[N
     elif near:
         notes.append(remark(path.name, f"is not read: {near[0]} is"))
     elif name.endswith(EXPECTED):
-        notes.append(remark(path.name, "is not read", f"what is: {', '.join(OWN[:-1])}, {FOLDER}/"))
+        notes.append(remark(path.name, "is not read", f"what is: {', '.join(OWN[:-1])}, {FOLDER}/, {LIBRARIES}/"))

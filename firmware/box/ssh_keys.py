@@ -4,6 +4,7 @@ import base64
 import binascii
 import re
 
+from board.toml import show
 from firmware.box import ssh_options
 from firmware.box.note import Note, at, mistake
 from firmware.box.ssh_options import QUOTED, SHOWN, Trouble
@@ -29,6 +30,23 @@ SIZES: dict[str, tuple[int | None, ...]] = {
     "sk-ssh-ed25519@openssh.com": (32, None),
     "sk-ecdsa-sha2-nistp256@openssh.com": (8, 65, None),
 }
+# p and b of the curves, whose a is -3. Source: NIST SP 800-186, clause 3.2.1.
+CURVES = {
+    b"nistp256": (
+        2**256 - 2**224 + 2**192 + 2**96 - 1,
+        0x5AC635D8AA3A93E7B3EBBD55769886BC651D06B0CC53B0F63BCE3C3E27D2604B,
+    ),
+    b"nistp384": (
+        2**384 - 2**128 - 2**96 + 2**32 - 1,
+        0xB3312FA7E23EE7E4988E056BE3F82D19181D9C6EFE8141120314088F5013875AC656398D8A2ED19D2A85C8EDD3EC2AEF,
+    ),
+    b"nistp521": (
+        2**521 - 1,
+        0x51953EB9618E1C9A1F929A21A0B68540EEA2DA725B99B315F3B8B489918EF109E156193951EC7E937B1652C0BD3BB1BF073573DF883D2C34F1EF451FD46B503F00,
+    ),
+}
+# A second key in the comment of a first: what `cat key.pub >>authorized_keys` makes of a file without an end of line.
+GLUED = re.compile(r"(?:ssh-|ecdsa-|sk-)[a-z0-9@.-]+[ \t]+AAAA[A-Za-z0-9+/]{16,}=*")
 CERTIFICATE = "-cert-v01@openssh.com"
 MAKE = "a line of authorized_keys is what `ssh-keygen -t ed25519` writes into id_ed25519.pub"
 
@@ -76,9 +94,9 @@ def _options(line: str) -> str:
 
 def _trouble(line: str) -> Trouble | None:
     """What is wrong with a line, and what to do; None where sshd takes it."""
-    kind, written = _words(line)
+    kind, written, comment = _words(line)
     if kind not in (*KINDS, OLD) and (options := _options(line)):
-        kind, written = _words(line.removeprefix(options).lstrip(BLANKS))
+        kind, written, comment = _words(line.removeprefix(options).lstrip(BLANKS))
         if kind in KINDS and (trouble := ssh_options.trouble(options)) is not None:
             return trouble
     if kind == OLD:
@@ -87,30 +105,41 @@ def _trouble(line: str) -> Trouble | None:
         remedy = "put the .pub file of the key here, or a line of its authority that begins with cert-authority"
         return "is a certificate, which belongs beside your private key", remedy
     if kind not in KINDS:
-        return f'"{line[:SHOWN]}" begins no public key', f"is the line broken, or cut off? {MAKE}"
+        return f"{show(line[:SHOWN])} begins no public key", f"is the line broken, or cut off? {MAKE}"
     try:
         octets = base64.b64decode(written, validate=True)
     except (binascii.Error, ValueError):
         return f"the key {_short(written)} is not base64", "copy the whole line once more, without breaks"
     fields = _fields(octets)
-    if not _is_whole(kind, fields):
+    if not _is_whole(kind, fields) or base64.b64encode(octets).decode() != written:
         return f"the key {_short(written)} is cut off or damaged", "copy the whole line once more, without breaks"
     if kind == "ssh-rsa" and (bits := int.from_bytes(fields[2]).bit_length()) < LEAST_RSA_BITS:
         return f"an RSA key of {bits} bits is refused by sshd", "make another key: ssh-keygen -t ed25519"
+    if second := GLUED.search(comment):
+        what = f"a second key begins in its comment, {_short(second[0].split()[1])}, which sshd does not see"
+        return what, "write each key into a line of its own"
     return None
 
 
 def _words(line: str) -> list[str]:
-    """The first two."""
-    return [*re.split(f"[{BLANKS}]+", line, maxsplit=2), "", ""][:2]
+    """The first two, and what follows them."""
+    return [*re.split(f"[{BLANKS}]+", line, maxsplit=2), "", "", ""][:3]
 
 
 def _is_whole(kind: str, fields: list[bytes]) -> bool:
     if not fields or fields[0] != kind.encode() or len(fields) - 1 != len(SIZES[kind]):
         return False
-    if "ecdsa" in kind and fields[1] != re.findall("nistp[0-9]+", kind)[0].encode():
+    if "ecdsa" in kind and (fields[1] != re.findall("nistp[0-9]+", kind)[0].encode() or not _is_point(*fields[1:3])):
         return False
     return all(size in (None, len(field)) for field, size in zip(fields[1:], SIZES[kind], strict=True))
+
+
+def _is_point(curve: bytes, octets: bytes) -> bool:
+    """Whether a point is on its curve: y^2 = x^3 - 3x + b. Source: SEC 1, clause 2.3.4, uncompressed."""
+    p, b = CURVES[curve]
+    half = len(octets) // 2
+    x, y = int.from_bytes(octets[1 : half + 1]), int.from_bytes(octets[half + 1 :])
+    return octets[:1] == b"\4" and max(x, y) < p and (y * y - x * (x * x - 3) - b) % p == 0
 
 
 def _fields(octets: bytes) -> list[bytes]:

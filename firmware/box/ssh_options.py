@@ -79,6 +79,9 @@ def shut(options: str, now: float) -> str:
             ends.append((end, until[1]))
     if ends:
         return f"has expired: expiry-time is {min(ends)[1]}"
+    hosts = next((option.value or "" for option in found if option.name == "from"), "")
+    if hosts and all(host.startswith("!") for host in hosts.split(",")):
+        return f"lets nobody in: from names only who is shut out, {_cut(hosts)}"
     if any(option.name == "cert-authority" for option in found):
         return "is an authority's: only a certificate that it has signed for operator gets in"
     return ""

@@ -1,6 +1,6 @@
 """Accepted sets on the data partition: one is in force, as a whole, whenever the power goes.
 
-/data/owner/KEY/     captain.toml, board.toml, authorized_keys, mqtt/, and made/: files for / by their paths
+/data/owner/KEY/     captain.toml, board.toml, authorized_keys, mqtt/, lib/, and made/: files for / by their paths
 /data/owner/current  a link to the set in force
 /data/owner/spare    a link to a set that has ssh keys only, as long as none was ever accepted
 /data/owner/looked   of the last set that was looked at: its key, the number that the LED blinks, notes
@@ -14,7 +14,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from board.state_file import keep, settle
-from firmware.box.card import FOLDER, is_brokers
+from firmware.box.card import FOLDERS, is_kept
 from firmware.box.system_files import SystemFile
 
 STATION = "captain"  # the user that the station runs as
@@ -62,8 +62,8 @@ class Store:
         new.mkdir(mode=0o755)
         _put(new / "authorized_keys", "".join(f"{line}\n" for line in keys).encode(), 0o644)
         for path, octets in files.items():
-            _put(_above(new / path), octets, 0o600 if is_brokers(path) else 0o640)
-            _give(new / path, is_own=is_brokers(path))
+            _put(_above(new / path), octets, 0o600 if is_kept(path) else 0o640)
+            _give(new / path, is_own=is_kept(path))
         for path, one in laid.items():
             place = _above(new / "made" / path)
             if one.target:
@@ -94,7 +94,7 @@ class Store:
 def _above(path: Path) -> Path:
     """The path, once its folders are there."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    if path.parent.name == FOLDER:
+    if path.parent.name in FOLDERS:
         path.parent.chmod(0o750)
         _give(path.parent)
     return path

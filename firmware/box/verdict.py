@@ -9,12 +9,13 @@ from board import describe
 from board.errors import ConfigurationError
 from board.toml import parse, show
 from firmware.box.box_file import BoxOptions
-from firmware.box.card import File, collect, is_brokers
+from firmware.box.card import File, collect, is_kept
 from firmware.box.imager import Imager
 from firmware.box.note import Note, at, is_refused, mistake, remark
 from firmware.box.plain_text import plain
 from firmware.box.ssh_keys import named, shut, sound_keys
-from firmware.box.station import StationFiles, look_at_station
+from firmware.box.station import look_at_station
+from firmware.box.station_given import StationFiles
 from firmware.box.toml_lines import line_of, syntax_hint
 
 KEYS = "authorized_keys"
@@ -56,16 +57,17 @@ def verdict(folder: Path, scratch: Path, board: str, defaults: str | None, now: 
     notes: list[Note] = []
     found = collect(folder, notes)
     texts = {
-        name: text for name, file in found.items() if not is_brokers(name) and (text := _text(file, notes)) is not None
+        name: text for name, file in found.items() if not is_kept(name) and (text := _text(file, notes)) is not None
     }
     options, imager = _options(found, texts, notes)
     written = sound_keys(found[KEYS].place, texts[KEYS], notes) if KEYS in texts else []
     keys = [*written, *(key for key in imager.keys if key not in written)]
-    files = {name: file.octets for name, file in found.items() if is_brokers(name)}
+    files = {name: file.octets for name, file in found.items() if is_kept(name)}
     files |= {name: texts[name].encode() for name in ("captain.toml", "board.toml") if name in texts}
     places = {file.name: file.place for file in found.values()}
-    own = options.eth0.address.partition("/")[0] if options.eth0 else ""
-    look_at_station(StationFiles(files, places, scratch, board, defaults, own, now), notes)
+    own = options.eth0.address if options.eth0 else ""
+    is_wireless = options.wifi is not None
+    look_at_station(StationFiles(files, places, scratch, board, defaults, own, is_wireless, now), notes)
     whys = {key: why for key in keys if (why := shut(key, now))}
     for key, why in whys.items():
         notes.append(remark(found[KEYS if key in written else "user-data"].place, f"the key {named(key)} {why}"))

@@ -7,10 +7,11 @@ from itertools import pairwise
 
 import pytest
 
-from board.errors import InterfaceError
+from board.errors import ConfigurationError, InterfaceError
 from board.time import Carrier
 from drivers import gnss_rtcm_file, gnss_rtcm_tcp
 from drivers.gnss_corrections import corrections
+from drivers.gnss_options import GnssOptions
 from drivers.gnss_port import SerialLine
 from drivers.gnss_rtcm import SETTLED_S
 from drivers.reason import Reason
@@ -315,3 +316,11 @@ def test_a_receiver_that_fails_while_it_starts_leaves_no_corrections_behind(loop
     assert len(os.listdir("/proc/self/fd")) == before
     one.close()
     assert loop.delay() is None
+
+
+@pytest.mark.parametrize("scheme", ["ntrip", "http", "TCP"])
+def test_a_source_of_another_kind_is_a_mistake_that_shows_no_password(scheme):
+    with pytest.raises(ConfigurationError) as caught:
+        GnssOptions(port="x", corrections=f"{scheme}://me:secret@192.0.2.1:2101/m")
+    assert caught.value.message == f'corrections: "{scheme}://" is not read'
+    assert "secret" not in str(caught.value)

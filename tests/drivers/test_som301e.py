@@ -385,6 +385,20 @@ def _some_library():
     return Path(_ctypes.__file__)
 
 
+def test_a_library_without_a_path_is_found_beside_the_configuration(start, loop, host, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    driver = SimulatedRadio().driver(library="libeu_v2xcast.so")
+    with pytest.raises(
+        InterfaceError, match=r"libeu_v2xcast\.so: is in none of lib, /usr/local/lib, /usr/lib"
+    ) as caught:
+        driver.start(host)
+    assert "into lib/ of its card" in caught.value.hint
+    (tmp_path / "lib").mkdir()
+    (tmp_path / "lib/libeu_v2xcast.so").write_bytes(Path(library()).read_bytes())
+    start(library="libeu_v2xcast.so")
+    assert host.is_up
+
+
 def test_an_absent_library_is_said_with_what_to_do(host):
     driver = SimulatedRadio().driver(library="/nowhere/libeu_v2xcast.so")
     with pytest.raises(InterfaceError) as caught:

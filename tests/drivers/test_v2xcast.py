@@ -287,9 +287,9 @@ SMALL, SMALL_NAME = another(40, 3)
 @pytest.mark.parametrize(
     ("octets", "text"),
     [
-        (elf(machine=FOREIGN), f"is built for {FOREIGN_NAME}, 64 bit; this program runs as"),
-        (elf(1, machine=SMALL), f"is built for {SMALL_NAME}, 32 bit; this program runs as"),
-        (elf(2, 2, machine=21), "is built for machine 21, 64 bit; this program runs as"),
+        (elf(machine=FOREIGN), f"is built for {FOREIGN_NAME}, 64 bit; the station runs as"),
+        (elf(1, machine=SMALL), f"is built for {SMALL_NAME}, 32 bit; the station runs as"),
+        (elf(2, 2, machine=21), "is built for machine 21, 64 bit; the station runs as"),
         (b"", "is no shared library: it begins with nothing"),
         (b"!<arch>\n" + bytes(20), "is no shared library: it begins with 21 3c 61 72"),
         (elf(kind=1), "is no shared library"),

@@ -224,6 +224,13 @@ def test_two_interfaces_at_one_serial_port_are_a_mistake_by_whatever_names(
         assert len(loaded(folder, text).interfaces) == 2
 
 
+def test_two_interfaces_at_one_module_are_a_mistake(folder: Path) -> None:
+    text = '[interfaces.cell]\ndriver = "sim8202g"\nusb = "1-1.4"\n[interfaces.gnss]\ndriver = "zed_f9p"\nusb = "{}"\n'
+    said = mistake(folder, text.format("1-1.4"))
+    assert said == 'interfaces.gnss.usb: "1-1.4" is that of cell already; a module has one interface'
+    assert len(loaded(folder, text.format("1-1.3")).interfaces) == 2
+
+
 @pytest.mark.parametrize("slot", ["5", "true", "[]"])
 def test_a_slot_that_is_no_name_is_a_mistake(folder: Path, slots: str, slot: str) -> None:
     (said,) = mistakes(folder, TWO_UDP, f"interfaces.g5.slot={slot}", board=slots)

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from drivers import mqtt_profile
 from firmware.box.verdict import Verdict
 from firmware.lab.certificates import Authority
 from tests.firmware.box.conftest import KEY, Files, Look, mistakes, remarks
@@ -119,3 +120,51 @@ def test_an_empty_password_file_is_named(look: Look):
     )
     said = only(look({"captain.toml": text, "mqtt/password": "\n", "authorized_keys": KEY}))
     assert said.startswith("captain.toml:5: interfaces.c.password_file mqtt/password: its first line is no password")
+
+
+PROFILED = """\
+[interfaces.cloud]
+driver = "mqtt"
+url = "mqtt://127.0.0.1"
+profile = "mqtt/own.toml"
+"""
+
+
+def test_a_profile_of_the_card_is_read_as_the_client_will(look: Look):
+    sound = (Path(mqtt_profile.FOLDER) / "template.toml").read_bytes()
+    found = look({"captain.toml": PROFILED, "authorized_keys": KEY, "mqtt/own.toml": sound})
+    assert [note.text for note in found.notes] == []
+    found = look({"captain.toml": PROFILED, "authorized_keys": KEY, "mqtt/own.toml": b"x = 1\n"})
+    assert "captain.toml:4: interfaces.cloud.profile: mqtt/own.toml: x: is not a known key" in mistakes(found)[0]
+    assert not any(text.startswith("mqtt/own.toml: is named by no interface") for text in remarks(found))
+    said = only(look({"captain.toml": PROFILED, "authorized_keys": KEY}))
+    assert said.startswith("captain.toml:4: interfaces.cloud.profile: there is no mqtt/own.toml; put it into mqtt/")
+
+
+PIN = """\
+[interfaces.cell]
+driver = "sim8202g"
+usb = "1-1.4"
+pin_file = "mqtt/pin"
+"""
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"1234\n", ""),
+        (b"12a4", "interfaces.cell.pin_file mqtt/pin: holds no PIN; 4 to 8 digits, and nothing else"),
+        (None, "interfaces.cell.pin_file: there is no mqtt/pin; put it into mqtt/, beside captain.toml"),
+    ],
+)
+def test_a_pin_is_read_as_the_modem_will_have_it(look: Look, content: bytes | None, said: str):
+    files: Files = {"captain.toml": PIN, "authorized_keys": KEY}
+    found = look(files if content is None else files | {"mqtt/pin": content})
+    assert mistakes(found) == ([f"captain.toml:4: {said}"] if said else [])
+    assert remarks(found) == []
+
+
+def test_an_end_that_windows_does_not_show_is_told(look: Look, files: Files):
+    given = own(files)
+    given["mqtt/ca.pem.txt"] = given.pop("mqtt/ca.pem")
+    assert "there is no mqtt/ca.pem; on the card it is written mqtt/ca.pem.txt" in only(look(given))

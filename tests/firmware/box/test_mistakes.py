@@ -158,7 +158,7 @@ def test_a_file_of_which_something_is_expected_is_told_not_to_be_read(look: Look
     found = look({name: "x", "authorized_keys": KEY})
     assert found.is_accepted
     assert remarks(found) == [
-        f"{name}: is not read; what is: captain.toml, box.toml, authorized_keys, board.toml, user-data, network-config, mqtt/"
+        f"{name}: is not read; what is: captain.toml, box.toml, authorized_keys, board.toml, user-data, network-config, mqtt/, lib/"
     ]
 
 

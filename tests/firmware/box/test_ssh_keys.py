@@ -17,11 +17,16 @@ def rsa(bits: int) -> str:
     return "ssh-rsa " + base64.b64encode(b"".join(len(each).to_bytes(4) + each for each in fields)).decode()
 
 
+def made_by_ssh_keygen(folder: Path, kind: str, *more: str) -> str:
+    command = ["ssh-keygen", "-q", "-t", kind, *more, "-N", "", "-C", "me at home", "-f", str(folder / "key")]
+    subprocess.run(command, check=True)
+    return (folder / "key.pub").read_text().strip()
+
+
 @pytest.mark.parametrize("kind", ["ed25519", "ecdsa", "rsa"])
 def test_what_ssh_keygen_writes_is_taken(tmp_path: Path, kind: str):
-    subprocess.run(["ssh-keygen", "-q", "-t", kind, "-N", "", "-C", "me at home", "-f", tmp_path / "key"], check=True)
-    line = (tmp_path / "key.pub").read_text()
-    assert keys_of(line) == ([line.strip()], [])
+    line = made_by_ssh_keygen(tmp_path, kind)
+    assert keys_of(f"{line}\n") == ([line], [])
 
 
 def test_options_comments_and_empty_lines_are_sshds(tmp_path: Path):
@@ -96,9 +101,58 @@ def test_what_sshd_would_pass_over_is_named(line: str):
     assert len(told) == 1
 
 
+# G of P-256. Source: NIST SP 800-186, clause 3.2.1.3.
+BASE_POINT = bytes.fromhex(
+    "046b17d1f2e12c4247f8bce6e563a440f277037d812deb33a0f4a13945d898c296"
+    "4fe342e2fe1a7f9b8ee7eb4a7c0f9e162bce33576b315ececbb6406837bf51f5"
+)
+
+
+@pytest.mark.parametrize("size", [256, 384, 521])
+def test_a_letter_of_a_key_that_is_another_is_seen(tmp_path: Path, size: int):
+    line = made_by_ssh_keygen(tmp_path, "ecdsa", "-b", str(size))
+    assert keys_of(line) == ([line], [])
+    kind, written, *_ = line.split()
+    place = len(written) - 20
+    other = "A" if written[place] != "A" else "B"
+    keys, (said,) = keys_of(f"{kind} {written[:place]}{other}{written[place + 1 :]} me")
+    assert keys == []
+    assert "is cut off or damaged" in said
+
+
+@pytest.mark.parametrize("more", ["=", "=="])
+def test_what_base64_does_not_end_with_is_seen(more: str):
+    kind, written, *_ = KEY.split()
+    assert keys_of(f"{kind} {written}{more}")[0] == []
+
+
+def test_bits_of_base64_that_mean_nothing_are_none(tmp_path: Path):
+    line = made_by_ssh_keygen(tmp_path, "ecdsa", "-b", "256")
+    kind, written, *_ = line.split()
+    assert written.endswith("=")
+    letters = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/"
+    last = letters[letters.index(written[-2]) + 1]
+    assert keys_of(f"{kind} {written[:-2]}{last}=")[0] == []
+
+
+@pytest.mark.parametrize("second", [KEY, f"restrict {KEY}"])
+def test_two_keys_in_one_line_are_told(second: str):
+    keys, (said,) = keys_of(f"{KEY}{second}")
+    assert keys == []
+    assert said == (
+        "authorized_keys:1: a second key begins in its comment, AAAAC3Nz...SxVTpF, which sshd does not see; write each "
+        "key into a line of its own"
+    )
+
+
+def test_a_letter_that_looks_like_a_blank_is_shown():
+    _, (said,) = keys_of(KEY.replace(" ", "\xa0", 1))
+    assert said.startswith(r'authorized_keys:1: "ssh-ed25519\xa0AAAAC3NzaC1l" begins no public key')
+
+
 @pytest.mark.parametrize("kind", ["sk-ssh-ed25519@openssh.com", "sk-ecdsa-sha2-nistp256@openssh.com"])
 def test_keys_of_a_token_are_taken(kind: str):
-    fields = (bytes(32),) if "ed25519" in kind else (b"nistp256", b"\4" + bytes(64))
+    fields = (bytes(32),) if "ed25519" in kind else (b"nistp256", BASE_POINT)
     assert keys_of(key(kind, *fields, b"ssh:")) == ([key(kind, *fields, b"ssh:")], [])
 
 

@@ -97,6 +97,8 @@ NOON = 1_764_072_000.0  # 2025-11-25T12:00:00Z
         ('expiry-time="20300101",expiry-time="20200101" ', "has expired: expiry-time is 20200101"),
         ('expiry-time="20250101Z",expiry-time="20200101UTC" ', "has expired: expiry-time is 20200101"),
         ('no-pty,Expiry-Time="202511250000" ', "has expired: expiry-time is 202511250000"),
+        ('from="!10.0.0.1,!10.0.0.2" ', "lets nobody in: from names only who is shut out, !10.0.0.1,!10.0.0.2"),
+        ('from="!10.0.0.1,*" ', ""),
         ("cert-authority ", "is an authority's: only a certificate that it has signed for operator gets in"),
         ('no-pty,CERT-AUTHORITY,principals="operator" ', "is an authority's: only a certificate that it has signed for operator gets in"),
         ('command="a,cert-authority,b \\"expiry-time=\\"20010101\\"\\"" ', ""),
