@@ -103,6 +103,8 @@ def _is_proven(both: list[RootSlot]) -> None:
 
 def _had(source: str, folder: Folder, progress: Progress, slot: RootSlot) -> Path:
     if source == "-":
+        if sys.stdin is None:
+            raise StationError(f"{update_fetch.INPUT} cannot be read: it is closed", "captain update - < FILE")
         return update_fetch.from_stream(sys.stdin.buffer, folder, progress.fetched, update_slots.largest(slot))
     if update_fetch.is_url(source):
         return update_fetch.from_url(source, folder, progress.fetched, update_slots.largest(slot))

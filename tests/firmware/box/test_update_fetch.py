@@ -9,6 +9,9 @@ import pytest
 
 from board.errors import StationError, StorageError
 from firmware.box.update_folder import Folder
+from firmware.cli import main
+from tests.firmware.box.conftest import Said
+from tests.firmware.box.rauc_service import Service
 from tests.firmware.box.web_site import FILE, Site, fetch, piped
 
 
@@ -123,6 +126,12 @@ def test_a_pipe_that_cannot_be_read_is_told(folder: Folder):
 
     with pytest.raises(StationError, match="the input cannot be read: Input/output error"):
         piped(Broken(), folder)
+
+
+def test_an_input_that_is_closed_is_told(service: Service, said: Said, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("sys.stdin", None)  # captain update - <&-
+    assert main(["update", "-"]) == 1
+    assert said()[1].startswith("captain: the input cannot be read: it is closed\n  (")
 
 
 def test_a_file_that_has_no_room_is_refused_before_any_of_it_is_written(site: Site, tmp_path: Path):
