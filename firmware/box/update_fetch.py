@@ -25,7 +25,7 @@ Seen = Callable[[int, int], None]  # octets that are there; how many it will be,
 
 
 def is_url(source: str) -> bool:
-    return source.startswith(("http://", "https://"))
+    return source.lower().startswith(("http://", "https://"))
 
 
 def from_stream(stream: BinaryIO, folder: Folder, seen: Seen, most: int) -> Path:

@@ -60,7 +60,7 @@ def asked(url: str, have: int, tag: str, pace: Pace) -> Answer:
         if response.status in (301, 302, 303, 307, 308):
             response.close()
             target = _led(where, response)
-            if where.startswith("https://") and not target.startswith("https://"):
+            if _parts(where).scheme == "https" != _parts(target).scheme:
                 raise StationError(f"{where}: leads to {target}, which is not secure", "ask for that one by its name")
             where = target
         elif response.status == 416 and have:  # there is nothing behind what is there

@@ -7,6 +7,7 @@ import socket
 import ssl
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -14,7 +15,9 @@ import pytest
 from board.errors import StationError
 from firmware.box import update_server
 from firmware.box.update_folder import Folder
+from firmware.cli import main
 from tests.broker.certificates import Authority
+from tests.firmware.box.rauc_service import Service
 from tests.firmware.box.web_site import FILE, Site, fetch
 
 
@@ -22,6 +25,25 @@ def test_it_goes_where_it_is_led_but_not_in_circles(site: Site, folder: Folder):
     assert fetch(f"{site.base}/to//update", folder) == FILE
     with pytest.raises(StationError, match="leads from address to address"):
         fetch(f"{site.base}/to//to//to//to//to//to//update", folder)
+
+
+def test_the_scheme_of_an_address_has_no_case(service: Service, bundle: str, site: Site, tmp_path: Path):
+    url = site.url.replace("http://", "HtTp://")
+    assert main(["update", url]) == 0
+    assert site.does.asked == [("/update", None)]
+    assert Folder(tmp_path / "update").last()["source"] == url
+
+
+def test_a_secure_server_does_not_lead_to_one_that_is_not(
+    authority: Authority, site: Site, folder: Folder, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setenv("SSL_CERT_FILE", str(authority.certificate))
+    with secure(authority) as first:
+        url = f"{first.base}/to/{site.url}".replace("https://", "HTTPS://")
+        with pytest.raises(StationError) as told:
+            fetch(url, folder)
+    assert told.value.message == f"{url}: leads to {site.url}, which is not secure"
+    assert site.does.asked == []
 
 
 @pytest.mark.parametrize(
