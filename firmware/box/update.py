@@ -8,7 +8,15 @@ from pathlib import Path
 from typing import NamedTuple
 
 from board.errors import StationError, StorageError
-from firmware.box import update_bundle, update_counters, update_fetch, update_rauc, update_slots, update_verity
+from firmware.box import (
+    update_bundle,
+    update_counters,
+    update_fetch,
+    update_rauc,
+    update_server,
+    update_slots,
+    update_verity,
+)
 from firmware.box.update_bundle import Bundle
 from firmware.box.update_folder import Folder, LockedError
 from firmware.box.update_rauc import BusyError
@@ -44,6 +52,7 @@ def run(source: str, progress: Progress, folder: Folder | None = None, only_look
     Raises StationError where it is refused or cannot be had: nothing was written into a slot. Raises InstallError
     where it broke off behind that: the other slot is empty, and this one stays in use.
     """
+    update_server.check_names_nobody(source)
     folder = folder or Folder()
     own = update_bundle.box()
     with folder.locked():

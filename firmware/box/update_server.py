@@ -15,6 +15,7 @@ from firmware.made_up import is_clock_set
 
 WAIT_S = 30.0  # for a connection, an answer, the next octets
 MOST_REDIRECTS = 5
+ASK = "ask whoever runs the server"
 NOT_YET_VALID = 9  # X509_V_ERR_CERT_NOT_YET_VALID
 
 # What another try may mend.
@@ -23,6 +24,8 @@ BREAKS = (
 )  # fmt: skip
 SAFE = "/?%:@!$&'()*+,;=~"  # what an address has as it is; RFC 3986, clause 2
 _HOST = re.compile(r"[^\x00-\x20\x7f]+")  # others are refused by http.client
+# A name before the host; or a password with / ? or # in it, whose beginning stands where a port does.
+_SOMEBODY = re.compile(r"(?:[^/?#]*:)?//(?:[^/?#]*@|[^/?#@\[:]*:(?!\d*(?:[/?#]|$))[^@]*@)")
 _LENGTH = re.compile(r"\d{1,18}")
 _RANGE = re.compile(r"bytes (\d{1,18})-\d{1,18}/(?:(\d{1,18})|\*)$")  # RFC 9110, clause 14.4
 # What a portal, a login or a page of errors answers 200 with. text/plain is none of them: servers call so whatever ends
@@ -56,12 +59,12 @@ def asked(url: str, have: int, tag: str, pace: Pace) -> Answer:
     """
     where = url
     for _ in range(MOST_REDIRECTS):
-        response = _request(where, have, tag, pace)
+        response = _request(url, where, have, tag, pace)
         if response.status in (301, 302, 303, 307, 308):
             response.close()
-            target = _led(where, response)
-            if _parts(where).scheme == "https" != _parts(target).scheme:
-                raise StationError(f"{where}: leads to {target}, which is not secure", "ask for that one by its name")
+            target = _led(url, where, response)
+            if _parts(url, where).scheme == "https" != _parts(url, target).scheme:
+                raise StationError(f"{_named(url, target)} is not secure", "ask for that one by its name")
             where = target
         elif response.status == 416 and have:  # there is nothing behind what is there
             response.close()
@@ -71,7 +74,13 @@ def asked(url: str, have: int, tag: str, pace: Pace) -> Answer:
             _check_content(url, response)
             return _answer(url, response, have)
         response.close()
-    raise StationError(f"{url}: leads from address to address", "ask whoever runs the server")
+    raise StationError(f"{url}: leads from address to address", ASK)
+
+
+def check_names_nobody(url: str) -> None:
+    """Raises StationError for an address with a name or a password, which are told nobody."""
+    if _SOMEBODY.match(url):
+        raise StationError("a name and a password in an address are not sent", "leave them out")
 
 
 def is_exact(tag: str) -> bool:
@@ -122,8 +131,9 @@ def _answer(url: str, response: http.client.HTTPResponse, have: int) -> Answer:
     raise StationError(f"{url}: the server {said}", "correct the address")
 
 
-def _request(url: str, have: int, tag: str, pace: Pace) -> http.client.HTTPResponse:
-    parts = _parts(url)
+def _request(url: str, where: str, have: int, tag: str, pace: Pace) -> http.client.HTTPResponse:
+    parts = _parts(url, where)
+    named = _named(url, where, "where")
     headers = {"User-Agent": "captain", "Accept-Encoding": "identity", "Connection": "close"}
     if have and is_exact(tag):
         headers |= {"Range": f"bytes={have}-", "If-Range": tag}
@@ -137,69 +147,74 @@ def _request(url: str, have: int, tag: str, pace: Pace) -> http.client.HTTPRespo
         connection.close()
         raise
     except ssl.SSLCertVerificationError as error:
-        raise _distrusted(url, error) from error
+        raise _distrusted(named, error) from error
     except BREAKS as error:
         connection.close()
         raise BrokenOffError(why(error)) from error
     except ssl.SSLError as error:
         connection.close()
-        hint = "is it an address with http://?" if update_trouble.is_no_tls(error) else "ask whoever runs the server"
-        raise StationError(f"{url}: {why(error)}", hint) from error
+        hint = "is it an address with http://?" if update_trouble.is_no_tls(error) else ASK
+        raise StationError(f"{named} {why(error)}", hint) from error
     except (OSError, ValueError) as error:
         connection.close()
-        raise StationError(f"{url}: {why(error)}", "is the network there? captain doctor") from error
+        raise StationError(f"{named} {why(error)}", "is the network there? captain doctor") from error
 
 
-def _parts(url: str) -> SplitResult:
-    """Raises StationError."""
+def _named(url: str, where: str, joined: str = "which") -> str:
+    """How a sentence begins about where an address has led to."""
+    return f"{url}:" if where == url else f"{url}: leads to {where}, {joined}"
+
+
+def _parts(url: str, where: str) -> SplitResult:
+    """Of where an address has led to. Raises StationError."""
     try:
-        parts = urlsplit(url)
+        parts = urlsplit(where)
         host = parts.hostname or ""
         is_one = parts.scheme in ("http", "https") and bool(_HOST.fullmatch(host))
         host.encode("idna")  # as the system's resolver is asked for it: parts of 1 to 63 octets
     except ValueError:
         is_one = False
     if not is_one:
-        raise StationError(f"{url}: is no address of a file", "https://HOST/PATH is one")
-    return parts
-
-
-def _port(parts: SplitResult) -> int:
-    """Raises StationError."""
+        hint = "https://HOST/PATH is one" if where == url else ASK
+        raise StationError(f"{_named(url, where)} is no address of a file", hint)
     try:
         port = parts.port
     except ValueError:
         port = 0
     if port == 0:
-        raise StationError(f"{parts.geturl()}: there is no port {parts.netloc.rpartition(':')[2]}", "one of 1 to 65535")
-    return port or (http.client.HTTP_PORT if parts.scheme == "http" else http.client.HTTPS_PORT)
+        what = f"{_named(url, where, 'where')} there is no port {parts.netloc.rpartition(':')[2]}"
+        raise StationError(what, "one of 1 to 65535" if where == url else ASK)
+    return parts
 
 
-def _led(where: str, response: http.client.HTTPResponse) -> str:
+def _led(url: str, where: str, response: http.client.HTTPResponse) -> str:
     """Where a server sends on to. Raises StationError."""
     to = response.getheader("Location") or ""
     if not to:
         what = f"the server answers {response.status} {response.reason}, and not where to"
-        raise StationError(f"{where}: {what}", "ask whoever runs the server")
+        raise StationError(f"{_named(url, where, 'where')} {what}", ASK)
     try:
-        return urljoin(where, to)
-    except ValueError as error:
-        raise StationError(f"{where}: leads to {to!r}, which is no address", "ask whoever runs the server") from error
+        target = urljoin(where, to)
+    except ValueError:
+        target = to  # no address, as is told of it
+    if _SOMEBODY.match(target):
+        raise StationError(f"{url}: leads to an address with a name and a password, which are not sent", ASK)
+    return target
 
 
 def _connection(parts: SplitResult) -> http.client.HTTPConnection:
     assert parts.hostname is not None
-    port = _port(parts)
     if parts.scheme == "http":
-        return http.client.HTTPConnection(parts.hostname, port, timeout=WAIT_S)
-    return http.client.HTTPSConnection(parts.hostname, port, timeout=WAIT_S, context=ssl.create_default_context())
+        return http.client.HTTPConnection(parts.hostname, parts.port or http.client.HTTP_PORT, timeout=WAIT_S)
+    port, context = parts.port or http.client.HTTPS_PORT, ssl.create_default_context()
+    return http.client.HTTPSConnection(parts.hostname, port, timeout=WAIT_S, context=context)
 
 
-def _distrusted(url: str, error: ssl.SSLCertVerificationError) -> StationError:
+def _distrusted(named: str, error: ssl.SSLCertVerificationError) -> StationError:
     if error.verify_code == NOT_YET_VALID and not is_clock_set():
         now = time.strftime("%Y-%m-%d", time.gmtime())
         return StationError(
-            f"{url}: the server's certificate is not valid yet, for the clock of this box was not set: it says {now}",
+            f"{named} the server's certificate is not valid yet, for the clock of this box was not set: it says {now}",
             "wait for a receiver or a server to set it (captain time), or copy the bundle here by ssh",
         )
-    return StationError(f"{url}: {why(error)}", "the authorities are those of the image")
+    return StationError(f"{named} {why(error)}", "the authorities are those of the image")

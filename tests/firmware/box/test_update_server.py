@@ -17,6 +17,7 @@ from firmware.box import update_server
 from firmware.box.update_folder import Folder
 from firmware.cli import main
 from tests.broker.certificates import Authority
+from tests.firmware.box.conftest import Said
 from tests.firmware.box.rauc_service import Service
 from tests.firmware.box.web_site import FILE, Site, fetch
 
@@ -91,10 +92,65 @@ def test_the_host_is_asked_at_its_port(folder: Folder, monkeypatch: pytest.Monke
 
 
 def test_a_server_that_leads_to_no_address_is_told(site: Site, folder: Folder):
-    with pytest.raises(StationError, match=r"leads to 'http://\[::1/x', which is no address"):
-        fetch(f"{site.base}/to/http://[::1/x", folder)
-    with pytest.raises(StationError, match="http://my server/x: is no address"):
-        fetch(f"{site.base}/to/http://my server/x", folder)
+    for where in (
+        "http://[::1/x", "http://my server/x", "file:///etc/passwd", "ftp://host/x", "javascript:alert(1)", "https://",
+    ):  # fmt: skip
+        url = f"{site.base}/to/{where}"
+        with pytest.raises(StationError) as told:
+            fetch(url, folder)
+        assert told.value.message == f"{url}: leads to {where}, which is no address of a file"
+        assert told.value.hint == "ask whoever runs the server"
+
+
+def test_a_server_that_leads_to_a_port_that_there_is_not_is_told(site: Site, folder: Folder):
+    url = f"{site.base}/to/http://host:99999/x"
+    with pytest.raises(StationError) as told:
+        fetch(url, folder)
+    assert told.value.message == f"{url}: leads to http://host:99999/x, where there is no port 99999"
+    assert told.value.hint == "ask whoever runs the server"
+
+
+def test_what_fails_where_a_server_has_led_to_is_told_of_the_address_that_was_typed(
+    site: Site, folder: Folder, authority: Authority
+):
+    with secure(authority) as second:
+        url = f"{site.base}/to/{second.url}"
+        with pytest.raises(StationError) as told:
+            fetch(url, folder)
+    assert told.value.message.startswith(f"{url}: leads to {second.url}, where its certificate is signed by")
+
+
+SECRETS = [
+    "http://user:SECRET@host/x", "HTTPS://SECRET@host/x", "http://user:SECRET@[::1/x", "ftp://user:SECRET@host/x",
+    "http://user:SECRET/1@host/x", "http://user:80:SECRET/@host/x", "http://user:SECRET?1#@host/x", "http://:SECRET@host:99999/x",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("url", SECRETS)
+@pytest.mark.parametrize("words", [[], ["--look"]])
+def test_an_address_with_a_password_is_refused_and_the_password_is_nowhere(
+    service: Service, said: Said, tmp_path: Path, url: str, words: list[str]
+):
+    assert main(["update", *words, url]) == 1
+    assert said() == ("", "captain: a name and a password in an address are not sent\n  (leave them out)\n")
+    assert list((tmp_path / "update").iterdir()) == []
+
+
+@pytest.mark.parametrize("secret", [*SECRETS, "//user:SECRET@host/x"])
+def test_a_server_that_leads_to_an_address_with_a_password_is_told_without_it(
+    service: Service, said: Said, site: Site, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, secret: str
+):
+    monkeypatch.setattr(site.does, "leads", secret)
+    url = f"{site.base}/to/it"
+    assert main(["update", url]) == 1
+    message = f"{url}: leads to an address with a name and a password, which are not sent"
+    assert said() == ("", f"captain: {message}\n  (ask whoever runs the server)\n")
+    assert Folder(tmp_path / "update").last()["result"] == f"{message} (ask whoever runs the server)"
+
+
+@pytest.mark.parametrize("path", ["a@b", "a:b@c", "to//update?mail=a:b@c", "x#a:b@c"])
+def test_a_path_may_have_what_stands_between_a_password_and_a_host(site: Site, folder: Folder, path: str):
+    assert fetch(f"{site.base}/{path}", folder) == FILE
 
 
 def test_a_server_that_leads_nowhere_is_told(site: Site, folder: Folder):

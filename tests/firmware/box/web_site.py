@@ -30,6 +30,7 @@ class Server(http.server.BaseHTTPRequestHandler):
     is_chunked: bool
     asked: list[tuple[str, str | None]]
     status: int
+    leads = ""  # where to, where that is not told by the path behind /to/
     kind = ""  # Content-Type
     length = ""  # what it says in place of the length
     coding = ""  # Content-Encoding
@@ -39,7 +40,7 @@ class Server(http.server.BaseHTTPRequestHandler):
         self.asked.append((self.path, wanted))
         if self.path.startswith("/to/"):
             self.send_response(302)
-            self.send_header("Location", unquote(self.path).removeprefix("/to/"))
+            self.send_header("Location", self.leads or unquote(self.path).removeprefix("/to/"))
             self.end_headers()
             return
         if self.status != 200:
