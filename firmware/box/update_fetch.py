@@ -12,10 +12,10 @@ from firmware.box import update_server
 from firmware.box.update_folder import Folder, storing
 from firmware.box.update_pace import Pace, TooSlowError
 from firmware.box.update_server import BrokenOffError
+from firmware.box.update_trouble import ASK, Trouble, trouble
 
 CHUNK = 1 << 16
 PAUSES_S = (1.0, 2.0, 4.0, 8.0, 15.0)  # between tries that bring nothing, once something has come at all
-NOBODY = "correct the address, or is the server gone, or the network?"
 NAME_ONE = "name a bundle, captain-VERSION-arm64.raucb"
 INPUT = "the input"
 ANEW = "captain update with the same address begins anew: its server does not tell how to go on"
@@ -71,22 +71,22 @@ def from_url(
                 _fetch(url, folder, seen, most, pace)
                 return folder.finish()
             except TooSlowError as slow:
-                raise _ended(url, f"{slow}", folder) from slow
+                raise _ended(url, Trouble(f"{slow}"), folder) from slow
             except BrokenOffError as broken:
                 have = _size(folder.part)
                 tries = 0 if have > before else tries + 1
                 if have == first or tries >= len(PAUSES_S):
-                    raise _ended(url, f"{broken}", folder) from broken
+                    raise _ended(url, broken.trouble, folder) from broken
                 before = have
             sleep(PAUSES_S[tries])
 
 
-def _ended(url: str, why: str, folder: Folder) -> StationError:
+def _ended(url: str, why: Trouble, folder: Folder) -> StationError:
     """What is told of an address that is not tried any more."""
     have = _size(folder.part)
     if not have:
-        return StationError(f"{url}: {why}", NOBODY)
-    return StationError(f"{url}: {why}; {have / 1e6:.1f} MB of it had come", AGAIN if _goes_on(folder) else ANEW)
+        return StationError(f"{url}: {why.words}", why.hint)
+    return StationError(f"{url}: {why.words}; {have / 1e6:.1f} MB of it had come", AGAIN if _goes_on(folder) else ANEW)
 
 
 def _fetch(url: str, folder: Folder, seen: Seen, most: int, pace: Pace) -> None:
@@ -109,7 +109,7 @@ def _fetch(url: str, folder: Folder, seen: Seen, most: int, pace: Pace) -> None:
                 try:
                     octets = answer.response.read1(CHUNK)
                 except (OSError, http.client.HTTPException) as error:
-                    raise BrokenOffError(update_server.why(error)) from error
+                    raise BrokenOffError(trouble(error, update_server.WAIT_S)) from error
                 if not octets:
                     break
                 have += len(octets)
@@ -117,9 +117,9 @@ def _fetch(url: str, folder: Folder, seen: Seen, most: int, pace: Pace) -> None:
                 _put(file, octets, folder, is_counted=bool(answer.total))
                 seen(have, answer.total)
     if not have:
-        raise BrokenOffError("the server has ended the connection before the first octet")
+        raise BrokenOffError(Trouble("the server has ended the connection before the first octet", ASK))
     if answer.total and have < answer.total:
-        raise BrokenOffError(f"the server has ended the connection after {have} of {answer.total} octets")
+        raise BrokenOffError(Trouble(f"the server has ended the connection after {have} of {answer.total} octets"))
 
 
 @contextmanager

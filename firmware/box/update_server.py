@@ -4,19 +4,16 @@ import http.client
 import re
 import socket
 import ssl
-import time
 from typing import NamedTuple
 from urllib.parse import SplitResult, quote, urljoin, urlsplit
 
 from board.errors import StationError
-from firmware.box import update_trouble
 from firmware.box.update_pace import Pace, TooSlowError, paced
-from firmware.made_up import is_clock_set
+from firmware.box.update_trouble import ASK, Trouble, trouble
 
 WAIT_S = 30.0  # for a connection, an answer, the next octets
 MOST_REDIRECTS = 5
-ASK = "ask whoever runs the server"
-NOT_YET_VALID = 9  # X509_V_ERR_CERT_NOT_YET_VALID
+LATER = "wait some minutes and try it once more"
 
 # What another try may mend.
 BREAKS = (
@@ -32,10 +29,14 @@ _RANGE = re.compile(r"bytes (\d{1,18})-\d{1,18}/(?:(\d{1,18})|\*)$")  # RFC 9110
 # in a way that they do not know.
 _PAGES = {"text/html", "application/xhtml+xml", "application/json", "application/xml", "text/xml"}
 _STATUS = {
-    401: "wants a name and a password, which this program does not send",
-    403: "forbids it",
-    404: "has no such file",
-    410: "has no such file any more",
+    206: Trouble("sends a part of the file, and was asked for all of it", ASK),
+    401: Trouble("wants a name and a password, which this program does not send", "copy the bundle here by ssh"),
+    403: Trouble("forbids it", f"{ASK}, or copy the bundle here by ssh"),
+    404: Trouble("has no such file", "correct the address"),
+    407: Trouble("wants a name and a password, which this program does not send", "copy the bundle here by ssh"),
+    408: Trouble("has waited too long for the request", "try it once more"),
+    410: Trouble("has no such file any more", "correct the address"),
+    429: Trouble("is asked too often", LATER),
 }
 
 
@@ -47,7 +48,11 @@ class Answer(NamedTuple):
 
 
 class BrokenOffError(Exception):
-    """The connection has ended before its time."""
+    """The connection has ended before its time. trouble: with what."""
+
+    def __init__(self, trouble: Trouble) -> None:
+        super().__init__(trouble.words)
+        self.trouble = trouble
 
 
 def asked(url: str, have: int, tag: str, pace: Pace) -> Answer:
@@ -64,7 +69,7 @@ def asked(url: str, have: int, tag: str, pace: Pace) -> Answer:
             response.close()
             target = _led(url, where, response)
             if _parts(url, where).scheme == "https" != _parts(url, target).scheme:
-                raise StationError(f"{_named(url, target)} is not secure", "ask for that one by its name")
+                raise StationError(f"{url}: leads to {target}, which is not secure", "ask for that one by its name")
             where = target
         elif response.status == 416 and have:  # there is nothing behind what is there
             response.close()
@@ -92,9 +97,9 @@ def _check_kind(url: str, where: str, response: http.client.HTTPResponse) -> Non
     """Raises StationError for what is answered by people's pages, and not by a file."""
     if response.status in (200, 206) and (kind := response.headers.get_content_type()) in _PAGES:
         response.close()
-        led = f"leads to {where}, which" if where != url else "the server"
+        who = _on(url, where, ", which ") or "the server "
         raise StationError(
-            f"{url}: {led} sends a page ({kind}), and no bundle",
+            f"{url}: {who}sends a page ({kind}), and no bundle",
             "correct the address; or does the network want a login first? A browser shows the page",
         )
 
@@ -110,30 +115,29 @@ def _check_content(url: str, response: http.client.HTTPResponse) -> None:
         raise StationError(f"{url}: the server sends an empty file", "was it uploaded to its end?")
 
 
-def why(error: Exception) -> str:
-    """What a connection ended with, or why there is none."""
-    return update_trouble.why(error, WAIT_S)
-
-
 def _answer(url: str, response: http.client.HTTPResponse, have: int) -> Answer:
     tag = response.getheader("ETag") or response.getheader("Last-Modified") or ""
     length = response.getheader("Content-Length") or ""
     size = int(length) if _LENGTH.fullmatch(length) else 0
     if response.status == 200:
         return Answer(response, 0, size, tag)
-    found = _RANGE.match(response.getheader("Content-Range") or "")
-    if response.status == 206 and have and found and int(found[1]) == have:
-        return Answer(response, have, int(found[2] or (have + size if size else 0)), tag)
+    part = _RANGE.match(response.getheader("Content-Range") or "")
+    if response.status == 206 and have and part and int(part[1]) == have:
+        return Answer(response, have, int(part[2] or (have + size if size else 0)), tag)
     response.close()
+    status = f"{response.status} {response.reason}".strip()
     if response.status >= 500:
-        raise BrokenOffError(f"the server answers {response.status} {response.reason}")
-    said = _STATUS.get(response.status, f"answers {response.status} {response.reason}")
-    raise StationError(f"{url}: the server {said}", "correct the address")
+        raise BrokenOffError(Trouble(f"the server answers {status}", LATER))
+    is_done = 200 <= response.status < 300
+    other = (
+        Trouble(f"sends no file ({status})", "correct the address") if is_done else Trouble(f"answers {status}", ASK)
+    )
+    found = _STATUS.get(response.status, other)
+    raise StationError(f"{url}: the server {found.words}", found.hint)
 
 
 def _request(url: str, where: str, have: int, tag: str, pace: Pace) -> http.client.HTTPResponse:
     parts = _parts(url, where)
-    named = _named(url, where, "where")
     headers = {"User-Agent": "captain", "Accept-Encoding": "identity", "Connection": "close"}
     if have and is_exact(tag):
         headers |= {"Range": f"bytes={have}-", "If-Range": tag}
@@ -146,23 +150,18 @@ def _request(url: str, where: str, have: int, tag: str, pace: Pace) -> http.clie
     except TooSlowError:
         connection.close()
         raise
-    except ssl.SSLCertVerificationError as error:
-        raise _distrusted(named, error) from error
-    except BREAKS as error:
+    except (OSError, ValueError, http.client.HTTPException) as error:
         connection.close()
-        raise BrokenOffError(why(error)) from error
-    except ssl.SSLError as error:
-        connection.close()
-        hint = "is it an address with http://?" if update_trouble.is_no_tls(error) else ASK
-        raise StationError(f"{named} {why(error)}", hint) from error
-    except (OSError, ValueError) as error:
-        connection.close()
-        raise StationError(f"{named} {why(error)}", "is the network there? captain doctor") from error
+        found = trouble(error, WAIT_S)
+        words = f"{_on(url, where, ': ')}{found.words}"
+        if isinstance(error, BREAKS):
+            raise BrokenOffError(Trouble(words, found.hint)) from error
+        raise StationError(f"{url}: {words}", found.hint) from error
 
 
-def _named(url: str, where: str, joined: str = "which") -> str:
-    """How a sentence begins about where an address has led to."""
-    return f"{url}:" if where == url else f"{url}: leads to {where}, {joined}"
+def _on(url: str, where: str, joined: str) -> str:
+    """How a sentence begins about where an address has led to, if it has led on."""
+    return f"leads to {where}{joined}" if where != url else ""
 
 
 def _parts(url: str, where: str) -> SplitResult:
@@ -176,13 +175,13 @@ def _parts(url: str, where: str) -> SplitResult:
         is_one = False
     if not is_one:
         hint = "https://HOST/PATH is one" if where == url else ASK
-        raise StationError(f"{_named(url, where)} is no address of a file", hint)
+        raise StationError(f"{url}: {_on(url, where, ', which ')}is no address of a file", hint)
     try:
         port = parts.port
     except ValueError:
         port = 0
     if port == 0:
-        what = f"{_named(url, where, 'where')} there is no port {parts.netloc.rpartition(':')[2]}"
+        what = f"{url}: {_on(url, where, ', where ')}there is no port {parts.netloc.rpartition(':')[2]}"
         raise StationError(what, "one of 1 to 65535" if where == url else ASK)
     return parts
 
@@ -192,7 +191,7 @@ def _led(url: str, where: str, response: http.client.HTTPResponse) -> str:
     to = response.getheader("Location") or ""
     if not to:
         what = f"the server answers {response.status} {response.reason}, and not where to"
-        raise StationError(f"{_named(url, where, 'where')} {what}", ASK)
+        raise StationError(f"{url}: {_on(url, where, ': ')}{what}", ASK)
     try:
         target = urljoin(where, to)
     except ValueError:
@@ -208,13 +207,3 @@ def _connection(parts: SplitResult) -> http.client.HTTPConnection:
         return http.client.HTTPConnection(parts.hostname, parts.port or http.client.HTTP_PORT, timeout=WAIT_S)
     port, context = parts.port or http.client.HTTPS_PORT, ssl.create_default_context()
     return http.client.HTTPSConnection(parts.hostname, port, timeout=WAIT_S, context=context)
-
-
-def _distrusted(named: str, error: ssl.SSLCertVerificationError) -> StationError:
-    if error.verify_code == NOT_YET_VALID and not is_clock_set():
-        now = time.strftime("%Y-%m-%d", time.gmtime())
-        return StationError(
-            f"{named} the server's certificate is not valid yet, for the clock of this box was not set: it says {now}",
-            "wait for a receiver or a server to set it (captain time), or copy the bundle here by ssh",
-        )
-    return StationError(f"{named} {why(error)}", "the authorities are those of the image")

@@ -5,6 +5,7 @@ import itertools
 import os
 import socket
 import ssl
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,7 +14,7 @@ from typing import Any
 import pytest
 
 from board.errors import StationError
-from firmware.box import update_server
+from firmware.box import update_trouble
 from firmware.box.update_folder import Folder
 from firmware.cli import main
 from tests.broker.certificates import Authority
@@ -48,19 +49,85 @@ def test_a_secure_server_does_not_lead_to_one_that_is_not(
 
 
 @pytest.mark.parametrize(
-    ("status", "said"),
+    ("status", "said", "hint"),
     [
-        (404, "the server has no such file"),
-        (403, "the server forbids it"),
-        (401, "wants a name and a password"),
-        (418, "answers 418"),
-        (503, "the server answers 503 Service Unavailable"),
+        (404, "has no such file", "correct the address"),
+        (410, "has no such file any more", "correct the address"),
+        (403, "forbids it", "ask whoever runs the server, or copy the bundle here by ssh"),
+        (401, "wants a name and a password, which this program does not send", "copy the bundle here by ssh"),
+        (407, "wants a name and a password, which this program does not send", "copy the bundle here by ssh"),
+        (408, "has waited too long for the request", "try it once more"),
+        (429, "is asked too often", "wait some minutes and try it once more"),
+        (418, "answers 418 I'm a Teapot", "ask whoever runs the server"),
+        (304, "answers 304 Not Modified", "ask whoever runs the server"),
+        (201, "sends no file (201 Created)", "correct the address"),
+        (204, "sends no file (204 No Content)", "correct the address"),
+        (503, "answers 503 Service Unavailable", "wait some minutes and try it once more"),
     ],
 )
-def test_what_the_server_refuses_is_told(site: Site, folder: Folder, status: int, said: str):
+def test_what_the_server_refuses_is_told_with_what_to_do(site: Site, folder: Folder, status: int, said: str, hint: str):
     site.does.status = status
-    with pytest.raises(StationError, match=said):
+    with pytest.raises(StationError) as told:
         fetch(site.url, folder)
+    assert (told.value.message, told.value.hint) == (f"{site.url}: the server {said}", hint)
+    assert len(site.does.asked) == 1
+
+
+def test_a_part_that_nobody_asked_for_is_no_file(site: Site, folder: Folder, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(site.does, "always_begins", 1000)
+    with pytest.raises(StationError, match=f"^{site.url}: the server sends a part of the file, and was asked for all"):
+        fetch(site.url, folder)
+    assert list(folder.part.parent.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("answer", "said"),
+    [
+        (b"SSH-2.0-OpenSSH_9.2\r\n", "what answers there is no web server: it says 'SSH-2.0-OpenSSH_9.2'"),
+        (b"HTTP/7.0 200 OK\r\n\r\n", "what answers there is no web server"),
+        (b"HTTP/1.1 200 OK\r\n" + b"a: b\r\n" * 101 + b"\r\n", "what answers there is no web server"),
+        (b"HTTP/1.1 200 OK\r\na: " + b"b" * 70_000 + b"\r\n\r\n", "what answers there is no web server"),
+    ],
+)
+def test_what_is_no_web_server_is_told_without_a_name_of_python(folder: Folder, answer: bytes, said: str):
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+
+        def say() -> None:
+            with listener.accept()[0] as end:
+                end.recv(4096)
+                end.sendall(answer)
+
+        saying = threading.Thread(target=say)
+        saying.start()
+        url = f"http://127.0.0.1:{listener.getsockname()[1]}/x"
+        with pytest.raises(StationError) as told:
+            fetch(url, folder)
+        saying.join()
+    assert told.value.message.strip() == f"{url}: {said}"
+    assert told.value.hint == "correct the address"
+
+
+@pytest.mark.parametrize(
+    ("error", "said", "hint"),
+    [
+        (OSError(errno.EHOSTUNREACH, "No route to host"), "no route to it", "is the network there? captain doctor"),
+        (OSError(errno.ENETUNREACH, "x"), "no route to it", "is the network there? captain doctor"),
+        (OSError(), "the connection has failed", "is the network there? captain doctor"),
+        (socket.gaierror(socket.EAI_NONAME, "x"), "there is no host of this name", "correct the host in the address"),
+        (socket.gaierror(socket.EAI_AGAIN, "x"), "no name server answers", "is the network there? captain doctor"),
+        (TimeoutError("timed out"), "nothing came for 30 s", update_trouble.NOBODY),
+    ],
+)
+def test_what_fails_is_told_with_one_remedy(
+    folder: Folder, monkeypatch: pytest.MonkeyPatch, error: OSError, said: str, hint: str
+):
+    def fail(*arguments: object) -> None:
+        raise error
+
+    monkeypatch.setattr("socket.create_connection", fail)
+    with pytest.raises(StationError) as told:
+        fetch("http://host/x", folder)
+    assert (told.value.message, told.value.hint) == (f"http://host/x: {said}", hint)
 
 
 @pytest.mark.parametrize("url", ["http://[::1", "http://[::1/x", "http://", "http://my server/x", "https://a\x7fb/x"])
@@ -117,7 +184,11 @@ def test_what_fails_where_a_server_has_led_to_is_told_of_the_address_that_was_ty
         url = f"{site.base}/to/{second.url}"
         with pytest.raises(StationError) as told:
             fetch(url, folder)
-    assert told.value.message.startswith(f"{url}: leads to {second.url}, where its certificate is signed by")
+    assert told.value.message.startswith(f"{url}: leads to {second.url}: its certificate is signed by")
+    site.does.leads = "http://127.0.0.1:9/x"
+    with pytest.raises(StationError) as told:
+        fetch(url, folder)
+    assert told.value.message == f"{url}: leads to {site.does.leads}: refuses the connection; nobody listens there"
 
 
 SECRETS = [
@@ -281,19 +352,6 @@ def test_a_server_that_is_not_there_is_told_at_once(folder: Folder, url: str, sa
         fetch(url, folder)
 
 
-@pytest.mark.parametrize(
-    ("number", "said"),
-    [(socket.EAI_NONAME, "there is no host of this name"), (socket.EAI_AGAIN, "no name server answers")],
-)
-def test_a_name_that_nobody_knows_is_told(folder: Folder, monkeypatch: pytest.MonkeyPatch, number: int, said: str):
-    def unknown(*arguments: object, **named: object) -> None:
-        raise socket.gaierror(number, "as the resolver says it")
-
-    monkeypatch.setattr("socket.getaddrinfo", unknown)
-    with pytest.raises(StationError, match=said):
-        fetch("http://no.such.host.invalid/update", folder)
-
-
 @pytest.fixture(scope="module")
 def authority(tmp_path_factory: pytest.TempPathFactory) -> Authority:
     return Authority(tmp_path_factory.mktemp("authority"))
@@ -321,7 +379,7 @@ def test_a_secure_server_is_one_of_a_known_authority(
 def test_a_clock_that_was_never_set_is_named_where_a_certificate_is_not_valid_yet(monkeypatch: pytest.MonkeyPatch):
     error = ssl.SSLCertVerificationError(1, "x")
     error.verify_code, error.verify_message = 9, "certificate is not yet valid"
-    monkeypatch.setattr(update_server, "is_clock_set", lambda: False)
-    assert "the clock of this box was not set" in update_server._distrusted("https://x/y", error).message
-    monkeypatch.setattr(update_server, "is_clock_set", lambda: True)
-    assert "look at the clock" in update_server._distrusted("https://x/y", error).message
+    monkeypatch.setattr(update_trouble, "is_clock_set", lambda: False)
+    assert "the clock of this box was not set" in update_trouble.trouble(error, 30.0).words
+    monkeypatch.setattr(update_trouble, "is_clock_set", lambda: True)
+    assert "look at the clock" in update_trouble.trouble(error, 30.0).hint

@@ -30,6 +30,7 @@ class Server(http.server.BaseHTTPRequestHandler):
     is_chunked: bool
     asked: list[tuple[str, str | None]]
     status: int
+    always_begins = 0  # octet of the file, whatever is asked for; 0: as it is asked
     leads = ""  # where to, where that is not told by the path behind /to/
     kind = ""  # Content-Type
     length = ""  # what it says in place of the length
@@ -46,9 +47,9 @@ class Server(http.server.BaseHTTPRequestHandler):
         if self.status != 200:
             self.send_error(self.status)
             return
-        begin = 0
-        if wanted and self.has_ranges and self.headers.get("If-Range") == self.tag:
-            begin = int(re.findall(r"\d+", wanted)[0])
+        begin = self.always_begins
+        if begin or (wanted and self.has_ranges and self.headers.get("If-Range") == self.tag):
+            begin = begin or int(re.findall(r"\d+", str(wanted))[0])
             if begin >= len(FILE):
                 self.send_error(416)
                 return
