@@ -11,7 +11,7 @@ from board.errors import StationError, StorageError
 from firmware.box import update_server
 from firmware.box.update_folder import Folder, storing
 from firmware.box.update_pace import Pace, TooSlowError
-from firmware.box.update_server import BrokenOffError
+from firmware.box.update_server import BrokenOffError, ChangedError, Part
 from firmware.box.update_trouble import ASK, Trouble, trouble
 
 CHUNK = 1 << 16
@@ -94,12 +94,18 @@ def _fetch(url: str, folder: Folder, seen: Seen, most: int, pace: Pace) -> None:
     have, about = _size(folder.part), folder.about()
     if have and have == about.get("size"):
         return  # it broke off behind the last octet
-    answer = update_server.asked(url, have, str(about.get("tag") or ""), pace)
+    size = about.get("size")
+    part = Part(have, size if isinstance(size, int) else 0, str(about.get("tag") or ""))
+    try:
+        answer = update_server.asked(url, part, pace)
+    except ChangedError:
+        folder.clear()
+        answer = update_server.asked(url, Part(), pace)
     with answer.response:
         _check_size(most, answer.total, url, folder)
         if answer.begin != have:
             have = 0
-            folder.begin_again()  # before there is asked for room
+            folder.clear()  # before there is asked for room
         if answer.total:
             folder.need(answer.total - have)
         folder.note({"url": url, "tag": answer.tag, "size": answer.total})

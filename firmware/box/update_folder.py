@@ -86,11 +86,6 @@ class Folder:
     def note(self, about: Mapping[str, object]) -> None:
         state_file.keep(self._about, json.dumps(dict(about)).encode())
 
-    def begin_again(self) -> None:
-        """Without the part."""
-        with storing(self.part, "removed"):
-            self.part.unlink(missing_ok=True)
-
     def clear(self) -> None:
         """Of everything but the last result."""
         for path in (self.part, self.bundle, self._about):

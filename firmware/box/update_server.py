@@ -13,6 +13,7 @@ from firmware.box.update_trouble import ASK, Trouble, trouble
 
 WAIT_S = 30.0  # for a connection, an answer, the next octets
 MOST_REDIRECTS = 5
+AS_IT_IS = f"{ASK} to send it as it is"
 LATER = "wait some minutes and try it once more"
 
 # What another try may mend.
@@ -28,6 +29,8 @@ _RANGE = re.compile(r"bytes (\d{1,18})-\d{1,18}/(?:(\d{1,18})|\*)$")  # RFC 9110
 # What a portal, a login or a page of errors answers 200 with. text/plain is none of them: servers call so whatever ends
 # in a way that they do not know.
 _PAGES = {"text/html", "application/xhtml+xml", "application/json", "application/xml", "text/xml"}
+# By what a file comes as it is. http.client unpacks chunks where nothing else is named, to the letter.
+_PLAIN = {"Content-Encoding": ("", "identity"), "Transfer-Encoding": ("", "identity", "chunked")}
 _STATUS = {
     206: Trouble("sends a part of the file, and was asked for all of it", ASK),
     401: Trouble("wants a name and a password, which this program does not send", "copy the bundle here by ssh"),
@@ -38,6 +41,14 @@ _STATUS = {
     410: Trouble("has no such file any more", "correct the address"),
     429: Trouble("is asked too often", LATER),
 }
+
+
+class Part(NamedTuple):
+    """What is there already of a file: octets of how many, 0 where that is not known, and what the file was tagged."""
+
+    octets: int = 0
+    size: int = 0
+    tag: str = ""
 
 
 class Answer(NamedTuple):
@@ -55,30 +66,28 @@ class BrokenOffError(Exception):
         self.trouble = trouble
 
 
-def asked(url: str, have: int, tag: str, pace: Pace) -> Answer:
+class ChangedError(Exception):
+    """The file is another one than that of the part: all of it is to be asked for."""
+
+
+def asked(url: str, part: Part, pace: Pace) -> Answer:
     """The answer of the server that has the file, whoever had to be asked for it.
 
-    have  octets that are there already, of the file that had this tag.
-
-    Raises BrokenOffError, TooSlowError, and StationError where asking again is of no use.
+    Raises BrokenOffError, ChangedError, TooSlowError, and StationError where asking again is of no use.
     """
     where = url
     for _ in range(MOST_REDIRECTS):
-        response = _request(url, where, have, tag, pace)
+        response = _request(url, where, part, pace)
         if response.status in (301, 302, 303, 307, 308):
             response.close()
             target = _led(url, where, response)
             if _parts(url, where).scheme == "https" != _parts(url, target).scheme:
                 raise StationError(f"{url}: leads to {target}, which is not secure", "ask for that one by its name")
             where = target
-        elif response.status == 416 and have:  # there is nothing behind what is there
-            response.close()
-            have, tag = 0, ""
         else:
             _check_kind(url, where, response)
             _check_content(url, response)
-            return _answer(url, response, have)
-        response.close()
+            return _answer(url, response, part)
     raise StationError(f"{url}: leads from address to address", ASK)
 
 
@@ -94,10 +103,16 @@ def is_exact(tag: str) -> bool:
 
 
 def _check_kind(url: str, where: str, response: http.client.HTTPResponse) -> None:
-    """Raises StationError for what is answered by people's pages, and not by a file."""
-    if response.status in (200, 206) and (kind := response.headers.get_content_type()) in _PAGES:
+    """Raises StationError for what is answered by people's pages, or in parts, and not by a file."""
+    if response.status not in (200, 206):
+        return
+    kind = response.headers.get_content_type()
+    who = _on(url, where, ", which ") or "the server "
+    if kind.startswith("multipart/"):
         response.close()
-        who = _on(url, where, ", which ") or "the server "
+        raise StationError(f"{url}: {who}sends parts ({kind}), and no bundle", AS_IT_IS)
+    if kind in _PAGES:
+        response.close()
         raise StationError(
             f"{url}: {who}sends a page ({kind}), and no bundle",
             "correct the address; or does the network want a login first? A browser shows the page",
@@ -106,41 +121,58 @@ def _check_kind(url: str, where: str, response: http.client.HTTPResponse) -> Non
 
 def _check_content(url: str, response: http.client.HTTPResponse) -> None:
     """Raises StationError for what is no file as it is: nothing at all, or packed though nobody asked for it."""
-    coding = response.headers.get("Content-Encoding", "identity").strip().lower()
-    if response.status in (200, 206) and coding not in ("", "identity"):
-        response.close()
-        raise StationError(f"{url}: the server packs the file ({coding})", "ask whoever runs it to send it as it is")
+    for name, plain in _PLAIN.items():
+        coding = ", ".join(response.headers.get_all(name, [])).lower()
+        if response.status in (200, 206) and coding not in plain:
+            response.close()
+            raise StationError(f"{url}: the server packs the file ({coding})", AS_IT_IS)
     if response.status == 200 and response.length == 0:
         response.close()
         raise StationError(f"{url}: the server sends an empty file", "was it uploaded to its end?")
 
 
-def _answer(url: str, response: http.client.HTTPResponse, have: int) -> Answer:
+def _answer(url: str, response: http.client.HTTPResponse, part: Part) -> Answer:
     tag = response.getheader("ETag") or response.getheader("Last-Modified") or ""
     length = response.getheader("Content-Length") or ""
     size = int(length) if _LENGTH.fullmatch(length) else 0
     if response.status == 200:
         return Answer(response, 0, size, tag)
-    part = _RANGE.match(response.getheader("Content-Range") or "")
-    if response.status == 206 and have and part and int(part[1]) == have:
-        return Answer(response, have, int(part[2] or (have + size if size else 0)), tag)
+    if response.status == 206 and part.octets and is_exact(part.tag):
+        found = _RANGE.match(response.getheader("Content-Range") or "")
+        if found and int(found[1]) == part.octets and _is_of(part, response):
+            total = int(found[2] or (part.octets + size if size else part.size))
+            if not part.size or total == part.size:
+                return Answer(response, part.octets, total, part.tag)
     response.close()
+    if response.status in (206, 416) and part.octets:
+        raise ChangedError
+    raise _refused(url, response)
+
+
+def _refused(url: str, response: http.client.HTTPResponse) -> StationError | BrokenOffError:
+    """What is told of a status that brings no file."""
     status = f"{response.status} {response.reason}".strip()
     if response.status >= 500:
-        raise BrokenOffError(Trouble(f"the server answers {status}", LATER))
-    is_done = 200 <= response.status < 300
-    other = (
-        Trouble(f"sends no file ({status})", "correct the address") if is_done else Trouble(f"answers {status}", ASK)
-    )
-    found = _STATUS.get(response.status, other)
-    raise StationError(f"{url}: the server {found.words}", found.hint)
+        return BrokenOffError(Trouble(f"the server answers {status}", LATER))
+    found = _STATUS.get(response.status, Trouble(f"answers {status}", ASK))
+    if 200 <= response.status < 300 and response.status not in _STATUS:
+        found = Trouble(f"sends no file ({status})", "correct the address")
+    return StationError(f"{url}: the server {found.words}", found.hint)
 
 
-def _request(url: str, where: str, have: int, tag: str, pace: Pace) -> http.client.HTTPResponse:
+def _is_of(part: Part, response: http.client.HTTPResponse) -> bool:
+    """Whether a rest is of the file that the part is of. Some servers leave its tag out, or make it a weak one."""
+    tag, date = response.getheader("ETag"), response.getheader("Last-Modified")
+    if tag and date != part.tag:
+        return tag.removeprefix("W/") == part.tag
+    return not date or date == part.tag or part.tag.startswith('"')
+
+
+def _request(url: str, where: str, part: Part, pace: Pace) -> http.client.HTTPResponse:
     parts = _parts(url, where)
     headers = {"User-Agent": "captain", "Accept-Encoding": "identity", "Connection": "close"}
-    if have and is_exact(tag):
-        headers |= {"Range": f"bytes={have}-", "If-Range": tag}
+    if part.octets and is_exact(part.tag):
+        headers |= {"Range": f"bytes={part.octets}-", "If-Range": part.tag}
     connection = _connection(parts)
     connection.response_class = paced(pace)
     path = quote(f"{parts.path or '/'}{'?' + parts.query if parts.query else ''}", SAFE, errors="surrogateescape")

@@ -46,6 +46,35 @@ def test_a_file_that_has_changed_meanwhile_is_begun_with_again(site: Site, folde
     assert fetch(site.url, folder) == FILE
 
 
+@pytest.mark.parametrize(("tag", "size"), [('"0"', len(FILE)), ('"1"', 400_000)])
+def test_the_rest_of_another_file_is_never_joined_to_a_part(site: Site, folder: Folder, tag: str, size: int):
+    site.does.minds_changes = False
+    folder.part.write_bytes(b"old" * 1000)
+    folder.note({"url": site.url, "tag": tag, "size": size})
+    assert fetch(site.url, folder) == FILE
+    assert [wanted for _, wanted in site.does.asked] == ["bytes=3000-", None]
+
+
+@pytest.mark.parametrize("tag", ['W/"1"', ""])
+def test_a_rest_that_is_not_said_to_be_of_another_file_is_taken(site: Site, folder: Folder, tag: str):
+    site.does.minds_changes, site.does.tag = False, tag
+    folder.part.write_bytes(FILE[:1000])
+    folder.note({"url": site.url, "tag": '"1"', "size": len(FILE)})
+    site.does.cuts += [1000]
+    assert fetch(site.url, folder) == FILE
+    assert [wanted for _, wanted in site.does.asked] == ["bytes=1000-", "bytes=2000-"]
+
+
+@pytest.mark.parametrize("minds_changes", [False, True])
+def test_nothing_stays_of_a_file_that_has_changed(site: Site, tmp_path: Path, folder: Folder, minds_changes: bool):
+    site.does.minds_changes = minds_changes
+    folder.part.write_bytes(b"old" * 1000)
+    folder.note({"url": site.url, "tag": '"0"', "size": len(FILE)})
+    with pytest.raises(StationError, match="has room for"):
+        fetch(site.url, Folder(tmp_path, reserve=1 << 60))
+    assert list(folder.part.parent.iterdir()) == []
+
+
 def test_another_address_is_begun_with_again(site: Site, folder: Folder):
     folder.part.write_bytes(b"old" * 1000)
     folder.note({"url": "http://elsewhere/update", "tag": '"1"', "size": 400_000})

@@ -73,8 +73,14 @@ def test_what_the_server_refuses_is_told_with_what_to_do(site: Site, folder: Fol
     assert len(site.does.asked) == 1
 
 
-def test_a_part_that_nobody_asked_for_is_no_file(site: Site, folder: Folder, monkeypatch: pytest.MonkeyPatch):
+@pytest.mark.parametrize("octets", [0, 1000])
+def test_a_part_that_nobody_asked_for_is_no_file(
+    site: Site, folder: Folder, monkeypatch: pytest.MonkeyPatch, octets: int
+):
     monkeypatch.setattr(site.does, "always_begins", 1000)
+    site.does.tag = ""
+    folder.part.write_bytes(bytes(octets))
+    folder.note({"url": site.url, "tag": "", "size": 0})
     with pytest.raises(StationError, match=f"^{site.url}: the server sends a part of the file, and was asked for all"):
         fetch(site.url, folder)
     assert list(folder.part.parent.iterdir()) == []
@@ -271,6 +277,40 @@ def test_a_file_that_is_packed_on_the_way_is_refused(
         return
     with pytest.raises(StationError, match=rf"^{site.url}: the server packs the file \({coding.lower()}\)"):
         fetch(site.url, folder)
+
+
+@pytest.mark.parametrize(
+    ("coding", "is_file"),
+    [("gzip, chunked", False), ("gzip", False), ("chunked, chunked", False), ("Chunked", True), ("identity", True)],
+)
+def test_a_file_that_is_packed_for_the_way_is_refused(
+    site: Site, folder: Folder, monkeypatch: pytest.MonkeyPatch, coding: str, is_file: bool
+):
+    monkeypatch.setattr(site.does, "transfer", coding)
+    site.does.is_chunked = "chunked" in coding.lower()
+    monkeypatch.setattr(site.does, "protocol_version", "HTTP/1.1")
+    if is_file:
+        assert fetch(site.url, folder) == FILE
+        return
+    with pytest.raises(StationError) as told:
+        fetch(site.url, folder)
+    assert told.value.message == f"{site.url}: the server packs the file ({coding})"
+    assert list(folder.part.parent.iterdir()) == []
+
+
+@pytest.mark.parametrize("has_part", [False, True])
+def test_parts_in_place_of_a_file_are_refused(
+    site: Site, folder: Folder, monkeypatch: pytest.MonkeyPatch, has_part: bool
+):
+    if has_part:
+        folder.part.write_bytes(FILE[:1000])
+        folder.note({"url": site.url, "tag": '"1"', "size": len(FILE)})
+    monkeypatch.setattr(site.does, "kind", "Multipart/ByteRanges; boundary=x")
+    with pytest.raises(StationError) as told:
+        fetch(site.url, folder)
+    assert told.value.message == f"{site.url}: the server sends parts (multipart/byteranges), and no bundle"
+    assert told.value.hint == "ask whoever runs the server to send it as it is"
+    assert folder.part.exists() is has_part
 
 
 def test_a_server_without_tls_is_told_as_one(site: Site, folder: Folder):

@@ -35,6 +35,8 @@ class Server(http.server.BaseHTTPRequestHandler):
     kind = ""  # Content-Type
     length = ""  # what it says in place of the length
     coding = ""  # Content-Encoding
+    transfer = ""  # Transfer-Encoding, in place of what it is
+    minds_changes = True  # If-Range is looked at
 
     def do_GET(self) -> None:
         wanted = self.headers.get("Range")
@@ -48,7 +50,8 @@ class Server(http.server.BaseHTTPRequestHandler):
             self.send_error(self.status)
             return
         begin = self.always_begins
-        if begin or (wanted and self.has_ranges and self.headers.get("If-Range") == self.tag):
+        is_same = not self.minds_changes or self.headers.get("If-Range") == self.tag
+        if begin or (wanted and self.has_ranges and is_same):
             begin = begin or int(re.findall(r"\d+", str(wanted))[0])
             if begin >= len(FILE):
                 self.send_error(416)
@@ -57,11 +60,12 @@ class Server(http.server.BaseHTTPRequestHandler):
             self.send_header("Content-Range", f"bytes {begin}-{len(FILE) - 1}/{len(FILE)}")
         else:
             self.send_response(200)
-        if self.is_chunked:
-            self.send_header("Transfer-Encoding", "chunked")
-        elif self.has_length:
+        if transfer := self.transfer or ("chunked" if self.is_chunked else ""):
+            self.send_header("Transfer-Encoding", transfer)
+        if self.has_length and not self.is_chunked:
             self.send_header("Content-Length", self.length or str(len(FILE) - begin))
-        self.send_header("ETag", self.tag)
+        if self.tag:
+            self.send_header("ETag", self.tag)
         if self.kind:
             self.send_header("Content-Type", self.kind)
         if self.coding:
