@@ -14,7 +14,8 @@ from firmware.box.update_reason import spoken
 from firmware.box.update_verity import Tree
 
 SYSTEM = Path("/etc/rauc/system.conf")
-SIGNER = Path("/usr/lib/captain-image/signer")  # written when the image was built: whose updates it takes
+IMAGE = Path("/usr/lib/captain-image")  # where its judge is: no box is without
+SIGNER = IMAGE / "signer"  # written when the image was built: whose updates it takes
 READ_S = 120.0  # a signature is checked in a second
 FETCH = "fetch or copy it again; the card was not touched"
 
@@ -56,6 +57,12 @@ def box(system: Path = SYSTEM, signer: Path = SIGNER) -> Box:
     except (OSError, UnicodeDecodeError):
         return Box(compatible, "")
     return Box(compatible, f"a {kind} image, which takes updates that are signed by {name}")
+
+
+def demand_box(image: Path = IMAGE) -> None:
+    """Raises StationError where this machine is no box. One whose slots cannot be read is one."""
+    if not image.is_dir():
+        box()
 
 
 def read(path: Path, name: str, program: str = "rauc") -> Bundle:

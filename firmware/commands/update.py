@@ -79,6 +79,7 @@ def main(arguments: argparse.Namespace) -> int:
     if arguments.look and not arguments.source:
         raise UsageError("--look: at which bundle?", "captain update --look FILE")
     if arguments.check:
+        update_bundle.demand_box()
         print(health.check(), flush=True)
         return 0
     if arguments.status:
@@ -89,6 +90,7 @@ def main(arguments: argparse.Namespace) -> int:
         _told(f"the next start takes slot {chosen.name}, {_version(chosen)}", arguments.restart)
         return 0
     if not arguments.source:
+        update_bundle.demand_box()
         _restart()
         return 0
     return _install(arguments)

@@ -6,10 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from firmware.box import update, update_rauc
+from board.errors import StationError
+from firmware.box import update, update_bundle, update_rauc
+from firmware.box.update_bundle import Box
 from firmware.box.update_folder import Folder, LockedError
 from firmware.cli import main
-from tests.firmware.box.conftest import Said
+from firmware.user import health
+from tests.firmware.box.conftest import OVERLAY, Said
 from tests.firmware.box.rauc_service import Service
 
 
@@ -91,6 +94,50 @@ def test_what_was_installed_is_told_though_the_restart_is_refused(
     assert out.endswith("version 1.2.4 is installed; the next start takes it\n")
     assert "the box is not restarted" in err
     assert restarts == []
+
+
+@pytest.fixture
+def checks(monkeypatch: pytest.MonkeyPatch) -> Asked:
+    """Whether the station is well, asked of nobody."""
+    asked = Asked()
+
+    def check() -> str:
+        asked.append("check")
+        return "well"
+
+    monkeypatch.setattr(health, "check", check)
+    return asked
+
+
+@pytest.mark.parametrize("word", ["--restart", "--check"])
+def test_a_machine_that_is_no_box_is_told_so_before_anything_else(
+    restarts: Asked, checks: Asked, tmp_path: Path, said: Said, monkeypatch: pytest.MonkeyPatch, word: str
+):
+    monkeypatch.setattr(update_bundle.box, "__defaults__", (tmp_path / "system.conf", tmp_path / "signer"))
+    assert main(["update", word]) == 1
+    out, err = said()
+    assert out == ""
+    assert err.startswith("captain: this machine has no two slots that updates go to: ")
+    assert "elsewhere install the newer program" in err
+    assert (restarts, checks) == ([], [])
+
+
+@pytest.mark.parametrize(("word", "done"), [("--restart", (["restart"], [])), ("--check", ([], ["check"]))])
+def test_a_box_whose_slots_are_not_known_can_be_restarted_and_judged(
+    service: Service, restarts: Asked, checks: Asked, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    word: str, done: tuple[list[str], list[str]],
+):  # fmt: skip
+    def broken() -> Box:
+        raise StationError("no two slots")
+
+    monkeypatch.setattr(update_bundle, "box", broken)
+    monkeypatch.setattr(update_bundle.demand_box, "__defaults__", (tmp_path,))
+    assert main(["update", word]) == 0
+    assert (restarts, checks) == done
+
+
+def test_the_place_by_which_a_box_is_known_is_that_of_its_judge():
+    assert (OVERLAY / update_bundle.IMAGE.relative_to("/") / "judge").exists()
 
 
 def test_a_box_whose_folder_or_service_of_updates_fails_can_be_restarted(
