@@ -85,9 +85,10 @@ def asked(url: str, part: Part, pace: Pace) -> Answer:
                 raise StationError(f"{url}: leads to {target}, which is not secure", "ask for that one by its name")
             where = target
         else:
-            _check_kind(url, where, response)
-            _check_content(url, response)
-            return _answer(url, response, part)
+            who = _on(url, where, ", which ") or "the server "
+            _check_kind(url, who, response)
+            _check_content(url, who, response)
+            return _answer(url, who, response, part)
     raise StationError(f"{url}: leads from address to address", ASK)
 
 
@@ -102,12 +103,11 @@ def is_exact(tag: str) -> bool:
     return bool(tag) and not tag.startswith("W/")
 
 
-def _check_kind(url: str, where: str, response: http.client.HTTPResponse) -> None:
+def _check_kind(url: str, who: str, response: http.client.HTTPResponse) -> None:
     """Raises StationError for what is answered by people's pages, or in parts, and not by a file."""
     if response.status not in (200, 206):
         return
     kind = response.headers.get_content_type()
-    who = _on(url, where, ", which ") or "the server "
     if kind.startswith("multipart/"):
         response.close()
         raise StationError(f"{url}: {who}sends parts ({kind}), and no bundle", AS_IT_IS)
@@ -119,19 +119,19 @@ def _check_kind(url: str, where: str, response: http.client.HTTPResponse) -> Non
         )
 
 
-def _check_content(url: str, response: http.client.HTTPResponse) -> None:
+def _check_content(url: str, who: str, response: http.client.HTTPResponse) -> None:
     """Raises StationError for what is no file as it is: nothing at all, or packed though nobody asked for it."""
     for name, plain in _PLAIN.items():
         coding = ", ".join(response.headers.get_all(name, [])).lower()
         if response.status in (200, 206) and coding not in plain:
             response.close()
-            raise StationError(f"{url}: the server packs the file ({coding})", AS_IT_IS)
+            raise StationError(f"{url}: {who}packs the file ({coding})", AS_IT_IS)
     if response.status == 200 and response.length == 0:
         response.close()
-        raise StationError(f"{url}: the server sends an empty file", "was it uploaded to its end?")
+        raise StationError(f"{url}: {who}sends an empty file", "was it uploaded to its end?")
 
 
-def _answer(url: str, response: http.client.HTTPResponse, part: Part) -> Answer:
+def _answer(url: str, who: str, response: http.client.HTTPResponse, part: Part) -> Answer:
     tag = response.getheader("ETag") or response.getheader("Last-Modified") or ""
     length = response.getheader("Content-Length") or ""
     size = int(length) if _LENGTH.fullmatch(length) else 0
@@ -146,18 +146,18 @@ def _answer(url: str, response: http.client.HTTPResponse, part: Part) -> Answer:
     response.close()
     if response.status in (206, 416) and part.octets:
         raise ChangedError
-    raise _refused(url, response)
+    raise _refused(url, who, response)
 
 
-def _refused(url: str, response: http.client.HTTPResponse) -> StationError | BrokenOffError:
+def _refused(url: str, who: str, response: http.client.HTTPResponse) -> StationError | BrokenOffError:
     """What is told of a status that brings no file."""
     status = f"{response.status} {response.reason}".strip()
     if response.status >= 500:
-        return BrokenOffError(Trouble(f"the server answers {status}", LATER))
+        return BrokenOffError(Trouble(f"{who}answers {status}", LATER))
     found = _STATUS.get(response.status, Trouble(f"answers {status}", ASK))
     if 200 <= response.status < 300 and response.status not in _STATUS:
         found = Trouble(f"sends no file ({status})", "correct the address")
-    return StationError(f"{url}: the server {found.words}", found.hint)
+    return StationError(f"{url}: {who}{found.words}", found.hint)
 
 
 def _is_of(part: Part, response: http.client.HTTPResponse) -> bool:

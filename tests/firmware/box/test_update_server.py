@@ -363,12 +363,23 @@ def test_a_page_in_place_of_a_file_is_refused_by_its_address_before_any_of_it_is
     assert not folder.part.exists()
 
 
-def test_a_page_that_an_address_leads_to_is_told_with_where_it_is(
-    site: Site, folder: Folder, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("name", "value", "said"),
+    [
+        ("kind", "text/html", "sends a page"),
+        ("kind", "multipart/byteranges", "sends parts"),
+        ("coding", "gzip", "packs the file"),
+        ("length", "0", "sends an empty file"),
+        ("status", 404, "has no such file"),
+        ("status", 503, "answers 503"),
+    ],
+)
+def test_what_is_no_file_where_an_address_leads_to_is_told_with_where_it_is(
+    site: Site, folder: Folder, monkeypatch: pytest.MonkeyPatch, name: str, value: object, said: str
 ):
-    monkeypatch.setattr(site.does, "kind", "text/html")
-    url = f"{site.base}/to//portal"
-    with pytest.raises(StationError, match=f"^{url}: leads to {site.base}/portal, which sends a page"):
+    monkeypatch.setattr(site.does, name, value)
+    url = f"{site.base}/to//there"
+    with pytest.raises(StationError, match=f"^{url}: leads to {site.base}/there, which {said}"):
         fetch(url, folder)
 
 
