@@ -19,7 +19,7 @@ from typing import Annotated, Any, Literal, NamedTuple, TypeVar, Union, get_args
 from board.errors import ConfigurationError
 from board.toml import NAMES, kind_name, load, override, show
 
-__all__ = ["Check", "Range", "all_of", "load", "override", "read"]
+__all__ = ["Check", "Range", "all_of", "at_key", "load", "override", "read"]
 
 T = TypeVar("T")
 
@@ -194,6 +194,14 @@ def all_of(checks: Iterable[Callable[[], object]]) -> None:
         raise mistakes[0]
     if mistakes:
         raise ConfigurationError("\n".join(_told(error) for error in mistakes))
+
+
+def at_key(key: str, look: Callable[[Any], object], value: object) -> None:
+    """A check for all_of(): what look raises of the value, with its key."""
+    try:
+        look(value)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{key}: {error.message}", error.hint) from error
 
 
 def _told(error: ConfigurationError) -> str:

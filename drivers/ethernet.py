@@ -5,10 +5,11 @@ import socket
 import struct
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from typing import Annotated, ClassVar
 
 from board.address import check_device_name, mac_address
-from board.describe import Range
+from board.describe import Range, all_of, at_key
 from board.errors import InterfaceError, RequestError
 from board.loop import Timer
 from board.netlink import Device, DeviceWatch
@@ -50,9 +51,11 @@ class EthernetOptions:
     beacon_s: Annotated[float, Range(0.0, 3600.0)] = 3.0
 
     def __post_init__(self) -> None:
-        check_device_name(self.device)
+        """Raises ConfigurationError with a line for each mistake."""
+        checks = [partial(at_key, "device", check_device_name, self.device)]
         if self.mac:
-            mac_address(self.mac)
+            checks.append(partial(at_key, "mac", mac_address, self.mac))
+        all_of(checks)
 
 
 def _socket() -> socket.socket:

@@ -3,10 +3,11 @@
 import socket
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from typing import Annotated, ClassVar, Literal
 
 from board.address import Address, address, check_device_name, is_ipv4
-from board.describe import Range
+from board.describe import Range, all_of, at_key
 from board.errors import ConfigurationError, InterfaceError, RequestError
 from board.netlink import Device, DeviceWatch
 from drivers.contract import Can, Capabilities, Host, Sent, Shared
@@ -55,13 +56,15 @@ class UdpOptions:
     beacon_s: Annotated[float, Range(0.0, 3600.0)] = 3.0
 
     def __post_init__(self) -> None:
-        for text in (self.listen, *self.peers):
-            if text:
-                address(text)
-        if self.group:
-            group_address(self.group)
+        """Raises ConfigurationError with a line for each mistake."""
+        texts = [("listen", address, self.listen), *(("peers", address, peer) for peer in self.peers)]
+        texts += [("group", group_address, self.group)]
+        checks = [partial(at_key, *one) for one in texts if one[-1]]
         if self.device and not is_ipv4(self.device):
-            check_device_name(self.device)
+            checks.append(partial(at_key, "device", check_device_name, self.device))
+        all_of([*checks, self._check_ways])
+
+    def _check_ways(self) -> None:
         if not (self.listen or self.group or self.peers):
             raise ConfigurationError("a udp interface has neither listen nor group nor peers", "give one of them")
 

@@ -502,3 +502,12 @@ def _give_up_privileges():
 def test_options_that_cannot_be_meant_are_refused(table):
     with pytest.raises(ConfigurationError, match=r"captain\.toml"):
         read(EthernetOptions, table, "captain.toml")
+
+
+def test_each_option_that_cannot_be_meant_is_told_with_its_key():
+    with pytest.raises(ConfigurationError) as refused:
+        read(EthernetOptions, {"device": "a/b", "mac": "zz"}, "captain.toml")
+    assert refused.value.message.split("\n") == [
+        'captain.toml: device: "a/b" is no name of a network device; `ip -brief link` lists them',
+        'captain.toml: mac: "zz" is no address of one station; write for example 02:00:00:00:00:0b',
+    ]

@@ -218,6 +218,19 @@ def test_options_that_cannot_be_meant_are_refused_with_their_place(table):
         read(UdpOptions, table, "captain.toml")
 
 
+def test_each_option_that_cannot_be_meant_is_told_with_its_key():
+    table = {"listen": "localhost:1", "peers": ["x", "127.0.0.1:1", "y"], "group": "10.0.0.1:1", "device": "a/b"}
+    with pytest.raises(ConfigurationError) as refused:
+        read(UdpOptions, table, "captain.toml")
+    assert refused.value.message.split("\n") == [
+        'captain.toml: listen: "localhost:1" is no IPv4 address and port; write for example 127.0.0.1:8947',
+        'captain.toml: peers: "x" is no IPv4 address and port; write for example 127.0.0.1:8947',
+        'captain.toml: peers: "y" is no IPv4 address and port; write for example 127.0.0.1:8947',
+        'captain.toml: group: "10.0.0.1:1" is no multicast group; those are 224.0.0.0 to 239.255.255.255',
+        'captain.toml: device: "a/b" is no name of a network device; `ip -brief link` lists them',
+    ]
+
+
 @pytest.mark.parametrize(("options", "can"), [
     ({"listen": "127.0.0.1:0"}, Can.RECEIVE), ({"peers": ("127.0.0.1:1",)}, Can.TRANSMIT),
     ({"group": "239.118.122.97:8947"}, Can.RECEIVE | Can.TRANSMIT),

@@ -81,6 +81,17 @@ def test_it_is_named_with_its_place_and_what_to_do(look: Look, files: Files, sai
     assert only(look(files)) == said
 
 
+def test_each_address_of_an_interface_is_told_in_its_line(look: Look):
+    udp = '[interfaces.a]\ndriver = "udp"\nlisten = "localhost:1"\npeers = ["x"]\n'
+    ethernet = '[interfaces.b]\ndriver = "ethernet"\nmac = "zz"\ndevice = "a/b"\n'
+    assert [text.partition(" is no ")[0] for text in mistakes(look({"captain.toml": udp + ethernet}))] == [
+        'captain.toml:3: interfaces.a: listen: "localhost:1"',
+        'captain.toml:4: interfaces.a: peers: "x"',
+        'captain.toml:8: interfaces.b: device: "a/b"',
+        'captain.toml:7: interfaces.b: mac: "zz"',
+    ]
+
+
 def test_every_mistake_of_every_file_is_told_at_once(look: Look):
     found = look({
         "captain.toml": "[station]\nnmae = 'x'\n[endpoint]\npull = -1\n",
