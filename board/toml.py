@@ -18,6 +18,8 @@ _PART = r"""(?:[A-Za-z0-9_-]+|"[^"\n]*"|'[^'\n]*')"""
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 _QUOTED = r"""(?:'(?:[^'\\]|\\.)*'|"(?:[^"\\]|\\.)*")"""
 _KEY_TUPLE = re.compile(rf"\({_QUOTED},(?: {_QUOTED}(?:, {_QUOTED})*)?\)")  # as Python writes one
+# Whole and decimal: those with a point, an exponent or of another base have no limit.
+_LONG_NUMBER = re.compile(r"""(?<![\w."'])[0-9](?:_?[0-9]){4300,}+(?![.eE])""")  # sys.get_int_max_str_digits()
 _LONG_KEY = re.compile(rf"""(?<![\w"'-]){_PART}(?:[ \t]*\.[ \t]*{_PART}){{{MAX_PARTS}}}""")
 
 # A boolean is also an int and must be asked for first; so must a datetime, which is a date.
@@ -38,12 +40,18 @@ NAMES: dict[type, str] = {
 def parse(text: str) -> dict[str, Any]:
     """The tables of a text. Raises ValueError, which tells the line as tomllib does, and RecursionError."""
     if found := _LONG_KEY.search(text):
-        line = text.count("\n", 0, found.start()) + 1
-        raise ValueError(f"a key has more than {MAX_PARTS} parts (at line {line}, column 1)")
+        raise ValueError(f"a key has more than {MAX_PARTS} parts{_place(found)}")
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ValueError(_in_words(str(error), text)) from error
+    except ValueError as error:
+        raise ValueError(f"a number has too many digits{_place(_LONG_NUMBER.search(text))}") from error
+
+
+def _place(found: re.Match[str] | None) -> str:
+    """As tomllib tells it."""
+    return f" (at line {found.string.count(chr(10), 0, found.start()) + 1}, column 1)" if found else ""
 
 
 def _in_words(said: str, text: str) -> str:

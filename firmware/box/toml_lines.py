@@ -15,6 +15,8 @@ Keys = tuple[str, ...]
 def line_of(text: str, path: str) -> int | None:
     """The line, from 1, of a key such as `wifi.country` or `policy[1].match`, or of the next table above it.
 
+    Of a table without a line of its own it is that of the first key or table below it.
+
     path  as board.describe tells it.
     """
     wanted = _keys(INDEX.sub(r".\1", path))
@@ -30,7 +32,7 @@ def syntax_hint(why: str) -> str:
     """What to do about what a parser says."""
     if any(word in why for word in ("overwrite", "twice", "namespace", "Duplicate")):
         return "each key and each [table] stands once, and what is in { } or [ ] is whole there"
-    if "value" in why.lower():
+    if "value" in why.lower() or "digits" in why:
         return 'text stands in quotes: key = "value"'
     return "compare with the example in README"
 
@@ -39,6 +41,7 @@ def syntax_hint(why: str) -> str:
 def _places(text: str) -> dict[Keys, int]:
     """The first line of each key; arrays of tables have a number after their name."""
     found: dict[Keys, int] = {}
+    below: dict[Keys, int] = {}
     table: Keys = ()
     counts: dict[Keys, int] = {}
     for number, line in enumerate(text.split("\n"), 1):
@@ -53,8 +56,13 @@ def _places(text: str) -> dict[Keys, int]:
             table = name
             found.setdefault(table, number)
         elif key := KEY.match(line):
-            found.setdefault((*table, *_keys(key[1])), number)
-    return found
+            name = (*table, *_keys(key[1]))
+            found.setdefault(name, number)
+        else:
+            continue
+        for depth in range(1, len(name)):
+            below.setdefault(name[:depth], number)
+    return below | found
 
 
 def _keys(dotted: str) -> Keys:

@@ -35,6 +35,7 @@ inline = { deep = 1 }
         ("policy[0].match.type", 10), ("policy[0].match.type[1]", 10), ("policy[1].name", 12),
         ("interfaces.g5.driver", 14), ('interfaces."x.y".driver', 16), ('interfaces."x.y".inline.deep', 17),
         ("wifi.ssid", 4), ("interfaces.g5.queue", 13), ("policy[1].rate", 11), ("none", None), ("", None),
+        ("interfaces", 13), ("a", 2), ("interfaces.x", 13),
     ],
 )  # fmt: skip
 def test_a_key_stands_in_its_line_and_one_that_is_missing_in_that_of_its_table(path: str, line: int | None):
@@ -59,6 +60,16 @@ def test_what_stands_twice_is_told_to_stand_once(text: str):
     with pytest.raises(ValueError, match="line") as told:
         parse(text)
     assert syntax_hint(str(told.value)).startswith("each key and each [table] stands once")
+
+
+def test_a_table_s_own_line_counts_before_those_below_it():
+    assert line_of("[a.b]\n[a]\n", "a") == 2
+
+
+def test_a_number_of_too_many_digits_is_told_with_its_line_whatever_long_ones_are_before_it():
+    long = 5000 * "9"
+    with pytest.raises(ValueError, match=r"^a number has too many digits \(at line 6, column 1\)$"):
+        parse(f'a = 0.{long}\nb = {long}.5\nc = {long}e1\nd = 0x{long}\ne = "{long}"\nf = 9_{long}\n')
 
 
 def test_what_is_no_value_is_told_to_stand_in_quotes():
