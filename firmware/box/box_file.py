@@ -2,7 +2,6 @@
 
 import ipaddress
 import re
-from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -40,13 +39,14 @@ def check_host_name(text: str) -> None:
 
 
 def check_country(text: str) -> None:
-    if not REGION.fullmatch(text) or ((known := _countries()) and text not in known):
-        hint = 'two capital letters of ISO 3166, such as "DE"'
-        if text == "UK":
-            hint = "the United Kingdom is GB"
-        elif text.upper() != text and REGION.fullmatch(text.upper()):
-            hint = f"write {text.upper()}"
-        raise ConfigurationError(f"{show(text)} is no country", hint)
+    if _is_country(text):
+        return
+    hint = 'two capital letters of ISO 3166, such as "DE"'
+    if text.upper() == "UK":
+        hint = "the United Kingdom is GB"
+    elif _is_country(text.upper()):
+        hint = f"write {text.upper()}"
+    raise ConfigurationError(f"{show(text)} is no country", hint)
 
 
 def check_time_zone(text: str) -> None:
@@ -86,14 +86,13 @@ def check_interface_address(text: str) -> None:
     try:
         found = ipaddress.ip_interface(text)
     except ValueError as error:
-        raise ConfigurationError(f"{show(text)} is no address", 'write for example "192.168.1.20/24"') from error
-    if "/" not in text:
-        raise ConfigurationError(f"{show(text)} has no length of its network", f'write for example "{found.ip}/24"')
+        raise ConfigurationError(f"{show(text)} is no address", 'write for example "10.0.0.20/24"') from error
     _check_host(found.ip, text)
+    hint = f'write for example "{_usual(found.ip)}"'
+    if "/" not in text:
+        raise ConfigurationError(f"{show(text)} has no length of its network", hint)
     if found.network.prefixlen == 0:
-        raise ConfigurationError(
-            f"{show(text)} has the whole world as its network", f'write for example "{found.ip}/24"'
-        )
+        raise ConfigurationError(f"{show(text)} has the whole world as its network", hint)
     if found.network.num_addresses > 2 and found.ip in (found.network.network_address, found.network.broadcast_address):
         raise ConfigurationError(f"{show(text)} is the address of a whole network", "give one of it to the box")
 
@@ -102,7 +101,7 @@ def check_plain_address(text: str) -> None:
     try:
         found = ipaddress.ip_address(text)
     except ValueError as error:
-        raise ConfigurationError(f"{show(text)} is no address", 'write for example "192.168.1.1"') from error
+        raise ConfigurationError(f"{show(text)} is no address", 'write for example "10.0.0.1"') from error
     _check_host(found, text)
 
 
@@ -120,14 +119,6 @@ def check_server(text: str) -> None:
         check_plain_address(text)
     elif len(text) > 253 or not all(NAME.fullmatch(label) for label in text.removesuffix(".").split(".")):
         raise ConfigurationError(f"{show(text)} is no host", 'write for example "ptbtime1.ptb.de"')
-
-
-def _each(check: Callable[[str], None]) -> Callable[[Iterable[str]], None]:
-    def look(values: Iterable[str]) -> None:
-        for value in values:
-            check(value)
-
-    return look
 
 
 @dataclass(frozen=True)
@@ -162,7 +153,7 @@ class Ethernet:
 
     address: Annotated[str, Check(check_interface_address)]
     gateway: Annotated[str, Check(check_plain_address)] | None = None
-    dns: Annotated[tuple[str, ...], Check(_each(check_plain_address))] = ()
+    dns: tuple[Annotated[str, Check(check_plain_address)], ...] = ()
 
     def __post_init__(self) -> None:
         if self.gateway is None:
@@ -192,7 +183,7 @@ class BoxOptions:
     wifi: Wifi | None = None
     console: ConsoleOptions = ConsoleOptions()
     eth0: Ethernet | None = None
-    time_servers: Annotated[tuple[str, ...], Check(_each(check_server))] = ()
+    time_servers: tuple[Annotated[str, Check(check_server)], ...] = ()
 
 
 def _usual(address: Address) -> str:
@@ -204,10 +195,12 @@ def _is_zone(path: Path) -> bool:
     return path.is_file() and path.read_bytes()[:4] == b"TZif"
 
 
-def _countries() -> frozenset[str]:
-    """Those of this machine's list; none where it has no list."""
+def _is_country(text: str) -> bool:
+    """By this machine's list; where it has none, by the form."""
+    if not REGION.fullmatch(text):
+        return False
     try:
         lines = TABLE.read_text(encoding="utf-8").splitlines()
     except OSError:
-        return frozenset()
-    return frozenset(line.split("\t")[0] for line in lines if not line.startswith("#"))
+        return True
+    return any(line.startswith(f"{text}\t") for line in lines)

@@ -28,6 +28,11 @@ GRANTED = {
 COMMANDS = {"runcmd", "bootcmd", "write_files", "packages", "apt", "snap", "rpi"}
 JOINED = ("none", "psk", "psk-sha256", "sae")  # netplan's words
 PASSWORDS = {"passwd", "plain_text_passwd", "hashed_passwd", "password", "chpasswd", "ssh_pwauth"}
+# Keys without which a table of box.toml is none, as network-config has them.
+LACKING = {
+    "wifi.country": ("regulatory-domain: is missing", 'for example regulatory-domain: "DE"'),
+    "eth0.address": ("addresses: is missing", "for example addresses: [10.0.0.20/24]"),
+}
 
 Table = dict[str, Any]
 
@@ -169,7 +174,7 @@ class Imager:
             entries = file.entries(device)
             _each(file, entries, acts, notes)
             is_own = "address" in self.table.get("eth0", {})
-            _look_at_dhcp(file, entries, is_own, "give addresses: [192.168.1.20/24]", notes)
+            _look_at_dhcp(file, entries, is_own, "give addresses: [10.0.0.20/24]", notes)
 
     def _take_address(self, file: YamlFile, entry: Entry) -> None:
         for number, item in enumerate(file.items(entry)):

@@ -10,7 +10,7 @@ from board.errors import ConfigurationError
 from board.toml import parse, show
 from firmware.box.box_file import BoxOptions
 from firmware.box.card import File, collect, is_kept
-from firmware.box.imager import Imager
+from firmware.box.imager import LACKING, Imager
 from firmware.box.note import Note, at, is_refused, mistake, remark
 from firmware.box.plain_text import plain
 from firmware.box.ssh_keys import named, shut, sound_keys
@@ -118,11 +118,15 @@ def _options(found: Mapping[str, File], texts: Mapping[str, str], notes: list[No
     try:
         return describe.read(BoxOptions, merged, ""), imager
     except ConfigurationError as error:
-        own = dict(_leaves(table))
         for line in error.message.split("\n"):
             path, _, what = line.removeprefix(": ").partition(": ")
-            place = at(name, line_of(text, path)) if path in own else _place(path, name, text, table, imager)
-            notes.append(mistake(place, f"{path}: {what}", error.hint))
+            inner = what.partition(": ")[0]  # `eth0: gateway: "10.0.0.5" is ...`
+            key = f"{path}.{inner}" if inner.isidentifier() else path
+            place = _imagers_place(key, table, imager)
+            if place and key in LACKING and what.startswith("is missing"):
+                notes.append(mistake(place, *LACKING[key]))
+            else:
+                notes.append(mistake(place or at(name, line_of(text, key)), f"{path}: {what}"))
     return BoxOptions(), imager
 
 
@@ -136,7 +140,7 @@ def _table(name: str, text: str, notes: list[Note]) -> dict[str, Any]:
             mistake(at(name, int(line) if line.isdecimal() else None), f"is not TOML: {why}", syntax_hint(why))
         )
     except RecursionError:
-        notes.append(mistake(name, "is nested too deep"))
+        notes.append(mistake(name, "is nested too deep", "is it the right file?"))
     return {}
 
 
@@ -174,8 +178,11 @@ def _merged(under: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]
     return merged
 
 
-def _place(path: str, name: str, text: str, table: Mapping[str, Any], imager: Imager) -> str:
-    """File and line that a key that is not in box.toml comes from, or of the table that lacks it."""
-    above = path.partition(".")[0]
-    places = [place for key, place in imager.places.items() if key == path or key.startswith(f"{above}.")]
-    return imager.places.get(path) or (places[0] if above not in table and places else at(name, line_of(text, path)))
+def _imagers_place(path: str, table: Mapping[str, Any], imager: Imager) -> str:
+    """File and line of Imager's that a key comes from, or that its table comes from; empty where box.toml has them."""
+    key = path.partition("[")[0]
+    if key in imager.places:
+        return "" if key in dict(_leaves(table)) else imager.places[key]
+    above = key.partition(".")[0]
+    places = (place for other, place in imager.places.items() if other.startswith(f"{above}."))
+    return "" if above in table else next(places, "")

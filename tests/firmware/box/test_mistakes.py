@@ -38,6 +38,7 @@ def test_a_card_without_files_is_taken_and_says_that_nobody_can_log_in(look: Loo
     [
         # captain.toml
         ({"captain.toml": "[statoin]\nname = 'x'\n"}, "captain.toml:1: statoin: is not a known key; did you mean station?"),
+        ({"captain.toml": '\n[interface.x]\ndriver = "udp"\n'}, "captain.toml:2: interface: is not a known key; did you mean interfaces?"),
         ({"captain.toml": "[endpoint]\nfrom_users = 66000\n"}, "captain.toml:2: endpoint.from_users: 66000 is out of range; give at least 0 and at most 65535"),
         ({"captain.toml": "[station]\nname = rsu\n"}, "captain.toml:2: is not TOML: Invalid value; text stands in quotes: key = \"value\""),
         ({"captain.toml": '[interfaces.g5]\nqueue = 0\ndriver = "udp"\nlisten = "127.0.0.1:0"\n'}, "captain.toml:2: interfaces.g5: queue: 0 is out of range; give at least 1 and at most 65536"),
@@ -47,17 +48,24 @@ def test_a_card_without_files_is_taken_and_says_that_nobody_can_log_in(look: Loo
         ({"box.toml": 'host_name = "rsu_7"\n'}, 'box.toml:1: host_name: "rsu_7" is no host name: letters, digits, and - between them; write rsu-7'),
         ({"box.toml": 'host_name = "rsu-7.local"\n'}, 'box.toml:1: host_name: "rsu-7.local" is no host name: letters, digits, and - between them; write rsu-7'),
         ({"box.toml": '\n[wifi]\ncountry = "UK"\nssid = "x"\n'}, 'box.toml:3: wifi.country: "UK" is no country; the United Kingdom is GB'),
+        ({"box.toml": '[wifi]\ncountry = "uk"\nssid = "x"\n'}, 'box.toml:2: wifi.country: "uk" is no country; the United Kingdom is GB'),
+        ({"box.toml": '[wifi]\ncountry = "xx"\nssid = "x"\n'}, 'box.toml:2: wifi.country: "xx" is no country; two capital letters of ISO 3166, such as "DE"'),
         ({"box.toml": '[wifi]\ncountry = "de"\nssid = "x"\n'}, 'box.toml:2: wifi.country: "de" is no country; write DE'),
         ({"box.toml": '[wifi]\nssid = "x"\n'}, "box.toml:1: wifi.country: is missing; give text in quotes"),
         ({"box.toml": WIFI + "password = 12345678\n"}, 'box.toml:4: wifi.password: is no text; write it in quotes: password = "..."'),
         ({"box.toml": WIFI + 'password = "secret"\n'}, "box.toml:4: wifi.password: has 6 characters; WPA wants 8 to 63; of an open network leave the password out"),
         ({"box.toml": WIFI + 'password = "geheim-é-geheim"\n'}, "box.toml:4: wifi.password: character 8 is none that WPA takes; only letters, digits and signs of ASCII"),
-        ({"box.toml": WIFI + f'password = "12345678"\npsk = "{64 * "a"}"\n'}, "box.toml:1: wifi: psk: is given beside password; leave one out"),
+        ({"box.toml": WIFI + f'password = "12345678"\npsk = "{64 * "a"}"\n'}, "box.toml:5: wifi: psk: is given beside password; leave one out"),
         ({"box.toml": "[console]\nshell = 0\n"}, "box.toml:2: console.shell: 0 is an integer; give true or false"),
         ({"box.toml": 'time_zone = "Berlin"\n'}, 'box.toml:1: time_zone: "Berlin" is no time zone; write for example "Europe/Berlin", or leave it out for UTC'),
         ({"box.toml": '[eth0]\naddress = "192.168.1.20"\n'}, 'box.toml:2: eth0.address: "192.168.1.20" has no length of its network; write for example "192.168.1.20/24"'),
         ({"box.toml": '[eth0]\naddress = "192.168.1.0/24"\n'}, 'box.toml:2: eth0.address: "192.168.1.0/24" is the address of a whole network; give one of it to the box'),
-        ({"box.toml": '[eth0]\naddress = "10.0.0.2/24"\ngateway = "10.0.1.1"\n'}, 'box.toml:1: eth0: gateway: "10.0.1.1" is not in the network 10.0.0.0/24 of the box; correct one'),
+        ({"box.toml": '[eth0]\naddress = "10.0.0.2/24"\ngateway = "10.0.1.1"\n'}, 'box.toml:3: eth0: gateway: "10.0.1.1" is not in the network 10.0.0.0/24 of the box; correct one'),
+        ({"box.toml": '[eth0]\naddress = "2001:db8::7"\n'}, 'box.toml:2: eth0.address: "2001:db8::7" has no length of its network; write for example "2001:db8::7/64"'),
+        ({"box.toml": '[eth0]\naddress = "mine"\n'}, 'box.toml:2: eth0.address: "mine" is no address; write for example "10.0.0.20/24"'),
+        ({"box.toml": f"\nname = {5000 * '9'}\n"}, 'box.toml:2: is not TOML: a number has too many digits; text stands in quotes: key = "value"'),
+        ({"captain.toml": f"\nname = {5000 * '9'}\n"}, 'captain.toml:2: is not TOML: a number has too many digits; text stands in quotes: key = "value"'),
+        ({"box.toml": f"name = {2000 * '['}"}, "box.toml: is nested too deep; is it the right file?"),
         ({"box.toml": "hostname = 'x'\n"}, "box.toml:1: hostname: is not a known key; did you mean host_name?"),
         ({"box.toml": 'host_name = "a\n'}, "box.toml:1: is not TOML: Illegal character '\\n'; compare with the example in README"),
         # board.toml
@@ -89,6 +97,17 @@ def test_each_address_of_an_interface_is_told_in_its_line(look: Look):
         'captain.toml:4: interfaces.a: peers: "x"',
         'captain.toml:8: interfaces.b: device: "a/b"',
         'captain.toml:7: interfaces.b: mac: "zz"',
+    ]
+
+
+def test_each_of_several_addresses_is_told(look: Look):
+    box = 'time_servers = ["a b", "ntp", "c d"]\n[eth0]\naddress = "10.0.0.5/24"\ngateway = "10.0.0.5"\ndns = ["a", "b"]\n'
+    assert mistakes(look({"box.toml": box})) == [
+        'box.toml:5: eth0.dns[0]: "a" is no address; write for example "10.0.0.1"',
+        'box.toml:5: eth0.dns[1]: "b" is no address; write for example "10.0.0.1"',
+        'box.toml:4: eth0: gateway: "10.0.0.5" is no other host of the network 10.0.0.0/24; correct it',
+        'box.toml:1: time_servers[0]: "a b" is no host; write for example "ptbtime1.ptb.de"',
+        'box.toml:1: time_servers[2]: "c d" is no host; write for example "ptbtime1.ptb.de"',
     ]
 
 
