@@ -10,7 +10,7 @@ from typing import Any
 
 from firmware.box.note import Note, at, mistake, remark
 from firmware.box.ssh_keys import sound_keys
-from firmware.box.yaml_file import Entry, YamlFile
+from firmware.box.yaml_file import FALSE, Entry, YamlFile
 
 REGION = re.compile(r"\bcfg80211\.ieee80211_regdom=(\S+)")
 # What the box does anyway, and what only describes the file.
@@ -142,7 +142,7 @@ class Imager:
         }
         acts: dict[str, Callable[[Entry], None]] = {
             "password": auth["password"],
-            "hidden": lambda each: self._put("wifi.hidden", each.is_true, at(file.name, each.line)),
+            "hidden": lambda each: self._take_hidden(file, each),
             "auth": lambda each: _each(file, file.entries(each), auth, notes),
         }
         networks = file.entries(entry)
@@ -152,6 +152,10 @@ class Imager:
         for network in networks[:1]:
             self._put("wifi.ssid", network.key, at(file.name, network.line))
             _each(file, file.entries(network), acts, notes)
+
+    def _take_hidden(self, file: YamlFile, entry: Entry) -> None:
+        if (is_hidden := file.flag(entry)) is not None:
+            self._put("wifi.hidden", is_hidden, at(file.name, entry.line))
 
     def _take_password(self, file: YamlFile, entry: Entry, notes: list[Note]) -> None:
         """Only an empty one, as Imager writes it, means an open network."""
@@ -204,7 +208,7 @@ class Imager:
 def _look_at_dhcp(file: YamlFile, entries: list[Entry], is_own: bool, remedy: str, notes: list[Note]) -> None:
     """A box asks by DHCP where it has no address of its own, and only there."""
     entry = next((each for each in entries if each.key == "dhcp4"), None)
-    if entry is None or entry.is_true != is_own:
+    if entry is None or file.flag(entry) is not is_own:
         return
     if is_own:
         what, remedy = "dhcp4: true is not taken: with an address of its own the box asks nobody", "leave one out"
@@ -226,7 +230,7 @@ def _each(file: YamlFile, entries: list[Entry], acts: dict[str, Callable[[Entry]
         if entry.key in acts:
             acts[entry.key](entry)
         elif entry.key in PASSWORDS:
-            if entry.key != "ssh_pwauth" or entry.is_true:
+            if entry.key != "ssh_pwauth" or entry.text.lower() not in FALSE:
                 what = f"{entry.key} is refused: no password exists on this box"
                 notes.append(remark(at(file.name, entry.line), what, "ssh takes keys only: give an ssh key"))
         elif entry.key in COMMANDS:

@@ -2,9 +2,16 @@
 
 from typing import Any, NamedTuple
 
+from board.toml import show
 from firmware.box.note import Note, at, mistake, remark
 
-TRUE = ("true", "yes", "on")
+# Source: netplan, src/parse.c, handle_generic_bool().
+TRUE, FALSE = ("true", "on", "yes", "y"), ("false", "off", "no", "n")
+KINDS = {"scalar": "text", "sequence": "a list", "mapping": "keys with values"}
+DEEP, ALIAS = "is nested too deep", "has an alias, which is not taken"
+# What is YAML and still refused. A hundred aliases of a hundred aliases are a million entries.
+REFUSED = {DEEP: "is it the right file?", ALIAS: "write in its place what it stands for"}
+MOST_LEFT = 10  # keys that are not taken and named
 
 
 class Entry(NamedTuple):
@@ -28,10 +35,6 @@ class Entry(NamedTuple):
         """A key without a value; "" is one."""
         return bool(self.node.tag.endswith(":null"))
 
-    @property
-    def is_true(self) -> bool:
-        return self.text.lower() in TRUE
-
 
 class YamlFile:
     """One document; its mistakes are noted, and what is asked for where something else stands is noted too."""
@@ -48,10 +51,14 @@ class YamlFile:
         if node is None or (entry and entry.is_text and not entry.text):
             return []
         if node.id != "mapping":
-            self._wrong(entry, "keys with values")
+            place, name = (at(self.name, entry.line), entry.key) if entry else (self.name, "this")
+            self._wrong(place, name, KINDS[node.id], "keys with values", "write key: value, each in a line of its own")
             return []
         found: dict[str, Entry] = {}
         for key, value in node.value:
+            if key.id != "scalar":
+                self._wrong(at(self.name, key.start_mark.line + 1), "a key", KINDS[key.id], "text", "write key: value")
+                continue
             one = Entry(str(key.value), key.start_mark.line + 1, value)
             if one.key in found:
                 what = f"{one.key} stands there a second time, first in line {found[one.key].line}"
@@ -62,7 +69,9 @@ class YamlFile:
     def items(self, entry: Entry) -> list[Entry]:
         if entry.node.id != "sequence":
             if entry.text or not entry.is_text:
-                self._wrong(entry, "a list, each line with a - before it")
+                kind = show(entry.text) if entry.is_text else KINDS[entry.node.id]
+                remedy = "write each in a line of its own, with a - before it"
+                self._wrong(at(self.name, entry.line), entry.key, kind, "a list", remedy)
             return []
         return [
             Entry(f"{entry.key}[{number}]", node.start_mark.line + 1, node)
@@ -71,9 +80,19 @@ class YamlFile:
 
     def text(self, entry: Entry) -> str | None:
         if not entry.is_text:
-            self._wrong(entry, "text")
+            kind = KINDS[entry.node.id]
+            self._wrong(at(self.name, entry.line), entry.key, kind, "text", "write one value there")
             return None
         return entry.text
+
+    def flag(self, entry: Entry) -> bool | None:
+        """Whether it is true; None of what is neither true nor false."""
+        text = self.text(entry)
+        if text is not None and text.lower() not in TRUE + FALSE:
+            what = f"{entry.key} is {show(text)}, which is neither true nor false"
+            self._notes.append(mistake(at(self.name, entry.line), what, "write one of them"))
+            return None
+        return None if text is None else text.lower() in TRUE
 
     def leave(self, entry: Entry) -> None:
         """Not taken: tell_left() names it."""
@@ -81,11 +100,11 @@ class YamlFile:
 
     def tell_left(self) -> None:
         if self._left:
-            self._notes.append(remark(self.name, f"not taken: {', '.join(self._left)}"))
+            more = [f"and {count} more"] if (count := len(self._left) - MOST_LEFT) > 0 else []
+            self._notes.append(remark(self.name, f"not taken: {', '.join(self._left[:MOST_LEFT] + more)}"))
 
-    def _wrong(self, entry: Entry | None, wanted: str) -> None:
-        place, what = (at(self.name, entry.line), f"{entry.key} is") if entry else (self.name, "this is")
-        self._notes.append(mistake(place, f"{what} not {wanted}"))
+    def _wrong(self, place: str, name: str, kind: str, wanted: str, remedy: str) -> None:
+        self._notes.append(mistake(place, f"{name} is {kind}, not {wanted}", remedy))
 
 
 def _composed(name: str, text: str, notes: list[Note]) -> Any:
@@ -93,6 +112,17 @@ def _composed(name: str, text: str, notes: list[Note]) -> Any:
     import yaml
 
     class Loader(yaml.SafeLoader):  # type: ignore[misc]
+        def get_single_node(self) -> Any:
+            try:
+                return super().get_single_node()
+            except RecursionError as error:
+                raise yaml.MarkedYAMLError(problem=DEEP, problem_mark=self.get_mark()) from error
+
+        def compose_node(self, parent: Any, index: Any) -> Any:
+            if self.check_event(yaml.AliasEvent):
+                raise yaml.MarkedYAMLError(problem=ALIAS, problem_mark=self.peek_event().start_mark)
+            return super().compose_node(parent, index)
+
         def compose_scalar_node(self, anchor: Any) -> Any:
             """With each letter whole: JSON escapes one beyond U+FFFF as two halves, RFC 8259, clause 7."""
             node = super().compose_scalar_node(anchor)
@@ -107,11 +137,12 @@ def _composed(name: str, text: str, notes: list[Note]) -> Any:
         return yaml.compose(text, Loader=Loader)
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
-        what = f"is not YAML: {error.problem or error.context}"
-        remedy = "indent by blanks: YAML takes no tab" if "'\\t'" in what else "compare with the lines around it"
+        what = str(error.problem or error.context)
+        remedy = REFUSED.get(what)
+        if remedy is None:
+            what = f"is not YAML: {what}"
+            remedy = "indent by blanks: YAML takes no tab" if "'\\t'" in what else "compare with the lines around it"
         notes.append(mistake(at(name, mark.line + 1 if mark else None), what, remedy))
     except (yaml.YAMLError, ValueError) as error:  # a character that YAML does not have, a number beyond all of them
         notes.append(mistake(name, f"is not YAML: {str(error).splitlines()[0]}", "save it as plain text"))
-    except RecursionError:
-        notes.append(mistake(name, "is nested too deep", "is it the right file?"))
     return None

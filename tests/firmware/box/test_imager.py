@@ -114,21 +114,29 @@ def test_a_letter_that_json_writes_as_two_halves_is_one(look: Look):
     [
         ("user-data", "hostname:\n\t- x\n", "user-data:2: is not YAML: found character '\\t' that cannot start any token; indent by blanks: YAML takes no tab"),
         ("user-data", "hostname: a: b\n", "user-data:1: is not YAML: mapping values are not allowed here"),
-        ("user-data", "hostname: [a]\n", "user-data:1: hostname is not text"),
+        ("user-data", "hostname: [a]\n", "user-data:1: hostname is a list, not text; write one value there"),
         ("user-data", "hostname: a\nhostname: b\n", "user-data:2: hostname stands there a second time, first in line 1"),
-        ("user-data", "users: pi\n", "user-data:1: users is not a list, each line with a - before it"),
-        ("user-data", "- x\n", "user-data: this is not keys with values"),
+        ("user-data", "users: pi\n", 'user-data:1: users is "pi", not a list; write each in a line of its own, with a - before it'),
+        ("user-data", "users: {name: pi}\n", "user-data:1: users is keys with values, not a list; write each in a line of its own, with a - before it"),
+        ("user-data", "ssh_authorized_keys: [[a]]\n", "user-data:1: ssh_authorized_keys[0] is a list, not text; write one value there"),
+        ("user-data", "? [a, b]\n: c\n", "user-data:1: a key is a list, not text; write key: value"),
+        ("user-data", "users: &a []\nx: *a\n", "user-data:2: has an alias, which is not taken; write in its place what it stands for"),
+        ("user-data", "- x\n", "user-data: this is a list, not keys with values; write key: value, each in a line of its own"),
+        ("user-data", "hello\n", "user-data: this is text, not keys with values; write key: value, each in a line of its own"),
         ("user-data", "hostname: raspberry_pi\n", 'user-data:1: host_name: "raspberry_pi" is no host name'),
         ("user-data", "ssh_authorized_keys:\n  - ssh-ed25519 AAAA\n", "user-data:2: the key "),
         ("user-data", 'timezone: UTC\nhostname: "cap\\ud83d"\n', "user-data:2: is not YAML: found half of a letter without its other half"),
         ("user-data", '"\\ude00\\ud83d": x\n', "user-data:1: is not YAML: found half of a letter without its other half"),
         ("user-data", 'hostname: "\\U00110000"\n', "user-data: is not YAML: "),
         ("user-data", f"%YAML {'9' * 5000}.1\n---\nhostname: x\n", "user-data: is not YAML: "),
-        ("user-data", "hostname: " + "[" * 2000, "user-data: is nested too deep"),
+        ("user-data", "\nhostname: " + "[" * 2000, "user-data:2: is nested too deep; is it the right file?"),
         ("network-config", "version: 1\nconfig: []\n", "network-config:1: version 1 is not read; write it as netplan has it: version: 2"),
         ("network-config", NETWORK.replace('"DE"', '"Germany"'), 'network-config:6: wifi.country: "Germany" is no country'),
         ("network-config", NETWORK.replace(PSK, "short"), "network-config:10: wifi.password: has 5 characters"),
-        ("network-config", NETWORK.replace(f'"{PSK}"', "[x]"), "network-config:10: password is not text"),
+        ("network-config", NETWORK.replace(f'"{PSK}"', "[x]"), "network-config:10: password is a list, not text; write one value there"),
+        ("network-config", NETWORK.replace(": true", ": ja", 1), 'network-config:5: dhcp4 is "ja", which is neither true nor false; write one of them'),
+        ("network-config", NETWORK.replace("hidden: true", "hidden: ja"), 'network-config:9: hidden is "ja", which is neither true nor false; write one of them'),
+        ("network-config", NETWORK.replace("hidden: true", "hidden: [yes]"), "network-config:9: hidden is a list, not text; write one value there"),
         ("network-config", NETWORK.replace(f'"{PSK}"', ""), "network-config:10: password: is missing"),
         ("network-config", NETWORK.replace(f'password: "{PSK}"', "auth: {key-management: eap}"), "network-config:10: key-management: \"eap\" is not what this box can join with"),
     ],
@@ -137,6 +145,30 @@ def test_a_mistake_in_it_is_named(look: Look, name: str, text: str, said: str):
     found = look({name: text})
     assert len(mistakes(found)) == 1
     assert mistakes(found)[0].startswith(said)
+
+
+@pytest.mark.parametrize("word", ["true", "Yes", "on", "y", "false", "No", "OFF", "n"])
+def test_true_and_false_are_said_in_every_word_that_netplan_takes(look: Look, word: str):
+    found = look({"network-config": NETWORK.replace("hidden: true", f"hidden: {word}"), "authorized_keys": KEY})
+    assert found.is_accepted
+    assert found.options.wifi is not None
+    assert found.options.wifi.hidden is (word.lower() in ("true", "yes", "on", "y"))
+
+
+def test_a_password_in_the_wrong_place_is_not_told(look: Look):
+    for text in ("{auth: geheim77}", "geheim77", "{password: [geheim77]}"):
+        network = f"version: 2\nwifis:\n  wlan0:\n    regulatory-domain: DE\n    access-points:\n      depot: {text}\n"
+        found = look({"network-config": network})
+        assert mistakes(found)
+        assert not any("geheim77" in note.text for note in found.notes)
+
+
+def test_of_thousands_of_keys_that_are_not_taken_the_first_are_named(look: Look):
+    found = look({"user-data": "".join(f"k{number}: 1\n" for number in range(1, 2000)), "authorized_keys": KEY})
+    assert remarks(found) == [
+        "user-data: not taken: k1 (line 1), k2 (line 2), k3 (line 3), k4 (line 4), k5 (line 5), k6 (line 6), k7 (line 7), "
+        "k8 (line 8), k9 (line 9), k10 (line 10), and 1989 more"
+    ]
 
 
 def test_a_script_is_not_run(look: Look):
