@@ -34,8 +34,10 @@ MEANT = {
 }  # fmt: skip
 # Whoever puts such a file there expects something of it.
 EXPECTED = (".toml", ".pub", ".pem", ".crt", ".key", ".conf", ".yaml", ".yml", ".sh")
-LARGEST = 256 << 10  # octets of one file; the longest that is of use has a few thousand
-LARGEST_LIBRARY = 16 << 20
+# Octets of a file: one that a person writes, for YAML of more takes seconds; of mqtt/, for one with all authorities of a
+# system has some 220,000; of lib/.
+LARGEST = 64 << 10
+LARGEST_IN = {FOLDER: 256 << 10, LIBRARIES: 16 << 20}
 MOST = {FOLDER: 64, LIBRARIES: 8}  # files
 
 
@@ -94,7 +96,8 @@ def _chosen(name: str, paths: list[Path], notes: list[Note]) -> File | None:
 def _below(folder: Path, known: str, notes: list[Note]) -> Iterator[File]:
     paths = [path for path in sorted(folder.iterdir()) if not path.name.startswith((".", "~"))]
     if len(paths) > MOST[known]:
-        notes.append(mistake(folder.name, f"has {len(paths)} files", f"{MOST[known]} at most"))
+        what = f"has {len(paths)} files, and {MOST[known]} at most are read"
+        notes.append(mistake(folder.name, what, "remove those that captain.toml does not name"))
     for path in paths[: MOST[known]]:
         name = f"{known}/{path.name}"
         if path.is_dir():
@@ -104,21 +107,21 @@ def _below(folder: Path, known: str, notes: list[Note]) -> Iterator[File]:
 
 
 def _read(name: str, place: str, path: Path, notes: list[Note]) -> File | None:
-    largest = LARGEST_LIBRARY if name.startswith(f"{LIBRARIES}/") else LARGEST
+    most = LARGEST_IN.get(name.partition("/")[0], LARGEST)
     try:
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
         try:
             if not stat.S_ISREG(os.fstat(descriptor).st_mode):
                 notes.append(mistake(place, "is no file", "put a text file there"))
                 return None
-            octets = os.read(descriptor, largest + 1)
+            octets = os.read(descriptor, most + 1)
         finally:
             os.close(descriptor)
     except OSError as error:
         notes.append(mistake(place, f"cannot be read: {error.strerror}", "copy it again; is the card sound?"))
         return None
-    if len(octets) > largest:
-        notes.append(mistake(place, f"has more than {largest} octets", "is it the right file?"))
+    if len(octets) > most:
+        notes.append(mistake(place, f"has more than {most} octets", "is it the right file?"))
         return None
     return File(name, place, octets)
 

@@ -27,7 +27,7 @@ def apply(found: Verdict, store: Store, key: str) -> list[str]:
 def content(found: Verdict) -> str:
     """The files of a set, and how many keys it has."""
     names = [name for name in found.names if name != "cmdline.txt"]
-    keys = f"{len(found.keys)} ssh key{'s' if len(found.keys) != 1 else ''}"
+    keys = f"{found.key_count} ssh key{'s' if found.key_count != 1 else ''}"
     return f"{', '.join(names) or 'no files'}; {keys}"
 
 
@@ -38,7 +38,7 @@ def _verdict(found: Verdict, has_current: bool) -> str:
     told = f"the owner's files are NOT taken, for {count} mistake{'s' if count != 1 else ''}"
     if has_current:
         return f"{told}; those of before stay in force, their ssh keys too"
-    return f"{told}; the box runs as it was made, with the sound ssh keys of them: {len(found.keys)}"
+    return f"{told}; the box runs as it was made, with the sound ssh keys of them: {found.key_count}"
 
 
 def _sorted(found: Verdict) -> list[Note]:

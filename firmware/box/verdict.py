@@ -40,6 +40,11 @@ class Verdict(NamedTuple):
     files: dict[str, bytes]
 
     @property
+    def key_count(self) -> int:
+        """Of different keys, whatever is written beside them."""
+        return len({named(key) for key in self.keys})
+
+    @property
     def is_accepted(self) -> bool:
         return not is_refused(self.notes)
 

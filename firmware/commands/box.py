@@ -5,7 +5,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from board.errors import InterfaceError, UsageError
+from board.errors import ConfigurationError, InterfaceError, UsageError
+from firmware import board_file
 from firmware.box import owner
 from firmware.box.store import Store
 from firmware.box.verdict import verdict
@@ -54,13 +55,23 @@ def main(arguments: argparse.Namespace) -> int:
 
 
 def _check(arguments: argparse.Namespace) -> int:
+    board = _board(arguments.board)
     with tempfile.TemporaryDirectory(prefix="captain-box-") as scratch:
-        found = verdict(arguments.folder, Path(scratch), arguments.board, None, time.time())
+        found = verdict(arguments.folder, Path(scratch), board, None, time.time())
     for note in found.notes:
         print(clean(f"{'WRONG' if note.is_mistake else 'note':6} {note.text}"))
     said = "the box will take it" if found.is_accepted else "the box will NOT take it"
     print(clean(f"{said}: {owner.content(found)}"))
     return 0 if found.is_accepted else 1
+
+
+def _board(board: str) -> str:
+    """The whole path of a sound one: it is read from another folder than the command is given in."""
+    try:
+        board_file.load(board)
+    except ConfigurationError as error:
+        raise UsageError(f"--board: {error.message}", error.hint) from error
+    return str(board_file.path_of(board).absolute())
 
 
 def _apply(arguments: argparse.Namespace) -> int:

@@ -48,6 +48,27 @@ def test_an_empty_name_is_no_folder(capsys: Said):
     assert "is no name of a folder" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("board", ["nope", "mine.toml"])
+def test_a_board_that_is_none_is_told_once(tmp_path: Path, capsys: Said, board: str):
+    assert cli.main(["box", "check", str(write(tmp_path, GOOD)), "--board", board]) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.startswith("captain: ")
+    assert said.err.count(board) == 1
+
+
+def test_a_board_is_looked_for_where_the_command_is_given(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    write(tmp_path, {"mine.toml": 'name = "mine"\n'})
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["box", "check", str(write(tmp_path / "card", GOOD)), "--board", "mine.toml"]) == 0
+
+
+def test_a_key_that_stands_twice_is_one(tmp_path: Path, capsys: Said):
+    card = write(tmp_path, {"authorized_keys": f"{KEY}\n{KEY}\nno-pty {KEY} again\n"})
+    assert cli.main(["box", "check", str(card)]) == 0
+    assert capsys.readouterr().out.endswith("authorized_keys; 1 ssh key\n")
+
+
 def test_apply_is_for_the_box_itself(tmp_path: Path, capsys: Said):
     assert cli.main(["box", "apply", str(tmp_path)]) == 2
     assert "`captain box check DIR`" in capsys.readouterr().err

@@ -77,7 +77,9 @@ def test_a_card_without_files_is_taken_and_says_that_nobody_can_log_in(look: Loo
         ({"captain.toml": CAPTAIN, "captain.toml.txt": "[station]\n"}, "captain.toml: is there beside captain.toml.txt, which says something else; remove the one that is not meant"),
         ({"captain.toml/x": ""}, "captain.toml: is no file; put a text file there"),
         ({"mqtt/new/ca.pem": ""}, "mqtt/new: is a folder; put the files into mqtt/ itself"),
-        ({"box.toml": BOX + "#" * 300_000}, "box.toml: has more than 262144 octets; is it the right file?"),
+        ({"box.toml": BOX + "#" * 65_536}, "box.toml: has more than 65536 octets; is it the right file?"),
+        ({"mqtt/ca.pem": "#" * 262_145}, "mqtt/ca.pem: has more than 262144 octets; is it the right file?"),
+        ({f"mqtt/{number}.pem": "" for number in range(65)}, "mqtt: has 65 files, and 64 at most are read; remove those that captain.toml does not name"),
         # what editors do
         ({"box.toml": "# Büro\n".encode("latin-1") + BOX.encode()}, "box.toml:1: octet 0xfc is not UTF-8; save it as UTF-8"),
         ({"captain.toml": b"{\\rtf1\\ansi\n}"}, "captain.toml: is rich text (RTF); in TextEdit choose Format, Make Plain Text, and save again"),
@@ -175,6 +177,10 @@ def test_programs_and_files_of_other_systems_are_named_and_not_read(look: Look):
     assert found.is_accepted
     assert [text.split(": ")[0] for text in remarks(found)] == ["firstrun.sh", "ssh", "wpa_supplicant.conf"]
     assert "nothing here is ever run" in remarks(found)[0]
+
+
+def test_a_file_for_brokers_may_be_longer_than_one_that_a_person_writes(look: Look):
+    assert look({"mqtt/ca.pem": "#" * 262_144, "box.toml": "#" * 65_536}).is_accepted
 
 
 def test_a_copy_beside_the_file_is_only_told(look: Look):
