@@ -34,8 +34,8 @@ MEANT = {
 }  # fmt: skip
 # Whoever puts such a file there expects something of it.
 EXPECTED = (".toml", ".pub", ".pem", ".crt", ".key", ".conf", ".yaml", ".yml", ".sh")
-# Octets of a file: one that a person writes, for YAML of more takes seconds; of mqtt/, for one with all authorities of a
-# system has some 220,000; of lib/.
+# Octets of a file: one that a person writes, for YAML of more takes seconds; of mqtt/, for one with all authorities of
+# a system has some 220,000; of lib/.
 LARGEST = 64 << 10
 LARGEST_IN = {FOLDER: 256 << 10, LIBRARIES: 16 << 20}
 MOST = {FOLDER: 64, LIBRARIES: 8}  # files

@@ -22,8 +22,9 @@ BLOCKS = {
 }
 # Where a desktop mounts the card, and the box's name, which this machine's network does not tell: QEMU forwards ports.
 MOUNTED, NAME = "/media/$USER/BOOT", "captain-7.local"
-# The page's address is the one that QEMU's DHCP gives: another, to which this machine forwards, is there by box.toml alone.
-LEASED, ADDRESS = "10.0.2.15", "10.0.2.77"
+# The page's addresses in QEMU's network. By DHCP it would be another: this one is there by box.toml alone.
+ADDRESS, GATEWAY = "10.0.2.77", "10.0.2.2"
+THERE = {"10.0.0.20": ADDRESS, "10.0.0.1": GATEWAY}
 STATIC = partial(virt, address=ADDRESS)
 # By the kernel's word: an address with an end to its time.
 LEASES = "ip -4 -o address show dev eth0 dynamic | wc -l"
@@ -49,7 +50,9 @@ def rows(card: Path, folder: Path, key: Key) -> Iterator[Row]:
         shutil.copy(folder / name, home / ".ssh" / name)  # with its mode: ssh takes no key that others may read
     # With all of it, that is left out too.
     box = re.sub(r"(?m)^# (?=\w+ = |\[)", "", BLOCKS["toml"][0])
-    (desk / "box.toml").write_text(box.replace(LEASED, ADDRESS))
+    for page, there in THERE.items():
+        box = box.replace(f'"{page}', f'"{there}')
+    (desk / "box.toml").write_text(box)
     (desk / "captain.toml").write_text(f'[station]\nname = "captain-7"\n{RECORDER}')
     prepare, connect = BLOCKS["sh"]
     done = _run(prepare.replace(MOUNTED, str(mounted)), desk, home)
@@ -80,7 +83,7 @@ def _as_written(guest: Guest, key: Key) -> Iterator[Row]:
         ("time zone", "readlink /etc/localtime", "/usr/share/zoneinfo/Europe/Berlin"),
         ("address of eth0", "ip -4 -o address show dev eth0 scope global | awk '{print $4}'", f"{ADDRESS}/24"),
         ("leases of eth0", LEASES, "0"),
-        ("way out", "ip route show default | cut -d ' ' -f 3,6-7", "10.0.2.2 proto static"),
+        ("way out", "ip route show default | cut -d ' ' -f 3,6-7", f"{GATEWAY} proto static"),
         ("passwords on the partition", "cat /boot/firmware/box.toml 2>&1 | grep -c 'Permission denied'", "1"),
         ("units that have failed", "systemctl --failed --plain --no-legend | wc -l", "0"),
     ):
