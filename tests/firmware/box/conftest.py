@@ -16,6 +16,7 @@ from firmware.box.update_counters import Counters
 from firmware.box.update_folder import Folder
 from firmware.box.update_verity import Tree
 from firmware.box.verdict import Verdict, verdict
+from tests.broker.certificates import Authority
 from tests.firmware.box.rauc_service import Service
 from tests.firmware.box.web_site import Site
 
@@ -74,6 +75,11 @@ def remarks(found: Verdict) -> list[str]:
 def site() -> Iterator[Site]:
     with Site().open() as found:
         yield found
+
+
+@pytest.fixture(scope="module")
+def authority(tmp_path_factory: pytest.TempPathFactory) -> Authority:
+    return Authority(tmp_path_factory.mktemp("authority"))
 
 
 @pytest.fixture

@@ -12,6 +12,7 @@ from urllib.parse import unquote
 
 from firmware.box import update_fetch
 from firmware.box.update_folder import Folder
+from tests.broker.certificates import Authority
 
 MOST = 20_000_000  # octets of a bundle
 FILE = random.Random(7).randbytes(300_000)
@@ -106,6 +107,15 @@ class Site:
             self._server.shutdown()
             self._thread.join()
             self._server.server_close()
+
+
+@contextmanager
+def secure(authority: Authority) -> Iterator[Site]:
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    pair = authority.server()
+    context.load_cert_chain(pair.certificate, pair.key)
+    with Site(context).open() as found:
+        yield found
 
 
 def fetch(
