@@ -1,5 +1,6 @@
 """The two slots of the box: which runs, which comes next, what is in them, and how often each may still be tried."""
 
+import json
 from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
@@ -75,7 +76,7 @@ def slots(status: Mapping[str, object], counters: Counters | None, judged: str =
                 if one.get("bootname"):
                     found.append(_slot(service_name, one, status, counters, judged))
     except (KeyError, AttributeError, TypeError, ValueError) as error:
-        raise StationError(f"rauc status: has not the form of RAUC 1.13: {error!r}") from error
+        raise StationError(f"rauc status: has not the form of RAUC 1.13: {json.dumps(status)[:80]}") from error
     if len(found) != 2:
         raise StationError(f"rauc knows {len(found)} slots, and not two")
     return sorted(found)
