@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from board import topology
 from board.address import check_device_name
-from board.describe import Range
+from board.describe import Range, at_key
 from board.errors import ConfigurationError
 
 # <mode> of AT+CNMP (SIMCom AT command manual of the SIM82xx V1.02).
@@ -61,6 +61,6 @@ class ModemOptions:
                 f"bearer {self.bearer} with port needs device", "name the network device, or give usb"
             )
         if self.device:
-            check_device_name(self.device)
+            at_key("device", check_device_name, self.device)
         if not _APN.fullmatch(self.apn):
             raise ConfigurationError(f"{self.apn[:40]!r} is no access point name", "letters, digits, dots and dashes")

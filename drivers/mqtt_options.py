@@ -8,7 +8,7 @@ from functools import partial
 from typing import Annotated, Literal
 
 from board.address import check_device_name
-from board.describe import Range, all_of, remedy
+from board.describe import Range, all_of, at_key, remedy
 from board.errors import BlockedError, ConfigurationError
 from drivers.mqtt_broker import broker
 from drivers.mqtt_profile import is_file, library_file, names
@@ -89,7 +89,9 @@ class MqttOptions:
         checks: list[Callable[[], None]] = [self._check_broker, self._check_profile]
         checks += [partial(self._check_name, name) for name in names]
         checks += [partial(self._check_pair, *pair) for pair in pairs]
-        all_of([*checks, self._check_device, self._check_depths])
+        if self.device:
+            checks.append(partial(at_key, "device", check_device_name, self.device))
+        all_of([*checks, self._check_depths])
 
     def _check_broker(self) -> None:
         there = broker(self.url)
@@ -117,13 +119,6 @@ class MqttOptions:
         if bool(getattr(self, one)) != bool(getattr(self, other)):
             given, missing = (one, other) if getattr(self, one) else (other, one)
             raise ConfigurationError(f"{given} is given without {missing}", "give both or none")
-
-    def _check_device(self) -> None:
-        if self.device:
-            try:
-                check_device_name(self.device)
-            except ConfigurationError as error:
-                raise ConfigurationError(f"device: {error.message}", error.hint) from error
 
     def _check_depths(self) -> None:
         if self.depths and (len(self.depths) != 2 or self.depths[0] > self.depths[1]):
