@@ -1,25 +1,33 @@
-"""A station that cannot start: what the doctor, the console and status say of it to whoever may log in."""
+"""A station that cannot start, as whoever may log in is told of it; and a library that the card has brought."""
 
+import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
 
+from image.program import run
 from tests.image.login import Key, new_key, said, wait_for_ssh
 from tests.image.machine import Guest, owned, powered
+from tests.image.modules import CROSS
 from tests.image.root_shell import EXTRA, RootShell
 from tests.image.rows import Options, Row
 from tests.image.screen import HEAD, Screen
 from tests.image.user import user
 
+SOURCES = Path(__file__).resolve().parents[2] / "drivers/sim/radio"
 PORT = 5557  # which another program has
 ITS_UNIT = "another-program"
 TAKEN = f"systemd-run -q --unit={ITS_UNIT} systemd-socket-activate -l {PORT} cat; systemctl restart --no-block captain"
+# Without a slot, which would be empty here: the library is loaded, and finds no module.
+LIBRARY = "libeu_v2xcast.so"
+RADIO = f'[station]\nname = "proof"\n\n[interfaces.air]\ndriver = "som301e"\nlibrary = "{LIBRARY}"\n'
+OWN_WORDS = "V2Xcast service is not available"
 DOCTOR = "captain doctor; echo ended with $?"
 
 
 def rows(card: Path, folder: Path, _options: Options) -> Iterator[Row]:
     key = new_key(folder)
-    files = {"authorized_keys": key.line, "captain.toml": '[station]\nname = "proof"\n'}
+    files = {"authorized_keys": key.line, "captain.toml": RADIO, f"lib/{LIBRARY}": _library(folder)}
     own = owned(card, folder, files)
     shell = RootShell(folder)
     with powered(own, folder, shell.words) as guest:
@@ -31,6 +39,7 @@ def rows(card: Path, folder: Path, _options: Options) -> Iterator[Row]:
         with user(guest.ports) as one:
             one.heartbeat()
         yield from _well(guest, key)
+        yield _radio(guest, key)
         shell.run(f"systemctl stop captain; {TAKEN}", 600)
         yield from _troubled(guest, key, screen)
         shell.run(f"systemctl stop {ITS_UNIT}.service")
@@ -49,6 +58,22 @@ def _well(guest: Guest, key: Key) -> Iterator[Row]:
     ):
         told = _line(found, f"{what}:")
         yield Row(f"captain doctor, {what}", told, f"ok, {goal}", told.startswith("ok") and goal in told)
+
+
+def _library(folder: Path) -> bytes:
+    """The simulated radio's, with the calls of the maker's, for the card's processor."""
+    made = folder / LIBRARY
+    words = ["-std=c11", "-O2", "-shared", "-fPIC", "-fvisibility=hidden", "-pthread", "-o", str(made)]
+    run([f"{CROSS}gcc", *words, *map(str, sorted(SOURCES.glob("*.c"))), "-lm"])
+    return made.read_bytes()
+
+
+def _radio(guest: Guest, key: Key) -> Row:
+    """A library of the boot partition: where the station has it from, and what it says."""
+    air = json.loads(said(guest, key, "captain status --json"))["interfaces"]["air"]
+    found = f"{air['details'].get('library')}: {air['why']}"
+    is_loaded = re.match(rf"/data/owner/[0-9a-f]+/lib/{LIBRARY}: ", found) and OWN_WORDS in found
+    return Row("a maker's library of the boot partition", found, f"loaded: {OWN_WORDS}", bool(is_loaded))
 
 
 def _troubled(guest: Guest, key: Key, screen: Screen) -> Iterator[Row]:
