@@ -65,7 +65,7 @@ class Mute(Listener):
         self._spoken_to.add(line)
         version, published = VERSION_5, 0
         try:
-            for packet in _packets(line):
+            for packet in packets(line):
                 self.packets.put(packet)
                 if packet.kind == CONNECT:
                     version = packet.body[6]
@@ -112,17 +112,19 @@ def publication(topic: str, payload: bytes, version: int = VERSION_5, number: in
     return bytes((PUBLISH << 4 | 2 * (number > 0),)) + _length(len(body)) + body
 
 
-def _packets(line: socket.socket) -> Iterator[Packet]:
+def packets(line: socket.socket) -> Iterator[Packet]:
+    """Those of a client, until it has gone."""
     with line.makefile("rb") as stream:
         while first := stream.read(1):
-            size = shift = 0
-            while octet := stream.read(1):
+            size, shift, more = 0, 0, 0x80
+            while more:
+                if not (octet := stream.read(1)):
+                    return  # the client has gone in the middle of it
                 size |= (octet[0] & 0x7F) << shift
                 shift += 7
-                if octet[0] < 0x80:
-                    break
+                more = octet[0] & 0x80
             if len(body := stream.read(size)) < size:
-                return  # the client has gone in the middle of it
+                return
             yield Packet(first[0] >> 4, first[0] & 15, body)
 
 

@@ -152,6 +152,15 @@ def test_a_mute_that_leaves_nothing_out_is_a_broker(version: int) -> None:
         assert client.next().payload == b"two"
 
 
+@pytest.mark.parametrize("octets", [b"\x10", b"\x10\x85", b"\x10\x05\0\4MQ"])
+def test_a_client_that_goes_in_the_middle_of_a_packet_has_sent_none(octets: bytes) -> None:
+    ours, theirs = socket.socketpair()
+    with ours:
+        with theirs:
+            theirs.sendall(octets)
+        assert list(mute.packets(ours)) == []
+
+
 def test_a_mute_over_tls(certificates: Certificates) -> None:
     with (
         Mute(context=tls(certificates.authority, certificates.server)) as broker,

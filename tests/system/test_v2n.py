@@ -133,7 +133,13 @@ def test_a_burst_of_4000_from_the_broker_all_arrives(v2n: V2n) -> None:
     sent = [mark() for _ in range(4000)]
     for pdu in sent:
         v2n.observer.publish("v2x/btp/2001", text("other", 2001, pdu), qos=0)
-    assert [v2n.bench.user.receive().pdu for _ in sent] == sent
+    heard: list[bytes] = []
+    try:
+        heard += (v2n.bench.user.receive().pdu for _ in sent)
+    except AssertionError as error:
+        dropped = v2n.bench.station.drops()
+        raise AssertionError(f"{len(heard)} of {len(sent)} came, and then {error}; dropped: {dropped}") from error
+    assert heard == sent
 
 
 # ---------------------------------------------------------------- the connection
