@@ -4,8 +4,12 @@ import ipaddress
 import os
 
 from board.address import address
+from board.toml import show
 from drivers.ethernet import EthernetOptions
+from drivers.gnss_options import GnssOptions
+from drivers.modem_options import ModemOptions
 from drivers.som301e import Som301eOptions
+from drivers.uart import UartOptions
 from drivers.udp import UdpOptions
 from firmware import config
 from firmware.box.note import Note, mistake, remark
@@ -13,6 +17,7 @@ from firmware.box.station_given import OWN, STATE, StationFiles
 
 CABLE, WIRELESS = "eth0", "wlan0"
 CONSOLE = "/dev/ttyS1"  # console.device of the image
+FIRST_PORT = "/dev/ttyUSB0 is the first by USB"
 OTHER_PORTS = ("/dev/ttyS0", "/dev/ttyAMA0")  # of other systems' consoles, and of the Pi's Bluetooth
 
 
@@ -28,15 +33,30 @@ def look_at_devices(found: config.Config, given: StationFiles, notes: list[Note]
         if isinstance(one.options, Som301eOptions) and _is_hidden(one.options.ip, given.own):
             what = f"{where}.ip: {one.options.ip} is in the network of eth0, {given.own}: no way leads to the module"
             notes.append(mistake(given.at(OWN, f"{where}.ip"), what, "give eth0 another network in box.toml"))
-        for name in ("device", "port"):
-            path = os.path.normpath(getattr(one.options, name, ""))
-            place = given.at(OWN, f"{where}.{name}")
-            if path == CONSOLE:
-                what = f"{where}.{name}: {path} is the serial console, and would be none any more"
-                notes.append(mistake(place, what, "take another port, such as /dev/ttyUSB0"))
-            elif path in OTHER_PORTS:
-                what = f"{where}.{name}: {path} is at no pin of the header of this box"
-                notes.append(remark(place, what, "/dev/ttyUSB0 is the first by USB"))
+        name, text = _serial_port(one.options)
+        path, place = os.path.normpath(text), given.at(OWN, f"{where}.{name}")
+        if not text:
+            continue
+        if path == CONSOLE:
+            what = f"{where}.{name}: {path} is the serial console, and would be none any more"
+            notes.append(mistake(place, what, "take another port, such as /dev/ttyUSB0"))
+        elif path in OTHER_PORTS:
+            what = f"{where}.{name}: {path} is at no pin of the header of this box"
+            notes.append(remark(place, what, FIRST_PORT))
+        elif not path.startswith("/dev/"):
+            notes.append(mistake(place, f"{where}.{name}: {show(text)} is no serial port of a box", FIRST_PORT))
+
+
+def _serial_port(options: object) -> tuple[str, str]:
+    """The option and the path of the one that an interface opens; empty: none."""
+    match options:
+        case UartOptions():
+            return "device", options.device
+        case ModemOptions():
+            return "port", options.port
+        case GnssOptions() if options.kind != "static":
+            return "port", options.port
+    return "", ""
 
 
 def _is_hidden(ip: str, own: str) -> bool:

@@ -125,6 +125,20 @@ def test_a_port_at_no_pin_is_told(look: Look, device: str):
     assert remarks(look(files("uart", "/dev/ttyUSB0"))) == []
 
 
+@pytest.mark.parametrize("device", ["COM3", "ttyUSB0", "eth0", "../tty"])
+def test_what_is_no_port_of_a_box_is_a_mistake(look: Look, device: str):
+    assert mistakes(look(files("uart", device))) == [
+        f'captain.toml:3: interfaces.air.device: "{device}" is no serial port of a box; /dev/ttyUSB0 is the first by USB'
+    ]
+
+
+def test_a_surveyed_place_needs_no_port(look: Look):
+    place = (
+        '[interfaces.place]\ndriver = "zed_f9p"\nkind = "static"\nlatitude = 48.1\nlongitude = 11.6\nport = "COM3"\n'
+    )
+    assert look({"captain.toml": place, "authorized_keys": KEY}).notes == []
+
+
 def test_the_console_of_the_image_is_the_one_that_is_kept():
     assert f"/dev/{read(OVERLAY.parent / 'image.toml').console.device}" == station_devices.CONSOLE
 
