@@ -10,7 +10,7 @@ from pathlib import Path
 from board.errors import ConfigurationError
 from firmware import board_file, config
 from firmware.box.note import Note, at, mistake, remark
-from firmware.box.station_devices import look_at_datagrams, look_at_devices, look_at_recorder
+from firmware.box.station_devices import look_at_datagrams, look_at_devices, look_at_folders
 from firmware.box.station_files import look_at_files
 from firmware.box.station_given import BOARD, OWN, STATE, StationFiles
 from firmware.box.toml_lines import syntax_hint
@@ -38,7 +38,7 @@ def look_at_station(given: StationFiles, notes: list[Note]) -> None:
             _look_at_endpoint(found, given, notes)
             look_at_devices(found, given, notes)
             look_at_datagrams(found, given, notes)
-            look_at_recorder(found, given, notes)
+            look_at_folders(found, given, notes)
             look_at_files(found, given, notes)
 
 

@@ -75,9 +75,15 @@ def look_at_datagrams(found: config.Config, given: StationFiles, notes: list[Not
                 notes.append(remark(given.at(OWN, where), what, "programs of the box itself reach 127.0.0.1"))
 
 
-def look_at_recorder(found: config.Config, given: StationFiles, notes: list[Note]) -> None:
+def look_at_folders(found: config.Config, given: StationFiles, notes: list[Note]) -> None:
     """The service lets the station write in one place, whatever that is called elsewhere."""
     folder = os.path.normpath(found.tables.recorder.folder)
     if folder.startswith(("/", "..")) and not folder.startswith(STATE):
         what = f"recorder.folder: the station cannot write {folder} on a box"
         notes.append(remark(given.at(OWN, "recorder.folder"), what, 'write folder = "ring": it is in /data/captain'))
+    for one in found.interfaces:
+        folder = os.path.normpath(getattr(one.options, "state_dir", STATE))
+        if not f"{folder}/".startswith(STATE):
+            where = f"interfaces.{one.name}.state_dir"
+            what = f"{where}: the station cannot write {folder} on a box: no PIN is tried, and no network kept"
+            notes.append(remark(given.at(OWN, where), what, "leave it out"))

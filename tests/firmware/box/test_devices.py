@@ -139,6 +139,19 @@ def test_a_surveyed_place_needs_no_port(look: Look):
     assert look({"captain.toml": place, "authorized_keys": KEY}).notes == []
 
 
+@pytest.mark.parametrize(
+    ("folder", "is_told"),
+    [("/home/me", True), ("pins", True), ("/var/lib/captain", False), ("/var/lib/captain/cell/", False)],
+)
+def test_a_modem_remembers_where_the_station_may_write(look: Look, folder: str, is_told: bool):
+    cell = f'[interfaces.cell]\ndriver = "sim8202g"\nusb = "1-1.4"\nstate_dir = "{folder}"\n'
+    found = look({"captain.toml": cell, "authorized_keys": KEY})
+    assert found.is_accepted
+    assert [text.partition(" on a box")[0] for text in remarks(found)] == (
+        [f"captain.toml:4: interfaces.cell.state_dir: the station cannot write {folder}"] if is_told else []
+    )
+
+
 def test_the_console_of_the_image_is_the_one_that_is_kept():
     assert f"/dev/{read(OVERLAY.parent / 'image.toml').console.device}" == station_devices.CONSOLE
 
