@@ -161,6 +161,7 @@ def saying(octets: bytes) -> Serve:
 
 def _shut(line: socket.socket) -> None:
     try:
-        line.shutdown(socket.SHUT_RDWR)
+        # Not ssl's own: it forgets that there is TLS, and whoever still reads is given records as they lie in the kernel.
+        socket.socket.shutdown(line, socket.SHUT_RDWR)
     except OSError:
         line.close()  # not connected any more
