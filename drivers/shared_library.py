@@ -36,7 +36,7 @@ class Architecture(NamedTuple):
 AARCH64 = Architecture(2, 1, 183)
 
 
-def found(name: str) -> str:
+def located(name: str) -> str:
     """The path of a library that is named by its file alone: the first of FOLDERS that has it. Raises BlockedError."""
     if "/" in name:
         return name

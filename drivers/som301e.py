@@ -110,7 +110,7 @@ class Som301e:
         }
 
     def start(self, host: Host) -> None:
-        self._library = library = shared_library.found(self._options.library)
+        self._library = library = shared_library.located(self._options.library)
         shared_library.check(library)
         if self._unusable is not None:
             identity, message, hint = self._unusable
