@@ -74,9 +74,9 @@ def _clients(tables: Tables) -> Iterator[str]:
 
 def _serial_ports(tables: Tables) -> Iterator[str]:
     """Each interface at a serial port of its own: of two each would get a part of what comes."""
-    ports = _texts(tables, _serial)
+    ports = _texts(tables, serial_option)
     for name, first in _second({name: os.path.realpath(port) for name, port in ports.items() if "\0" not in port}):
-        key = _serial(tables.interfaces[name])
+        key = serial_option(tables.interfaces[name])
         what = f"is that of {first} already; a port has one interface"
         yield f"interfaces.{name}.{key}: {show(ports[name])} {what}"
 
@@ -108,7 +108,7 @@ def _listeners(tables: Tables) -> Iterator[str]:
             taken.append((at, is_group, name))
 
 
-def _serial(options: Mapping[str, Any]) -> str:
+def serial_option(options: Mapping[str, Any]) -> str:
     """The key of the serial port that an interface opens; empty: it opens none."""
     return "" if options.get("kind") == "static" else SERIAL.get(str(options.get("driver")), "")
 

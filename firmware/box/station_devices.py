@@ -6,14 +6,12 @@ import os
 from board.address import address
 from board.toml import show
 from drivers.ethernet import EthernetOptions
-from drivers.gnss_options import GnssOptions
-from drivers.modem_options import ModemOptions
 from drivers.som301e import Som301eOptions
-from drivers.uart import UartOptions
 from drivers.udp import UdpOptions
 from firmware import config
 from firmware.box.note import Note, mistake, remark
 from firmware.box.station_given import OWN, STATE, StationFiles
+from firmware.consistency import serial_option
 
 CABLE, WIRELESS = "eth0", "wlan0"
 CONSOLE = "/dev/ttyS1"  # console.device of the image
@@ -33,7 +31,8 @@ def look_at_devices(found: config.Config, given: StationFiles, notes: list[Note]
         if isinstance(one.options, Som301eOptions) and _is_hidden(one.options.ip, given.own):
             what = f"{where}.ip: {one.options.ip} is in the network of eth0, {given.own}: no way leads to the module"
             notes.append(mistake(given.at(OWN, f"{where}.ip"), what, "give eth0 another network in box.toml"))
-        name, text = _serial_port(one.options)
+        name = serial_option(found.tables.interfaces[one.name])
+        text = getattr(one.options, name, "")
         path, place = os.path.normpath(text), given.at(OWN, f"{where}.{name}")
         if not text:
             continue
@@ -45,18 +44,6 @@ def look_at_devices(found: config.Config, given: StationFiles, notes: list[Note]
             notes.append(remark(place, what, FIRST_PORT))
         elif not path.startswith("/dev/"):
             notes.append(mistake(place, f"{where}.{name}: {show(text)} is no serial port of a box", FIRST_PORT))
-
-
-def _serial_port(options: object) -> tuple[str, str]:
-    """The option and the path of the one that an interface opens; empty: none."""
-    match options:
-        case UartOptions():
-            return "device", options.device
-        case ModemOptions():
-            return "port", options.port
-        case GnssOptions() if options.kind != "static":
-            return "port", options.port
-    return "", ""
 
 
 def _is_hidden(ip: str, own: str) -> bool:
