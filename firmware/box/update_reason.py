@@ -1,20 +1,13 @@
 """Why the service of updates has not done it: D-Bus' names for that in plain words, RAUC's own with what to do."""
 
 import re
-from typing import NamedTuple
+
+from firmware.box.update_trouble import Trouble
 
 LOG = "journalctl -u rauc tells more"
 AGAIN = f"captain update writes it anew; {LOG}"
 WORN = "captain update writes it anew; if that fails too, the card is worn out"
 MOST = 200  # characters of what nobody has foreseen
-
-
-class Reason(NamedTuple):
-    """words: what has happened. hint: what to do."""
-
-    words: str
-    hint: str
-
 
 # Without words RAUC's own are told; the first found counts. Sources: D-Bus Specification, "Standard error names";
 # busctl of systemd 257; RAUC 1.10, whose service ended while it wrote: github.com/rauc/rauc, 1452.
@@ -42,12 +35,12 @@ def spoken(said: str) -> list[str]:
     return [line.strip() for line in said.splitlines() if line.strip() and "rauc-Message" not in line]
 
 
-def reason(said: str) -> Reason:
+def reason(said: str) -> Trouble:
     """Of what a command of RAUC or D-Bus has said, or of the service's LastError."""
     lines = [line.strip() for line in _LAST.findall(said) or said.splitlines()]
     told = [words for line in spoken("\n".join(lines)) if (words := _NAMES.sub("", line).strip())]
     own = told[-1][:MOST] if told else "it gives no reason"
     for pattern, words, hint in _REASONS:
         if re.search(pattern, "\n".join(lines)):
-            return Reason(words or own, hint)
-    return Reason(own, LOG)
+            return Trouble(words or own, hint)
+    return Trouble(own, LOG)

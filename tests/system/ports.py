@@ -1,13 +1,26 @@
 """Ports that no other test, and no program on this machine, is given while they are held."""
 
+import random
 import socket
+from pathlib import Path
+
+LOWEST = 10_000
+# First and last of the ports that the kernel gives whoever names none (ip(7)).
+GIVEN = Path("/proc/sys/net/ipv4/ip_local_port_range")
+
+
+def never_given() -> range:
+    """Ports that a program has only when it names them; all where the kernel gives nearly all."""
+    first, _ = map(int, GIVEN.read_text().split())
+    return range(LOWEST, first) if first >= 2 * LOWEST else range(1024, 65_536)
 
 
 class Ports:
     """TCP ports on loopback, kept by sockets that are bound and never listen.
 
     Bound without SO_REUSEADDR, so that nobody else is given the port; the option is set afterwards, so that the
-    station, whose sockets do carry it, may listen there all the same.
+    station, whose sockets do carry it, may listen there all the same. UDP has no such way: a socket that keeps the port
+    would hear in the station's place. So the ports are none of those that the kernel gives to programs.
     """
 
     def __init__(self) -> None:
@@ -15,14 +28,15 @@ class Ports:
 
     def take(self) -> int:
         """A TCP port whose number is free for UDP as well."""
+        ports = never_given()
         while True:
+            port = random.choice(ports)
             holder = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-            holder.bind(("127.0.0.1", 0))
-            holder.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            self._held.append(holder)
-            port: int = holder.getsockname()[1]
-            if _is_free_for_udp(port):
+            if _binds(holder, port) and _is_free_for_udp(port):
+                holder.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+                self._held.append(holder)
                 return port
+            holder.close()
 
     def release(self) -> None:
         while self._held:
@@ -31,8 +45,12 @@ class Ports:
 
 def _is_free_for_udp(port: int) -> bool:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        try:
-            probe.bind(("127.0.0.1", port))
-        except OSError:
-            return False
+        return _binds(probe, port)
+
+
+def _binds(one: socket.socket, port: int) -> bool:
+    try:
+        one.bind(("127.0.0.1", port))
+    except OSError:
+        return False
     return True
