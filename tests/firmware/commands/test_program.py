@@ -129,7 +129,7 @@ def test_udp_ports_are_found_where_the_kernel_gives_nearly_all(tmp_path, monkeyp
 
 
 def test_no_free_udp_port_is_a_failure():
-    with pytest.raises(StationError, match="no 2 free UDP ports on 203.0.113.1"):
+    with pytest.raises(StationError, match=r"no 2 free UDP ports on 203\.0\.113\.1"):
         ports.free_udp("203.0.113.1", 2)
 
 
