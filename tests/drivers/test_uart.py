@@ -23,6 +23,15 @@ def line(loop):
 
 
 @pytest.fixture
+def deaf_line(loop):
+    """One that takes nothing before it listens: the clock does not wait for what lies in it."""
+    loop.is_carrying = lambda: False
+    line = SerialLine(loop, reads=False)
+    yield line
+    line.unplug()
+
+
+@pytest.fixture
 def start(host, at_end):
 
     def start(path, **options):
@@ -73,9 +82,8 @@ def test_requests_wait_in_the_stations_queue_and_not_in_the_kernels(loop, host, 
     assert driver.send(request(DENM)) is Sent.NOW
 
 
-def test_a_line_that_takes_nothing_keeps_one_message_and_confirms_it_when_it_has_left(loop, host, start):
-    line = SerialLine(loop, reads=False)
-    driver = start(line.path, baud=4_000_000)
+def test_a_line_that_takes_nothing_keeps_one_message_and_confirms_it_when_it_has_left(loop, host, deaf_line, start):
+    driver = start(deaf_line.path, baud=4_000_000)
     pdu, sent = CAM.ljust(1500, b"\0"), []
     while not sent or sent[-1] is Sent.NOW:
         loop.run_for(0.01)
@@ -83,12 +91,11 @@ def test_a_line_that_takes_nothing_keeps_one_message_and_confirms_it_when_it_has
     assert sent[-1] is Sent.LATER
     assert driver.send(request(DENM, 99)) is Sent.BUSY
     assert host.confirms == []
-    line.listen()
+    deaf_line.listen()
     loop.run_until(lambda: host.times_writable)
     assert [(asked.number, reason) for asked, reason in host.confirms] == [(len(sent) - 1, None)]
-    told(loop, lambda: len(line.heard) == len(sent))
-    assert line.heard == [Frame(2001, pdu)] * len(sent)
-    line.unplug()
+    told(loop, lambda: len(deaf_line.heard) == len(sent))
+    assert deaf_line.heard == [Frame(2001, pdu)] * len(sent)
 
 
 def test_garbage_and_damaged_frames_are_named_and_the_next_frame_passes(loop, host, line, start):
@@ -117,14 +124,13 @@ def test_an_unplugged_port_fails_the_interface_and_serves_when_it_is_back(loop, 
     again.unplug()
 
 
-def test_a_port_that_breaks_while_a_message_waits_keeps_the_loop_clean(loop, host, start):
-    line = SerialLine(loop, reads=False)
-    driver = start(line.path, baud=4_000_000)
+def test_a_port_that_breaks_while_a_message_waits_keeps_the_loop_clean(loop, host, deaf_line, start):
+    driver = start(deaf_line.path, baud=4_000_000)
     outcome = Sent.NOW
     while outcome is Sent.NOW:
         loop.run_for(0.01)
         outcome = driver.send(request(CAM.ljust(1500, b"\0")))
-    line.unplug()
+    deaf_line.unplug()
     told(loop, lambda: host.failures)
     driver.stop()
     loop.run_for(1)
