@@ -18,6 +18,10 @@ BATCH = 4096  # octets read in a turn: a tty's queue holds no more
 
 Modes = list[Any]  # of termios.tcgetattr()
 IFLAG, OFLAG, _, LFLAG, _, _, CC = range(7)
+# Of IFLAG what a line's driver is set up with (uart_set_termios of Linux' serial_core.c): a change spoils what is under
+# way, and silences QEMU's mini UART.
+DRIVERS = termios.IGNBRK | termios.BRKINT | termios.IGNPAR | termios.PARMRK | termios.INPCK
+OURS = termios.IGNBRK | termios.IGNPAR  # a break, of a plug that is pulled, is nothing
 
 
 class Terminal:
@@ -40,6 +44,8 @@ class Terminal:
             self._before: Modes = termios.tcgetattr(descriptor)
         except termios.error as error:
             raise InterfaceError("this is no terminal", "`captain console --once` prints one screen") from error
+        self._lent = [*self._before]
+        self._lent[IFLAG] = self._before[IFLAG] & ~DRIVERS | OURS
         self._descriptor = _opened(descriptor)
         self.take()
 
@@ -84,13 +90,13 @@ class Terminal:
                 os.write(self._descriptor, octets)
 
     def lend(self) -> None:
-        """Leave it to a child: with the modes that it had before."""
+        """Leave it to a child: with the modes that it had before, but for those that the line is set up with."""
         if self._is_served:
             self._is_served = False
             self._waiting = b""
             self._loop.remove(self)
             os.set_blocking(self.given, True)
-            self._set(self._before)
+            self._set(self._lent)
 
     def take(self) -> None:
         """Have it, again: keys come one by one and are not shown, none is a signal, none is from before."""
@@ -111,6 +117,7 @@ class Terminal:
             self._waiting = b""
             self.say(b"\r\n")
         self.lend()
+        self._set(self._before)
         os.close(self._descriptor)
         self._descriptor = -1
 
@@ -166,10 +173,10 @@ def _opened(descriptor: int) -> int:
 def _single_keys(modes: Modes) -> Modes:
     """Modes in which octets come as they are, and only XOFF and XON are the line's own; any key is XON as well.
 
-    An XOFF that is noise would stop the screen for ever. A break, of a plug that is pulled, is nothing.
+    An XOFF that is noise would stop the screen for ever.
     """
     made = list(modes)
-    made[IFLAG] = termios.IGNBRK | termios.IGNPAR | termios.IXON | termios.IXANY
+    made[IFLAG] = OURS | termios.IXON | termios.IXANY
     made[OFLAG] &= ~termios.OPOST
     made[LFLAG] &= ~(termios.ICANON | termios.ECHO | termios.ECHONL | termios.ISIG | termios.IEXTEN)
     made[CC] = list(modes[CC])

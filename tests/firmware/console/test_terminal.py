@@ -100,6 +100,25 @@ def test_what_was_typed_while_it_was_lent_is_not_for_us(desk: Desk) -> None:
     assert desk.typed == [b"h"]
 
 
+def test_a_line_is_not_set_up_anew_when_it_is_lent_or_taken_back(desk: Desk) -> None:
+    # What a driver of the kernel would be told to do while octets are under way (uart_set_termios of serial_core.c).
+    own = termios.tcgetattr(desk.far.slave)
+    desk.near.lend()
+    lent = termios.tcgetattr(desk.far.slave)
+    breaks = termios.IGNBRK | termios.BRKINT | termios.IGNPAR | termios.PARMRK | termios.INPCK
+    assert (lent[0] ^ own[0]) & breaks == 0
+    assert (lent[2], lent[4:6]) == (own[2], own[4:6])
+
+
+def test_one_that_is_closed_while_it_is_lent_has_all_its_modes_again(loop: VirtualLoop) -> None:
+    far = Emulated(loop)
+    before = termios.tcgetattr(far.slave)
+    near = Terminal(loop, far.slave, lambda octets: None, lambda: None)
+    near.lend()
+    near.close()
+    assert termios.tcgetattr(far.slave) == before
+
+
 def test_neither_lent_nor_closed_it_draws_nothing(desk: Desk) -> None:
     desk.near.lend()
     assert not desk.near.is_free
