@@ -9,8 +9,11 @@ from collections import Counter
 from pathlib import Path
 
 HERE = Path(__file__).parent
-# Tests of these need a processor and nothing else. All others wait for processes and sockets: one after the other.
-COMPUTING = ("tests/asn1", "tests/pps", "tests/image", "tests/drivers/wire")
+# Tests of these need a processor and little else. All others wait for processes and sockets: one after the other.
+COMPUTING = (
+    "tests/asn1", "tests/board", "tests/drivers/wire", "tests/firmware/box", "tests/firmware/codec",
+    "tests/firmware/console", "tests/gateway", "tests/image", "tests/meter", "tests/pps",
+)  # fmt: skip
 
 _COUNTS = re.compile(r"(\d+) (passed|failed|errors?|skipped|xfailed|xpassed|deselected|warnings?)\b")
 
