@@ -1,12 +1,12 @@
 """What sits in the slots of a simulated board, by the ids that belong there: each boots when it is supplied."""
 
 import os
-import socket
 import time
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
-from board.address import Address, address
+from board.address import address
+from board.free_udp import free_udp
 from board.loop import Loop, Timer
 from board.time import GPS_EPOCH, GPS_LEAPS, leap_seconds
 from drivers.sim.machine import SimulatedDevice, SimulatedInterface, SimulatedMachine
@@ -104,7 +104,7 @@ class Radio:
         self._loop = loop
         self._place = place
         self._boot: Timer | None = None
-        self.control = _free_address()
+        (self.control,) = free_udp("127.0.0.1", 1)
         own = f"listen={place.air.to} peers={place.air.listen} control={self.control}" if place.air else ""
         self.settings = os.environ.get(VARIABLE, own)
         given = dict(word.partition("=")[::2] for word in self.settings.split())
@@ -126,12 +126,6 @@ class Radio:
     def _booted(self) -> None:
         network = SimulatedInterface(0, "rndis_host", "usb0")
         self._place.plug(SimulatedDevice("0525", "a4a2", (network,), "Unex", "SOM301-E"))
-
-
-def _free_address() -> Address:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as found:
-        found.bind(("127.0.0.1", 0))
-        return Address(*found.getsockname())
 
 
 MODULES: Mapping[str, Callable[[Loop, Place], Module]] = {RECEIVER: receiver, RADIO: radio, MODEM: modem}

@@ -5,7 +5,6 @@ import socket
 import time
 from collections import Counter
 from collections.abc import Callable
-from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Annotated
@@ -13,6 +12,7 @@ from typing import Annotated
 from board.address import Address, address
 from board.describe import Range
 from board.errors import InterfaceError
+from board.free_udp import free_udp
 from board.loop import Loop, Timer
 from board.time import EPOCH, its_time_ms, leap_seconds
 from drivers.message import ITS_HEADER, Area, Ego, MessageType, Position, Request, Shape
@@ -55,16 +55,11 @@ class NeighboursOptions:
 
 def with_ports(options: NeighboursOptions) -> NeighboursOptions:
     """The same with a port that nobody has now in place of each 0: any number of stations may have such neighbours."""
-    with ExitStack() as held:
-        found = []
-        for place in (address(options.listen), address(options.to)):
-            if place.port == 0:
-                one = held.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
-                one.bind((place.host, 0))
-                found.append(str(Address(*one.getsockname())))
-            else:
-                found.append(str(place))
-    return replace(options, listen=found[0], to=found[1])
+    found: list[Address] = []
+    for place in (address(options.listen), address(options.to)):
+        found.append(place if place.port else next(one for one in free_udp(place.host, 2) if one not in found))
+    listen, to = map(str, found)
+    return replace(options, listen=listen, to=to)
 
 
 class Neighbour:

@@ -13,7 +13,9 @@ from typing import NamedTuple
 import zmq
 
 import firmware
+from board.address import Address
 from board.errors import StationError
+from board.free_udp import free_udp
 from firmware.lab import ports
 from firmware.lab.program import Program
 from firmware.user import client
@@ -61,13 +63,13 @@ name = "demo"
 [interfaces.g5]
 driver = "udp"
 framing = "ethernet"
-listen = "{host}:{own}"
+listen = "{own}"
 peers = [{peers}]
 """
 NEIGHBOURS = """\
 [neighbours]
-listen = "{host}:{neighbours}"
-to = "{host}:{own}"
+listen = "{neighbours}"
+to = "{own}"
 """
 
 
@@ -115,7 +117,7 @@ def _start(ending: ExitStack) -> list[Station]:
         who = ports.holder(there) if there else "another program"
         print(f"Ports {FIRST_PORT} to {FIRST_PORT + 3} are not free ({who}): A takes {firsts[0]} and following.\n")
     stations = []
-    for (name, board), first in zip(boards(ports.free_udp(HOST, 3)), firsts, strict=True):
+    for (name, board), first in zip(boards(free_udp(HOST, 3)), firsts, strict=True):
         given = ["run", "--board", "/dev/stdin", "--log", "warning", "--set", f"station.name={name}"]
         for at, key in enumerate(("from_users", "to_users", "pull", "report")):
             given += ["--set", f"endpoint.{key}={first + at}"]
@@ -128,12 +130,12 @@ def _start(ending: ExitStack) -> list[Station]:
     return stations
 
 
-def boards(udp: Sequence[int]) -> list[tuple[str, str]]:
-    """Name and board file of A and B; udp are the ports of A's radio, B's, and the neighbours'."""
+def boards(udp: Sequence[Address]) -> list[tuple[str, str]]:
+    """Name and board file of A and B; udp are the addresses of A's radio, B's, and the neighbours'."""
     a, b, neighbours = udp
-    of_a = BOARD.format(host=HOST, own=a, peers=f'"{HOST}:{b}", "{HOST}:{neighbours}"')
-    of_b = BOARD.format(host=HOST, own=b, peers=f'"{HOST}:{a}"')
-    return [("A", of_a + NEIGHBOURS.format(host=HOST, own=a, neighbours=neighbours)), ("B", of_b)]
+    of_a = BOARD.format(own=a, peers=f'"{b}", "{neighbours}"')
+    of_b = BOARD.format(own=b, peers=f'"{a}"')
+    return [("A", of_a + NEIGHBOURS.format(own=a, neighbours=neighbours)), ("B", of_b)]
 
 
 class User:

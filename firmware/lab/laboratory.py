@@ -13,7 +13,8 @@ import zmq
 
 import firmware
 from board.errors import StationError
-from firmware.lab import netns, ports, radio
+from board.free_udp import free_udp
+from firmware.lab import netns, radio
 from firmware.lab.broker import Broker
 from firmware.lab.pcap import Pcap
 from firmware.lab.program import Program
@@ -253,5 +254,5 @@ def _port(ending: ExitStack) -> int:
 
 
 def _udp_boards(recorder: int) -> list[str]:
-    a, b = (f"{HOST}:{port}" for port in ports.free_udp(HOST, 2))
+    a, b = free_udp(HOST, 2)
     return [UDP.format(own=own, other=other, recorder=f"{HOST}:{recorder}") for own, other in ((a, b), (b, a))]

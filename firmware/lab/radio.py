@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 
 from board.address import Address
+from board.free_udp import free_udp
 from drivers.sim.radio import VARIABLE, Control, library_path
-from firmware.lab import ports
 from firmware.user.untrusted import listed, text
 
 BOARD = '[interfaces.air]\ndriver = "som301e"\nlibrary = "{library}"\n'
@@ -32,7 +32,7 @@ class Radio:
 
 def pair(host: str, recorder: int, loss: float, more: str = "") -> list[Radio]:
     """Two of them; more are words for both. Raises StationError where the library is not built."""
-    addresses = [Address(host, port) for port in ports.free_udp(host, 4)]
+    addresses = free_udp(host, 4)
     heard_by = Address(host, recorder)
     a, b, *controls = addresses
     return [

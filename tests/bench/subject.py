@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, Self
 
 from tests.bench import programs
+from tests.system.ports import Ports as Held
 
 START_S = 10.0
 STOP_S = 3.0
@@ -53,15 +54,11 @@ class Ports(NamedTuple):
 
 def free_ports() -> Ports:
     """Ports that nobody has now; two runs at the same time get different ones."""
-    kinds = [socket.SOCK_STREAM] * 4 + [socket.SOCK_DGRAM] * 3
-    sockets = [socket.socket(socket.AF_INET, kind) for kind in kinds]
+    held = Held()
     try:
-        for one in sockets:
-            one.bind(("127.0.0.1", 0))
-        return Ports(*(one.getsockname()[1] for one in sockets))
+        return Ports(*(held.take() for _ in Ports._fields))
     finally:
-        for one in sockets:
-            one.close()
+        held.release()
 
 
 class Subject:

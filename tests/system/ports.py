@@ -1,22 +1,17 @@
-"""Ports that no other test, and no program on this machine, is given while they are held."""
+"""Ports of loopback that no other test, and no program on this machine, is given while they are held."""
 
 import random
 import socket
 from pathlib import Path
 
-LOWEST = 10_000
-# First and last of the ports that the kernel gives whoever names none (ip(7)).
+# First and last of the ports that the kernel gives to whoever names none (ip(7)).
 GIVEN = Path("/proc/sys/net/ipv4/ip_local_port_range")
-
-
-def never_given() -> range:
-    """Ports that a program has only when it names them; all where the kernel gives nearly all."""
-    first, _ = map(int, GIVEN.read_text().split())
-    return range(LOWEST, first) if first >= 2 * LOWEST else range(1024, 65_536)
+LOWEST = 10_000  # below it are those of well-known programs
+FEWEST = 1_000  # for many stations at once
 
 
 class Ports:
-    """TCP ports on loopback, kept by sockets that are bound and never listen.
+    """TCP ports, kept by sockets that are bound and never listen.
 
     Bound without SO_REUSEADDR, so that nobody else is given the port; the option is set afterwards, so that the
     station, whose sockets do carry it, may listen there all the same. UDP has no such way: a socket that keeps the port
@@ -28,11 +23,11 @@ class Ports:
 
     def take(self) -> int:
         """A TCP port whose number is free for UDP as well."""
-        ports = never_given()
+        ports = choice()
         while True:
             port = random.choice(ports)
             holder = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-            if _binds(holder, port) and _is_free_for_udp(port):
+            if _binds(holder, port) and _is_free(port, socket.SOCK_DGRAM):
                 holder.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
                 self._held.append(holder)
                 return port
@@ -43,8 +38,19 @@ class Ports:
             self._held.pop().close()
 
 
-def _is_free_for_udp(port: int) -> bool:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+def choice() -> range:
+    """Those that no program has without naming them, where they are enough; else all."""
+    first, _ = map(int, GIVEN.read_text().split())
+    return range(LOWEST, first) if first - LOWEST >= FEWEST else range(1024, 65_536)
+
+
+def is_free(port: int) -> bool:
+    """Whether nobody has it, for TCP or UDP, or holds it."""
+    return _is_free(port, socket.SOCK_STREAM) and _is_free(port, socket.SOCK_DGRAM)
+
+
+def _is_free(port: int, kind: socket.SocketKind) -> bool:
+    with socket.socket(socket.AF_INET, kind) as probe:
         return _binds(probe, port)
 
 

@@ -1,12 +1,30 @@
-"""Ports of stations under test: nobody else comes to have one, for TCP or UDP, from the choice to the start."""
+"""Ports of stations under test: no program that names none is given one of them between the choice and the start."""
 
-from tests.system.ports import GIVEN, Ports
+from pathlib import Path
+
+import pytest
+
+from tests.system import ports
+from tests.system.ports import Ports, is_free
 
 
-def test_no_port_is_one_that_the_kernel_gives_to_programs() -> None:
+@pytest.mark.parametrize(("given", "lowest"), [("32768\t60999\n", 10_000), ("1024\t65535\n", 1024)])
+def test_ports_are_below_those_that_the_kernel_gives_where_there_are_any(
+    given: str, lowest: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(ports, "GIVEN", tmp_path / "range")
+    ports.GIVEN.write_text(given)
     held = Ports()
     taken = {held.take() for _ in range(50)}
     held.release()
-    first, last = map(int, GIVEN.read_text().split())
     assert len(taken) == 50
-    assert [port for port in taken if first <= port <= last] == []
+    assert min(taken) >= lowest
+    assert lowest == 1024 or max(taken) < 32_768
+
+
+def test_a_port_that_is_held_is_not_free() -> None:
+    held = Ports()
+    port = held.take()
+    assert not is_free(port)
+    held.release()
+    assert is_free(port)

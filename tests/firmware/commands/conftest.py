@@ -3,10 +3,9 @@ from pathlib import Path
 
 import pytest
 
-from firmware.lab import ports
 from firmware.user import systemd
 from tests.broker.fixtures import brokers, certificates
-from tests.system.ports import never_given
+from tests.system.ports import choice, is_free
 
 __all__ = ["brokers", "certificates"]
 
@@ -15,8 +14,8 @@ __all__ = ["brokers", "certificates"]
 def block() -> int:
     """The first of twenty ports in a row that nobody has: enough for two stations."""
     while True:
-        first = random.choice(never_given()[:-20])
-        if all(ports.is_free("127.0.0.1", port) for port in range(first, first + 20)):
+        first = random.choice(choice()[:-20])
+        if all(is_free(port) for port in range(first, first + 20)):
             return first
 
 

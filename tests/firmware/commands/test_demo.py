@@ -8,6 +8,7 @@ import tomllib
 import pytest
 
 from board import describe
+from board.address import Address
 from firmware import cli
 from firmware.board_file import Board
 from firmware.commands import demo
@@ -89,7 +90,7 @@ def test_a_station_that_cannot_start_ends_it_with_its_words(started, monkeypatch
 
 
 def test_each_station_is_the_others_peer():
-    boards = dict(demo.boards([1001, 1002, 1003]))
+    boards = dict(demo.boards([Address("127.0.0.1", port) for port in (1001, 1002, 1003)]))
     read = {name: describe.read(Board, tomllib.loads(text), name) for name, text in boards.items()}
     a, b = read["A"].interfaces["g5"], read["B"].interfaces["g5"]
     assert b["peers"] == [a["listen"]]

@@ -10,7 +10,6 @@ import pytest
 from board.errors import StationError
 from firmware.lab import ports, program
 from firmware.lab.program import Program
-from tests.system.ports import GIVEN
 
 # A station's configuration without an interface, on ports that the kernel chooses.
 QUIET = ["run", "--board", "none", "--log", "warning"]
@@ -113,24 +112,6 @@ def test_blocks_of_ports_leave_out_those_that_are_taken(block):
 def test_no_free_port_is_a_failure_and_not_an_endless_search():
     with pytest.raises(StationError, match="no 4 free ports in a row"):
         next(ports.free_blocks("127.0.0.1", 65_534, 4))
-
-
-def test_no_udp_port_is_one_that_the_kernel_gives_to_programs():
-    first, last = map(int, GIVEN.read_text().split())
-    found = ports.free_udp("127.0.0.1", 50)
-    assert len(set(found)) == 50
-    assert [port for port in found if first <= port <= last] == []
-
-
-def test_udp_ports_are_found_where_the_kernel_gives_nearly_all(tmp_path, monkeypatch):
-    monkeypatch.setattr(ports, "GIVEN", tmp_path / "range")
-    ports.GIVEN.write_text("1024\t65535\n")
-    assert len(set(ports.free_udp("127.0.0.1", 4))) == 4
-
-
-def test_no_free_udp_port_is_a_failure():
-    with pytest.raises(StationError, match=r"no 2 free UDP ports on 203\.0\.113\.1"):
-        ports.free_udp("203.0.113.1", 2)
 
 
 def test_nobody_holds_a_port_without_a_control_socket(tmp_path, monkeypatch):
