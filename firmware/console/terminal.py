@@ -18,10 +18,10 @@ BATCH = 4096  # octets read in a turn: a tty's queue holds no more
 
 Modes = list[Any]  # of termios.tcgetattr()
 IFLAG, OFLAG, _, LFLAG, _, _, CC = range(7)
-# Of IFLAG what a line's driver is set up with (uart_set_termios of Linux' serial_core.c): a change spoils what is under
-# way, and silences QEMU's mini UART.
-DRIVERS = termios.IGNBRK | termios.BRKINT | termios.IGNPAR | termios.PARMRK | termios.INPCK
-OURS = termios.IGNBRK | termios.IGNPAR  # a break, of a plug that is pulled, is nothing
+# Of IFLAG what a line is set up anew for, by a driver that does XON and XOFF not itself, as those of a Pi
+# (uart_set_termios of Linux' serial_core.c): that spoils what is under way, and silences QEMU's mini UART.
+SET_UP = termios.IGNBRK | termios.BRKINT | termios.IGNPAR | termios.PARMRK | termios.INPCK
+NO_BREAKS = termios.IGNBRK | termios.IGNPAR  # a break, of a plug that is pulled, is nothing
 
 
 class Terminal:
@@ -45,7 +45,7 @@ class Terminal:
         except termios.error as error:
             raise InterfaceError("this is no terminal", "`captain console --once` prints one screen") from error
         self._lent = [*self._before]
-        self._lent[IFLAG] = self._before[IFLAG] & ~DRIVERS | OURS
+        self._lent[IFLAG] = self._before[IFLAG] & ~SET_UP | NO_BREAKS
         self._descriptor = _opened(descriptor)
         self.take()
 
@@ -114,10 +114,12 @@ class Terminal:
         with suppress(OSError, termios.error):
             if self._waiting or self._queued():
                 termios.tcflush(self._descriptor, termios.TCOFLUSH)
-            self._waiting = b""
-            self.say(b"\r\n")
+        was_served = self._is_served
         self.lend()
         self._set(self._before)
+        if was_served:
+            with suppress(OSError):
+                os.write(self._descriptor, b"\r\n")
         os.close(self._descriptor)
         self._descriptor = -1
 
@@ -176,7 +178,7 @@ def _single_keys(modes: Modes) -> Modes:
     An XOFF that is noise would stop the screen for ever.
     """
     made = list(modes)
-    made[IFLAG] = OURS | termios.IXON | termios.IXANY
+    made[IFLAG] = NO_BREAKS | termios.IXON | termios.IXANY
     made[OFLAG] &= ~termios.OPOST
     made[LFLAG] &= ~(termios.ICANON | termios.ECHO | termios.ECHONL | termios.ISIG | termios.IEXTEN)
     made[CC] = list(modes[CC])

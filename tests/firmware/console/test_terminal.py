@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from firmware.console import terminal as module
-from firmware.console.terminal import RATE, STOPPED_S, Terminal
+from firmware.console.terminal import RATE, SET_UP, STOPPED_S, Terminal
 from tests.firmware.console.emulated import Emulated
 from tests.virtual import VirtualLoop
 
@@ -105,16 +105,19 @@ def test_a_line_is_not_set_up_anew_when_it_is_lent_or_taken_back(desk: Desk) -> 
     own = termios.tcgetattr(desk.far.slave)
     desk.near.lend()
     lent = termios.tcgetattr(desk.far.slave)
-    breaks = termios.IGNBRK | termios.BRKINT | termios.IGNPAR | termios.PARMRK | termios.INPCK
-    assert (lent[0] ^ own[0]) & breaks == 0
+    assert (lent[0] ^ own[0]) & SET_UP == 0
     assert (lent[2], lent[4:6]) == (own[2], own[4:6])
+    desk.near.take()
+    assert termios.tcgetattr(desk.far.slave) == own
 
 
-def test_one_that_is_closed_while_it_is_lent_has_all_its_modes_again(loop: VirtualLoop) -> None:
+def test_who_has_it_lent_has_its_other_modes_and_who_comes_after_it_all(loop: VirtualLoop) -> None:
     far = Emulated(loop)
     before = termios.tcgetattr(far.slave)
     near = Terminal(loop, far.slave, lambda octets: None, lambda: None)
     near.lend()
+    lent = termios.tcgetattr(far.slave)
+    assert (lent[0] & ~SET_UP, lent[1:]) == (before[0] & ~SET_UP, before[1:])
     near.close()
     assert termios.tcgetattr(far.slave) == before
 
