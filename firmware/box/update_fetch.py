@@ -12,7 +12,7 @@ from firmware.box import update_server
 from firmware.box.update_folder import Folder, storing
 from firmware.box.update_pace import Pace, TooSlowError
 from firmware.box.update_server import BrokenOffError, ChangedError, Part
-from firmware.box.update_trouble import ASK, Trouble, trouble
+from firmware.box.update_trouble import ASK, NOBODY, Trouble, trouble
 
 CHUNK = 1 << 16
 PAUSES_S = (1.0, 2.0, 4.0, 8.0, 15.0)  # between tries that bring nothing, once something has come at all
@@ -71,7 +71,7 @@ def from_url(
                 _fetch(url, folder, seen, most, pace)
                 return folder.finish()
             except TooSlowError as slow:
-                raise _ended(url, Trouble(f"{slow}"), folder) from slow
+                raise _ended(url, Trouble(f"{slow}", NOBODY), folder) from slow
             except BrokenOffError as broken:
                 have = _size(folder.part)
                 tries = 0 if have > before else tries + 1
@@ -125,7 +125,9 @@ def _fetch(url: str, folder: Folder, seen: Seen, most: int, pace: Pace) -> None:
     if not have:
         raise BrokenOffError(Trouble("the server has ended the connection before the first octet", ASK))
     if answer.total and have < answer.total:
-        raise BrokenOffError(Trouble(f"the server has ended the connection after {have} of {answer.total} octets"))
+        raise BrokenOffError(
+            Trouble(f"the server has ended the connection after {have} of {answer.total} octets", NOBODY)
+        )
 
 
 @contextmanager

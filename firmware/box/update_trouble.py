@@ -22,7 +22,7 @@ class Trouble(NamedTuple):
     """words: what has happened. hint: what to do."""
 
     words: str
-    hint: str = NOBODY
+    hint: str
 
 
 # X.509 verification, by X509_V_ERR_* of openssl/x509_vfy.h.
@@ -38,13 +38,13 @@ _CERTIFICATE = {
 }
 _NO_TLS = ("WRONG_VERSION_NUMBER", "RECORD_LAYER_FAILURE")  # reasons of OpenSSL 3.0, and of 3.2 and later
 _NETWORK = {
-    errno.ECONNREFUSED: Trouble("refuses the connection; nobody listens there"),
+    errno.ECONNREFUSED: Trouble("refuses the connection; nobody listens there", NOBODY),
     errno.EHOSTUNREACH: Trouble("no route to it", _NET),
     errno.ENETUNREACH: Trouble("no route to it", _NET),
     errno.EADDRNOTAVAIL: Trouble("this box has no address to reach it from", _NET),
-    errno.ECONNRESET: Trouble("has closed the connection"),
-    errno.EPIPE: Trouble("has closed the connection"),
-    errno.ETIMEDOUT: Trouble("does not answer any more"),
+    errno.ECONNRESET: Trouble("has closed the connection", NOBODY),
+    errno.EPIPE: Trouble("has closed the connection", NOBODY),
+    errno.ETIMEDOUT: Trouble("does not answer any more", NOBODY),
 }
 _NAMES = {
     socket.EAI_NONAME: Trouble("there is no host of this name", _HOST),
@@ -57,9 +57,9 @@ def trouble(error: Exception, wait_s: float) -> Trouble:
     """What a connection ended with, or why there is none. wait_s: how long an answer was waited for."""
     match error:
         case http.client.IncompleteRead():
-            return Trouble("the connection has ended too early")
+            return Trouble("the connection has ended too early", NOBODY)
         case http.client.RemoteDisconnected():
-            return Trouble("has closed the connection")
+            return Trouble("has closed the connection", NOBODY)
         case http.client.BadStatusLine():
             return Trouble(f"what answers there is no web server: it says {str(error).strip()[:60]!r}", _ADDRESS)
         case http.client.HTTPException():
@@ -67,7 +67,7 @@ def trouble(error: Exception, wait_s: float) -> Trouble:
         case ssl.SSLCertVerificationError():
             return _distrusted(error)
         case ssl.SSLEOFError() | ssl.SSLZeroReturnError():
-            return Trouble("has closed the connection")
+            return Trouble("has closed the connection", NOBODY)
         case ssl.SSLError() if error.reason in _NO_TLS:
             return Trouble("what answers there does not speak TLS", "is it an address with http://?")
         case ssl.SSLError():
@@ -75,11 +75,11 @@ def trouble(error: Exception, wait_s: float) -> Trouble:
         case socket.gaierror():
             return _NAMES.get(error.errno or 0, Trouble(f"its name cannot be looked up: {error.strerror}", _NET))
         case TimeoutError() if error.errno is None:
-            return Trouble(f"nothing came for {wait_s:.0f} s")
+            return Trouble(f"nothing came for {wait_s:.0f} s", NOBODY)
         case OSError():
             said = error.strerror or str(error) or "the connection has failed"
             return _NETWORK.get(error.errno or 0, Trouble(said, _NET))
-    return Trouble(str(error))
+    return Trouble(str(error), NOBODY)
 
 
 def _distrusted(error: ssl.SSLCertVerificationError) -> Trouble:
