@@ -2,7 +2,7 @@
 # make ... ARGS='...' passes options on to the program that a target starts.
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run codec import-check docs test test-binary test-directory test-one-file check portable fuzz truth \
+.PHONY: help setup run codec import-check docs test test-binary test-binary-directory test-binary-file check portable fuzz truth \
 	bench bench-station bench-messages bench-v2n bench-time bench-record bench-ros2 lab meter chaos outages fleet swarm \
 	kernel ros2 clock days chronyd binary image image-test release flash lock proof clean
 
@@ -28,12 +28,12 @@ import-check: setup-test ## do the modules of the standards in ASN1=DIR give the
 test: setup-test ## all tests, against the source
 	@.venv/bin/python -m tests $(ARGS)
 
-test-binary: test-directory test-one-file ## the system tests against both forms of the binary; -j2 -O: side by side
+test-binary: test-binary-directory test-binary-file ## the system tests against both forms of the binary; -j2 -O: side by side
 
-test-directory: setup-test binary
+test-binary-directory: setup-test binary
 	@CAPTAIN=build/binary/captain-dir/captain $(PYTEST) tests/system $(ARGS)
 
-test-one-file: setup-test binary
+test-binary-file: setup-test binary
 	@CAPTAIN=build/binary/captain $(PYTEST) tests/system $(ARGS)
 
 check: setup-test ## lint, format, types, and who may import whom

@@ -92,7 +92,7 @@ def test_a_line_that_takes_nothing_keeps_one_message_and_confirms_it_when_it_has
     assert driver.send(request(DENM, 99)) is Sent.BUSY
     assert host.confirms == []
     deaf_line.listen()
-    loop.run_until(lambda: host.times_writable)
+    told(loop, lambda: host.times_writable)
     assert [(asked.number, reason) for asked, reason in host.confirms] == [(len(sent) - 1, None)]
     told(loop, lambda: len(deaf_line.heard) == len(sent))
     assert deaf_line.heard == [Frame(2001, pdu)] * len(sent)

@@ -73,6 +73,7 @@ def _start(accelerator: Sequence[str], checks: Sequence[str]) -> subprocess.Pope
     # What the kernel does not know itself it hands to the first program, as its environment.
     given = {"PROJECT": str(PROJECT), "CHECKS": " ".join(checks)}
     # A kernel that has met a mistake of its own is off at once: what it would do from there on is nobody's.
+    # Level 5: with its own account of a mistake, which is of level 4.
     words = ["console=ttyS0", "loglevel=5", "oops=panic", "panic=-1"]
     words += [f'{name}="{value}"' for name, value in given.items()]
     command = [
