@@ -1,4 +1,4 @@
-"""python -m tests: all tests, those that only compute beside those that wait; with words, pytest's own."""
+"""python -m tests: all tests, in two halves side by side; with words, pytest's own."""
 
 import re
 import subprocess
@@ -9,8 +9,8 @@ from collections import Counter
 from pathlib import Path
 
 HERE = Path(__file__).parent
-# Tests of these need a processor and little else. All others wait for processes and sockets: one after the other.
-COMPUTING = (
+# One half, most of which computes; most of the other waits for processes and sockets. Both take about as long.
+BESIDE = (
     "tests/asn1", "tests/board", "tests/drivers/wire", "tests/firmware/box", "tests/firmware/codec",
     "tests/firmware/console", "tests/gateway", "tests/image", "tests/meter", "tests/pps",
 )  # fmt: skip
@@ -24,19 +24,19 @@ def main() -> int:
         return subprocess.call([*_pytest(), *sys.argv[1:]], cwd=HERE.parent)
     began = time.monotonic()
     with tempfile.TemporaryFile("w+") as beside:
-        computing = subprocess.Popen([*_pytest(), *COMPUTING], cwd=HERE.parent, stdout=beside, stderr=subprocess.STDOUT)
-        waiting = subprocess.Popen(
-            [*_pytest(), *(f"--ignore={folder}" for folder in COMPUTING)],
+        first = subprocess.Popen([*_pytest(), *BESIDE], cwd=HERE.parent, stdout=beside, stderr=subprocess.STDOUT)
+        second = subprocess.Popen(
+            [*_pytest(), *(f"--ignore={folder}" for folder in BESIDE)],
             cwd=HERE.parent,
             stdout=subprocess.PIPE,
             text=True,
         )
-        assert waiting.stdout
+        assert second.stdout
         last = ""
-        for line in waiting.stdout:
+        for line in second.stdout:
             print(line, end="", flush=True)
             last = line
-        codes = waiting.wait(), computing.wait()
+        codes = second.wait(), first.wait()
         beside.seek(0)
         text = beside.read()
     print(text, end="")
