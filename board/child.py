@@ -21,7 +21,7 @@ QUEUE = 256  # messages that wait for a child which does not read
 LAST = 4096  # messages that an ended child can have left in its socket: far fewer fit
 
 HELLO = b"hello"  # the child's first message: it runs
-START_S = 10.0  # a frozen program on a slow card needs 2 s; one that needs longer hangs
+START_S = 25.0  # a frozen program on a slow card needs 2 s, on a busy emulated processor 10
 GRACE_S = 0.5  # to leave after its socket was closed, before it is killed
 SILENCE_CHECKS = 5  # in a row that find nothing said: a pause of ours is one, however long it was
 KILL_S = 0.5  # for SIGKILL to act: milliseconds, unless a device holds the process inside the kernel

@@ -1,12 +1,12 @@
 """Workers that prove workers: for the command `doctor`, and for the tests of the source and of the binary."""
 
 import socket
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from board.child import MAX_MESSAGE
 from board.errors import InterfaceError
 from board.loop import Loop
-from board.worker import Worker, messages
+from board.worker import Serve, Worker, messages
 
 # An echo takes a tenth of a millisecond; a machine that swaps needs a second.
 ANSWER_S = 5.0
@@ -52,7 +52,7 @@ def _tell(channel: socket.socket, message: bytes) -> None:
     channel.send(message)
 
 
-WORKERS = {"echo": echo, "prove-nesting": prove_nesting}
+WORKERS: Mapping[str, Callable[[], Serve]] = {"echo": lambda: echo, "prove-nesting": lambda: prove_nesting}
 
 
 def try_out(command: Sequence[str] = (), patience: float = ANSWER_S) -> str:

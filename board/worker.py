@@ -161,10 +161,15 @@ class Worker:
 # The child's side.
 
 
-def child(arguments: Sequence[str], workers: Mapping[str, Callable[[socket.socket], None]]) -> int:
+# What a worker does: it is given the blocking socket, and returns when messages() ends.
+Serve = Callable[[socket.socket], None]
+
+
+def child(arguments: Sequence[str], workers: Mapping[str, Callable[[], Serve]]) -> int:
     """Run the worker that the command line names, `captain --worker NAME FD`; returns the exit status.
 
-    workers  functions by name; each is given the blocking socket and returns when messages() ends.
+    workers  by name what brings a worker, with all that it imports: the parent is told that it runs afterwards, and
+             counts its time from there.
     """
     if len(arguments) != 4 or arguments[2] not in workers or not arguments[3].isdecimal():
         print(f"{arguments[0]}: --worker is for this program's own use", file=sys.stderr)
@@ -176,9 +181,10 @@ def child(arguments: Sequence[str], workers: Mapping[str, Callable[[socket.socke
     die_with_parent(signal.SIGKILL)()
     with socket.socket(fileno=descriptor) as channel:
         try:
+            serve = workers[name]()
             # Only the parent holds the other end. Had it ended before that, this would fail.
             channel.send(HELLO)
-            workers[name](channel)
+            serve(channel)
         except (BrokenPipeError, ConnectionResetError):
             return 0  # the parent has closed its end: that is how it says stop
     return 0

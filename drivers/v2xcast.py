@@ -74,9 +74,6 @@ def serve(channel: socket.socket) -> None:
         radio.stop()
 
 
-WORKER = {"som301e": serve}
-
-
 class Radio:
     """The library and its handlers.
 

@@ -1,54 +1,54 @@
-"""What a child process of this program can be. Each imports what it needs when it runs, and no more."""
+"""What a child process of this program can be. Each imports what it needs and no more, before it is said to run."""
 
-import socket
 from collections.abc import Callable, Mapping
 
 from board import echo
+from board.worker import Serve
 
 
-def board(channel: socket.socket) -> None:
+def board() -> Serve:
     """Does for the station what blocks: buses, chips, USB power."""
     from board.hands import serve
 
-    serve(channel)
+    return serve
 
 
-def simulated_board(channel: socket.socket) -> None:
+def simulated_board() -> Serve:
     """The same, with simulated chips on its buses."""
     from drivers.sim.chips import serve_simulated
 
-    serve_simulated(channel)
+    return serve_simulated
 
 
-def som301e(channel: socket.socket) -> None:
+def som301e() -> Serve:
     """Has the library of the radio."""
     from drivers.v2xcast import serve
 
-    serve(channel)
+    return serve
 
 
-def gnss_bus(channel: socket.socket) -> None:
+def gnss_bus() -> Serve:
     """Asks a receiver at an I2C bus."""
     from drivers.gnss_bus import serve
 
-    serve(channel)
+    return serve
 
 
-def mqtt(channel: socket.socket) -> None:
+def mqtt() -> Serve:
     """Is a broker's client."""
     from drivers.mqtt_client import serve
 
-    serve(channel)
+    return serve
 
 
-def recorder(channel: socket.socket) -> None:
+def recorder() -> Serve:
     """Writes recordings."""
     from firmware.recorder.child import serve
 
-    serve(channel)
+    return serve
 
 
-WORKERS: Mapping[str, Callable[[socket.socket], None]] = {
+WORKERS: Mapping[str, Callable[[], Serve]] = {
     **echo.WORKERS,
     "board": board,
     "sim-board": simulated_board,

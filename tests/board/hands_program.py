@@ -17,7 +17,7 @@ def crash(channel: socket.socket) -> None:
     os._exit(3)
 
 
-WORKERS = {"hands": serve, "hands-sim": serve_simulated, "crash": crash}
+WORKERS = {"hands": lambda: serve, "hands-sim": lambda: serve_simulated, "crash": lambda: crash}
 
 if __name__ == "__main__":
     sys.exit(child(sys.argv, WORKERS))

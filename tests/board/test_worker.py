@@ -97,6 +97,14 @@ def is_gone(pid: int) -> bool:
 # messages
 
 
+def test_one_that_ends_while_it_is_brought_has_never_run(make):
+    bench = make("unfit")
+    bench.worker.start()
+    bench.loop.run_until(lambda: bench.states)
+    assert [is_up for is_up, _ in bench.states] == [False]
+    assert "7" in bench.states[0][1]
+
+
 def test_messages_go_both_ways_whole_and_in_order(make):
     bench = make("echo")
     bench.up()
@@ -233,7 +241,7 @@ def test_a_child_that_does_not_run_in_time_is_killed(make):
     bench.worker.start()
     bench.pass_time(START_S)
     bench.loop.run_until(lambda: len(bench.states) > 0)
-    assert "did not run within 10 s, SIGKILL" in bench.down()
+    assert f"did not run within {START_S:.0f} s, SIGKILL" in bench.down()
 
 
 def test_a_program_that_is_not_ours_is_killed(make):

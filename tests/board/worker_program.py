@@ -5,9 +5,11 @@ import signal
 import socket
 import sys
 import time
+from collections.abc import Callable
+from functools import partial
 
 from board.echo import echo
-from board.worker import child, messages
+from board.worker import Serve, child, messages
 
 # Before the first message goes up: the test sends it as soon as the worker runs.
 signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGUSR1})
@@ -67,18 +69,14 @@ def printer(channel: socket.socket) -> None:
         channel.send(message)
 
 
-WORKERS = {
-    "echo": echo,
-    "crash": crash,
-    "fail": fail,
-    "deaf": deaf,
-    "flood": flood,
-    "long": long,
-    "stubborn": stubborn,
-    "closer": closer,
-    "descriptors": descriptors,
-    "printer": printer,
-}
+def unfit() -> Serve:
+    """Ends before it is there."""
+    os._exit(7)
+
+
+SERVE: tuple[Serve, ...] = (echo, crash, fail, deaf, flood, long, stubborn, closer, descriptors, printer)
+WORKERS: dict[str, Callable[[], Serve]] = {serve.__name__: partial(lambda serve: serve, serve) for serve in SERVE}
+WORKERS["unfit"] = unfit
 
 if __name__ == "__main__":
     sys.exit(child(sys.argv, WORKERS))

@@ -57,4 +57,4 @@ def serve(channel):
 
 
 if __name__ == "__main__":
-    sys.exit(child(sys.argv, {WORKER: serve}))
+    sys.exit(child(sys.argv, {WORKER: lambda: serve}))

@@ -6,4 +6,4 @@ from board.worker import child
 from drivers.mqtt_client import serve
 
 if __name__ == "__main__":
-    sys.exit(child(sys.argv, {"mqtt": serve}))
+    sys.exit(child(sys.argv, {"mqtt": lambda: serve}))

@@ -3,7 +3,7 @@
 import sys
 
 from board.worker import child
-from drivers.v2xcast import WORKER
+from drivers.v2xcast import serve
 
 if __name__ == "__main__":
-    sys.exit(child(sys.argv, WORKER))
+    sys.exit(child(sys.argv, {"som301e": lambda: serve}))
