@@ -31,10 +31,15 @@ def free_udp(host: str, count: int) -> list[Address]:
     return found
 
 
+def choice() -> range:
+    """Ports that no program has without naming them, where they are enough; else all. For TCP it is the same."""
+    first, _ = map(int, GIVEN.read_text().split())
+    return range(LOWEST, first) if first - LOWEST >= FEWEST else range(1024, 65_536)
+
+
 def _places(host: str) -> Iterator[Address]:
     """All that are asked, from anywhere on: two programs at once begin at different ones."""
-    first, _ = map(int, GIVEN.read_text().split())
-    ports = range(LOWEST, first) if first - LOWEST >= FEWEST else range(1024, 65_536)
+    ports = choice()
     start = random.randrange(len(ports))
     return (Address(host, ports[(start + number) % len(ports)]) for number in range(len(ports)))
 

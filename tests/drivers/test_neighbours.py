@@ -9,6 +9,7 @@ import pytest
 
 from board.describe import read
 from board.errors import ConfigurationError, InterfaceError
+from board.free_udp import free_udp
 from drivers.message import Position
 from drivers.sim.messages import cam, denm
 from drivers.sim.neighbours import Neighbours, NeighboursOptions
@@ -26,9 +27,7 @@ def begin(loop, host, at_end):
     """A station under test and its neighbours, who know each other."""
 
     def begin(wall=lambda: NOON, **options):
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
-            free.bind(("127.0.0.1", 0))
-            listen = "{}:{}".format(*free.getsockname())
+        (listen,) = map(str, free_udp("127.0.0.1", 1))
         driver = Udp(UdpOptions(listen="127.0.0.1:0", peers=(listen,), beacon_s=0.0), SHARED)
         driver.start(host)
         neighbours = Neighbours(loop, NeighboursOptions(listen=listen, to=str(driver.address), **options), wall)

@@ -2,12 +2,8 @@
 
 import random
 import socket
-from pathlib import Path
 
-# First and last of the ports that the kernel gives to whoever names none (ip(7)).
-GIVEN = Path("/proc/sys/net/ipv4/ip_local_port_range")
-LOWEST = 10_000  # below it are those of well-known programs
-FEWEST = 1_000  # for many stations at once
+from board.free_udp import choice
 
 
 class Ports:
@@ -36,12 +32,6 @@ class Ports:
     def release(self) -> None:
         while self._held:
             self._held.pop().close()
-
-
-def choice() -> range:
-    """Those that no program has without naming them, where they are enough; else all."""
-    first, _ = map(int, GIVEN.read_text().split())
-    return range(LOWEST, first) if first - LOWEST >= FEWEST else range(1024, 65_536)
 
 
 def is_free(port: int) -> bool:

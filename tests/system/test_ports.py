@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.system import ports
+from board import free_udp
 from tests.system.ports import Ports, is_free
 
 
@@ -12,8 +12,8 @@ from tests.system.ports import Ports, is_free
 def test_ports_are_below_those_that_the_kernel_gives_where_there_are_any(
     given: str, lowest: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(ports, "GIVEN", tmp_path / "range")
-    ports.GIVEN.write_text(given)
+    monkeypatch.setattr(free_udp, "GIVEN", tmp_path / "range")
+    free_udp.GIVEN.write_text(given)
     held = Ports()
     taken = {held.take() for _ in range(50)}
     held.release()

@@ -3,9 +3,10 @@ from pathlib import Path
 
 import pytest
 
+from board.free_udp import choice
 from firmware.user import systemd
 from tests.broker.fixtures import brokers, certificates
-from tests.system.ports import choice, is_free
+from tests.system.ports import is_free
 
 __all__ = ["brokers", "certificates"]
 
