@@ -19,9 +19,9 @@ BATCH = 4096  # octets read in a turn: a tty's queue holds no more
 Modes = list[Any]  # of termios.tcgetattr()
 IFLAG, OFLAG, _, LFLAG, _, _, CC = range(7)
 # Of IFLAG what a line is set up anew for, by a driver that does XON and XOFF not itself, as those of a Pi
-# (uart_set_termios of Linux' serial_core.c): that spoils what is under way, and silences QEMU's mini UART.
+# (uart_set_termios of Linux' serial_core.c): that spoils what others have under way, and silences QEMU's mini UART. So
+# it stays as it is; a break, of a plug that is pulled, is an octet of noise then.
 SET_UP = termios.IGNBRK | termios.BRKINT | termios.IGNPAR | termios.PARMRK | termios.INPCK
-NO_BREAKS = termios.IGNBRK | termios.IGNPAR  # a break, of a plug that is pulled, is nothing
 
 
 class Terminal:
@@ -44,8 +44,6 @@ class Terminal:
             self._before: Modes = termios.tcgetattr(descriptor)
         except termios.error as error:
             raise InterfaceError("this is no terminal", "`captain console --once` prints one screen") from error
-        self._lent = [*self._before]
-        self._lent[IFLAG] = self._before[IFLAG] & ~SET_UP | NO_BREAKS
         self._descriptor = _opened(descriptor)
         self.take()
 
@@ -90,13 +88,13 @@ class Terminal:
                 os.write(self._descriptor, octets)
 
     def lend(self) -> None:
-        """Leave it to a child: with the modes that it had before, but for those that the line is set up with."""
+        """Leave it to a child, with the modes that it had before."""
         if self._is_served:
             self._is_served = False
             self._waiting = b""
             self._loop.remove(self)
             os.set_blocking(self.given, True)
-            self._set(self._lent)
+            self._set(self._before)
 
     def take(self) -> None:
         """Have it, again: keys come one by one and are not shown, none is a signal, none is from before."""
@@ -116,7 +114,7 @@ class Terminal:
                 termios.tcflush(self._descriptor, termios.TCOFLUSH)
         was_served = self._is_served
         self.lend()
-        self._set(self._before)
+        self._set(self._before)  # whoever had it lent may have changed them
         if was_served:
             with suppress(OSError):
                 os.write(self._descriptor, b"\r\n")
@@ -178,7 +176,7 @@ def _single_keys(modes: Modes) -> Modes:
     An XOFF that is noise would stop the screen for ever.
     """
     made = list(modes)
-    made[IFLAG] = NO_BREAKS | termios.IXON | termios.IXANY
+    made[IFLAG] = modes[IFLAG] & SET_UP | termios.IXON | termios.IXANY
     made[OFLAG] &= ~termios.OPOST
     made[LFLAG] &= ~(termios.ICANON | termios.ECHO | termios.ECHONL | termios.ISIG | termios.IEXTEN)
     made[CC] = list(modes[CC])

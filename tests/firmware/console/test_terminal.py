@@ -100,26 +100,23 @@ def test_what_was_typed_while_it_was_lent_is_not_for_us(desk: Desk) -> None:
     assert desk.typed == [b"h"]
 
 
-def test_a_line_is_not_set_up_anew_when_it_is_lent_or_taken_back(desk: Desk) -> None:
-    # What a driver of the kernel would be told to do while octets are under way (uart_set_termios of serial_core.c).
-    own = termios.tcgetattr(desk.far.slave)
-    desk.near.lend()
-    lent = termios.tcgetattr(desk.far.slave)
-    assert (lent[0] ^ own[0]) & SET_UP == 0
-    assert (lent[2], lent[4:6]) == (own[2], own[4:6])
-    desk.near.take()
-    assert termios.tcgetattr(desk.far.slave) == own
-
-
-def test_who_has_it_lent_has_its_other_modes_and_who_comes_after_it_all(loop: VirtualLoop) -> None:
+@pytest.mark.parametrize("before", [0, SET_UP], ids=["none", "all"])
+def test_a_line_is_never_set_up_anew(loop: VirtualLoop, before: int) -> None:
+    # What a driver of the kernel would do while others' octets are under way (uart_set_termios of serial_core.c).
     far = Emulated(loop)
-    before = termios.tcgetattr(far.slave)
+    modes = termios.tcgetattr(far.slave)
+    modes[0] = modes[0] & ~SET_UP | before
+    termios.tcsetattr(far.slave, termios.TCSANOW, modes)
     near = Terminal(loop, far.slave, lambda octets: None, lambda: None)
+    own = termios.tcgetattr(far.slave)
+    assert own[3] != modes[3]
+    assert (own[0] & SET_UP, own[2], own[4:6]) == (before, modes[2], modes[4:6])
     near.lend()
-    lent = termios.tcgetattr(far.slave)
-    assert (lent[0] & ~SET_UP, lent[1:]) == (before[0] & ~SET_UP, before[1:])
+    assert termios.tcgetattr(far.slave) == modes
+    near.take()
+    assert termios.tcgetattr(far.slave) == own
     near.close()
-    assert termios.tcgetattr(far.slave) == before
+    assert termios.tcgetattr(far.slave) == modes
 
 
 def test_neither_lent_nor_closed_it_draws_nothing(desk: Desk) -> None:
