@@ -1,7 +1,8 @@
 """/dev/ppsN: pulses that the kernel stamps.
 
 poll() is of no use: kernels before 2025 say "ready" always, and later ones share between all readers what was read.
-So a thread sits in PPS_FETCH; an edge that comes between two calls is had by the next, which does not wait.
+So a thread sits in PPS_FETCH; after an edge it asks once without waiting, for one that has come since. What comes in
+the microseconds between that and the call that waits is told as missed, with the next.
 """
 
 import errno
