@@ -1,4 +1,4 @@
-"""python -m tests: all tests, in two halves side by side; with words, pytest's own."""
+"""python -m tests: all tests, in three parts side by side; with words, pytest's own."""
 
 import re
 import subprocess
@@ -6,42 +6,55 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from contextlib import ExitStack
 from pathlib import Path
 
 HERE = Path(__file__).parent
-# One half, most of which computes; most of the other waits for processes and sockets. Both take about as long.
+# Two parts of three, which take about as long: the first computes, the second and what is in neither wait for processes
+# and sockets.
 BESIDE = (
-    "tests/asn1", "tests/board", "tests/drivers/wire", "tests/firmware/box", "tests/firmware/codec",
-    "tests/firmware/console", "tests/gateway", "tests/image", "tests/meter", "tests/pps",
+    (
+        "tests/asn1", "tests/board", "tests/drivers/wire", "tests/firmware/box", "tests/firmware/codec",
+        "tests/firmware/console", "tests/gateway", "tests/image", "tests/meter", "tests/pps",
+    ),
+    ("tests/system",),
 )  # fmt: skip
 
 _COUNTS = re.compile(r"(\d+) (passed|failed|errors?|skipped|xfailed|xpassed|deselected|warnings?)\b")
 
 
 def main() -> int:
-    """The exit code of the half that went wrong, else 0. The last line is the sum of both."""
+    """The exit code of the first part that went wrong, else 0. The last line is the sum of all."""
     if sys.argv[1:]:
         return subprocess.call([*_pytest(), *sys.argv[1:]], cwd=HERE.parent)
     began = time.monotonic()
-    with tempfile.TemporaryFile("w+") as beside:
-        first = subprocess.Popen([*_pytest(), *BESIDE], cwd=HERE.parent, stdout=beside, stderr=subprocess.STDOUT)
-        second = subprocess.Popen(
-            [*_pytest(), *(f"--ignore={folder}" for folder in BESIDE)],
+    with ExitStack() as opened:
+        said = [opened.enter_context(tempfile.TemporaryFile("w+")) for _ in BESIDE]
+        parts = [
+            subprocess.Popen([*_pytest(), *folders], cwd=HERE.parent, stdout=file, stderr=subprocess.STDOUT)
+            for folders, file in zip(BESIDE, said, strict=True)
+        ]
+        rest = subprocess.Popen(
+            [*_pytest(), *(f"--ignore={folder}" for folders in BESIDE for folder in folders)],
             cwd=HERE.parent,
             stdout=subprocess.PIPE,
             text=True,
         )
-        assert second.stdout
+        assert rest.stdout
         last = ""
-        for line in second.stdout:
+        for line in rest.stdout:
             print(line, end="", flush=True)
             last = line
-        codes = second.wait(), first.wait()
-        beside.seek(0)
-        text = beside.read()
-    print(text, end="")
+        codes = [rest.wait()]
+        summaries = [last]
+        for part, file in zip(parts, said, strict=True):
+            codes.append(part.wait())
+            file.seek(0)
+            text = file.read()
+            print(text, end="")
+            summaries.append(text.rstrip().rpartition("\n")[2])
     counts: Counter[str] = Counter()
-    for summary in (last, text.rstrip().rpartition("\n")[2]):
+    for summary in summaries:
         counts.update({name: int(number) for number, name in _COUNTS.findall(summary)})
     print(f"{', '.join(f'{count} {name}' for name, count in counts.items())} in {time.monotonic() - began:.2f}s")
     return next((code for code in codes if code), 0)
