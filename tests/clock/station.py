@@ -1,7 +1,6 @@
 """A guest with a whole station in it: a simulated receiver at its serial port, pulses, chronyd, `captain run`."""
 
 import json
-import socket
 from bisect import bisect_left
 from collections import deque
 from collections.abc import Sequence
@@ -14,6 +13,7 @@ from pps.pulse import Clocks, Pulse
 from tests.clock.bench import Bench, Struck
 from tests.clock.machine import MADE, Guest, Kind
 from tests.clock.truth import Span
+from tests.system.ports import Ports
 
 GPS_LEAD = 756_950_413  # GPS time less ITS time, s
 
@@ -75,7 +75,8 @@ class Station:
         self.receiver = receiver
         self.receiver.power(True)
         on.until(lambda: self.receiver.path, 10, "the receiver's port")
-        self.ports = {place: _free_port() for place in PORTS}
+        self._held = Ports()
+        self.ports = {place: self._held.take() for place in PORTS}
         forwards = ",".join(f"hostfwd=tcp:127.0.0.1:{self.ports[place]}-:{port}" for place, port in PORTS.items())
         own = [
             *made.receiver(self.receiver.path),
@@ -134,6 +135,7 @@ class Station:
 
     def close(self) -> None:
         self.guest.kill()
+        self._held.release()
         self._write_log()
         self._reports.close(0)
         self._context.term()
@@ -222,9 +224,3 @@ class Station:
 
 def _moment(sample: Sample) -> float:
     return sample.at_s
-
-
-def _free_port() -> int:
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        return int(one.getsockname()[1])
