@@ -1,8 +1,8 @@
 """/dev/ppsN: pulses that the kernel stamps.
 
 poll() is of no use: kernels before 2025 say "ready" always, and later ones share between all readers what was read.
-So a thread sits in PPS_FETCH; after an edge it asks once without waiting, for one that has come since. What comes in
-the microseconds between that and the call that waits is told as missed, with the next.
+So a thread sits in PPS_FETCH; after each call it asks once without waiting, for an edge that has come since. One that
+comes in the moment between that and the call that waits is told as missed, with the next.
 """
 
 import errno
@@ -188,10 +188,12 @@ class Fetcher:
                 fetched = fetch(self._ioctl, device, wait_ns)
                 now = self._clocks()
             except InterruptedError:
+                wait_ns = 0
                 continue
             except TimeoutError:
                 if self._is_gone(device):
                     return InterfaceError(f"{self._path}: it is gone", PPS)
+                wait_ns = 0
                 continue
             except OSError as error:
                 return explained(str(self._path), error)

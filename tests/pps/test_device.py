@@ -208,6 +208,14 @@ def test_in_a_storm_of_edges_the_thread_rests_and_the_newest_is_had(bench, told,
 # Trouble.
 
 
+@pytest.mark.parametrize("number", [errno.ETIMEDOUT, errno.EINTR])
+def test_an_edge_that_comes_behind_a_call_that_brought_none_is_had_by_one_that_does_not_wait(bench, number):
+    bench.kernel.wait()
+    bench.kernel.fail(number)
+    bench.kernel.wait()
+    assert bench.kernel.waits_ns == [0, 0, WAIT_NS, 0, WAIT_NS]
+
+
 def test_a_time_out_is_no_trouble_as_long_as_the_device_is_there(bench, told):
     bench.kernel.expire()
     bench.kernel.expire()
