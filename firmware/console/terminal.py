@@ -20,7 +20,7 @@ Modes = list[Any]  # of termios.tcgetattr()
 IFLAG, OFLAG, _, LFLAG, _, _, CC = range(7)
 # Of IFLAG what a line is set up anew for, by a driver that does XON and XOFF not itself, as those of a Pi
 # (uart_set_termios of Linux' serial_core.c): that spoils what others have under way, and silences QEMU's mini UART. So
-# it stays as it is; a break, of a plug that is pulled, is an octet of noise then.
+# it stays as it is, but for BRKINT, which makes a signal of a break; one of a plug that is pulled is noise at most.
 SET_UP = termios.IGNBRK | termios.BRKINT | termios.IGNPAR | termios.PARMRK | termios.INPCK
 
 
@@ -112,12 +112,12 @@ class Terminal:
         with suppress(OSError, termios.error):
             if self._waiting or self._queued():
                 termios.tcflush(self._descriptor, termios.TCOFLUSH)
-        was_served = self._is_served
-        self.lend()
-        self._set(self._before)  # whoever had it lent may have changed them
-        if was_served:
+        if self._is_served:
+            self.lend()
             with suppress(OSError):
                 os.write(self._descriptor, b"\r\n")
+        else:
+            self._set(self._before)  # who had it lent may have changed them
         os.close(self._descriptor)
         self._descriptor = -1
 
@@ -176,7 +176,7 @@ def _single_keys(modes: Modes) -> Modes:
     An XOFF that is noise would stop the screen for ever.
     """
     made = list(modes)
-    made[IFLAG] = modes[IFLAG] & SET_UP | termios.IXON | termios.IXANY
+    made[IFLAG] = modes[IFLAG] & SET_UP & ~termios.BRKINT | termios.IXON | termios.IXANY
     made[OFLAG] &= ~termios.OPOST
     made[LFLAG] &= ~(termios.ICANON | termios.ECHO | termios.ECHONL | termios.ISIG | termios.IEXTEN)
     made[CC] = list(modes[CC])

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from firmware.console import terminal as module
-from firmware.console.terminal import RATE, SET_UP, STOPPED_S, Terminal
+from firmware.console.terminal import RATE, STOPPED_S, Terminal
 from tests.firmware.console.emulated import Emulated
 from tests.virtual import VirtualLoop
 
@@ -100,23 +100,33 @@ def test_what_was_typed_while_it_was_lent_is_not_for_us(desk: Desk) -> None:
     assert desk.typed == [b"h"]
 
 
-@pytest.mark.parametrize("before", [0, SET_UP], ids=["none", "all"])
-def test_a_line_is_never_set_up_anew(loop: VirtualLoop, before: int) -> None:
-    # What a driver of the kernel would do while others' octets are under way (uart_set_termios of serial_core.c).
-    far = Emulated(loop)
-    modes = termios.tcgetattr(far.slave)
-    modes[0] = modes[0] & ~SET_UP | before
-    termios.tcsetattr(far.slave, termios.TCSANOW, modes)
-    near = Terminal(loop, far.slave, lambda octets: None, lambda: None)
-    own = termios.tcgetattr(far.slave)
-    assert own[3] != modes[3]
-    assert (own[0] & SET_UP, own[2], own[4:6]) == (before, modes[2], modes[4:6])
-    near.lend()
-    assert termios.tcgetattr(far.slave) == modes
-    near.take()
-    assert termios.tcgetattr(far.slave) == own
-    near.close()
-    assert termios.tcgetattr(far.slave) == modes
+@pytest.mark.parametrize("before", ["", "IGNBRK", "BRKINT", "IGNPAR", "PARMRK", "INPCK"])
+def test_what_a_driver_sets_a_line_up_for_stays_as_it_was(loop: VirtualLoop, before: str) -> None:
+    # iflag_mask, cflag and speeds of uart_set_termios of Linux' serial_core.c. BRKINT, which makes signals, may go.
+    kept = termios.IGNBRK | termios.IGNPAR | termios.PARMRK | termios.INPCK
+    with closing(Emulated(loop)) as far:
+        modes = termios.tcgetattr(far.slave)
+        modes[0] = modes[0] & ~(kept | termios.BRKINT) | getattr(termios, before, 0)
+        termios.tcsetattr(far.slave, termios.TCSANOW, modes)
+        near = Terminal(loop, far.slave, lambda octets: None, lambda: None)
+        own = termios.tcgetattr(far.slave)
+        assert own[3] != modes[3]
+        assert (own[0] & kept, own[2], own[4:6]) == (modes[0] & kept, modes[2], modes[4:6])
+        assert not own[0] & termios.BRKINT
+        near.lend()
+        assert termios.tcgetattr(far.slave) == modes
+        near.take()
+        assert termios.tcgetattr(far.slave) == own
+        near.close()
+        assert termios.tcgetattr(far.slave) == modes
+
+
+def test_modes_that_a_child_has_left_are_not_those_of_who_comes_after(desk: Desk) -> None:
+    desk.near.lend()
+    before = termios.tcgetattr(desk.far.slave)
+    termios.tcsetattr(desk.far.slave, termios.TCSANOW, [*before[:3], before[3] ^ termios.ECHO, *before[4:]])
+    desk.near.close()
+    assert termios.tcgetattr(desk.far.slave) == before
 
 
 def test_neither_lent_nor_closed_it_draws_nothing(desk: Desk) -> None:
