@@ -1,4 +1,4 @@
-"""python -m tests: all tests, in three parts side by side; with words, pytest's own."""
+"""python -m tests: all tests, in parts side by side; with words, pytest's own."""
 
 import re
 import subprocess
@@ -6,13 +6,14 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Iterable
 from contextlib import ExitStack
 from pathlib import Path
 
 HERE = Path(__file__).parent
-# Two parts of three, which take about as long: the first computes, the second and what is in neither wait for processes
-# and sockets.
-BESIDE = (
+# Beside these there is one more part, of all other folders. Each takes about as long: the first computes, the others wait
+# for processes and sockets.
+PARTS = (
     (
         "tests/asn1", "tests/board", "tests/drivers/wire", "tests/firmware/box", "tests/firmware/codec",
         "tests/firmware/console", "tests/gateway", "tests/image", "tests/meter", "tests/pps",
@@ -20,7 +21,8 @@ BESIDE = (
     ("tests/system",),
 )  # fmt: skip
 
-_COUNTS = re.compile(r"(\d+) (passed|failed|errors?|skipped|xfailed|xpassed|deselected|warnings?)\b")
+_SUMMARY = re.compile(r"(?:\d+ [a-z]+, )*\d+ [a-z]+ in [\d.]+s(?: \(\d+:\d\d:\d\d\))?\s*")
+_FAILED = ("FAILED ", "ERROR ")  # of the short summary of a part
 
 
 def main() -> int:
@@ -28,36 +30,40 @@ def main() -> int:
     if sys.argv[1:]:
         return subprocess.call([*_pytest(), *sys.argv[1:]], cwd=HERE.parent)
     began = time.monotonic()
+    said: list[str] = []
     with ExitStack() as opened:
-        said = [opened.enter_context(tempfile.TemporaryFile("w+")) for _ in BESIDE]
-        parts = [
-            subprocess.Popen([*_pytest(), *folders], cwd=HERE.parent, stdout=file, stderr=subprocess.STDOUT)
-            for folders, file in zip(BESIDE, said, strict=True)
-        ]
-        rest = subprocess.Popen(
-            [*_pytest(), *(f"--ignore={folder}" for folders in BESIDE for folder in folders)],
-            cwd=HERE.parent,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
+        parts = []
+        for folders in PARTS:
+            file = opened.enter_context(tempfile.TemporaryFile("w+"))
+            command = [*_pytest(), *folders]
+            parts.append((subprocess.Popen(command, cwd=HERE.parent, stdout=file, stderr=subprocess.STDOUT), file))
+        others = [*_pytest(), *(f"--ignore={folder}" for folders in PARTS for folder in folders)]
+        rest = subprocess.Popen(others, cwd=HERE.parent, stdout=subprocess.PIPE, text=True)
         assert rest.stdout
-        last = ""
-        for line in rest.stdout:
-            print(line, end="", flush=True)
-            last = line
+        said += _shown(rest.stdout)
         codes = [rest.wait()]
-        summaries = [last]
-        for part, file in zip(parts, said, strict=True):
+        for part, file in parts:
             codes.append(part.wait())
             file.seek(0)
-            text = file.read()
-            print(text, end="")
-            summaries.append(text.rstrip().rpartition("\n")[2])
-    counts: Counter[str] = Counter()
-    for summary in summaries:
-        counts.update({name: int(number) for number, name in _COUNTS.findall(summary)})
-    print(f"{', '.join(f'{count} {name}' for name, count in counts.items())} in {time.monotonic() - began:.2f}s")
+            said += _shown(file)
+    print(*(line for line in said if line.startswith(_FAILED)), sep="", end="")
+    print(f"{_sum(said)} in {time.monotonic() - began:.2f}s")
     return next((code for code in codes if code), 0)
+
+
+def _shown(lines: Iterable[str]) -> Iterable[str]:
+    for line in lines:
+        print(line, end="", flush=True)
+        yield line
+
+
+def _sum(said: Iterable[str]) -> str:
+    """Of the last lines of all parts: `7279 passed in 194.36s (0:03:14)`."""
+    counts: Counter[str] = Counter()
+    for line in said:
+        if _SUMMARY.fullmatch(line):
+            counts.update({name: int(number) for number, name in re.findall(r"(\d+) ([a-z]+)", line)})
+    return ", ".join(f"{count} {name}" for name, count in counts.items())
 
 
 def _pytest() -> list[str]:
