@@ -75,6 +75,8 @@ def rows(card: Path, folder: Path, options: Options) -> Iterator[Row]:
             box = Box(on, card, folder)
             try:
                 yield from box.rows()
+            except LateError as error:
+                raise NotSeenError(f"{error}; {box.last_status}") from error
             finally:
                 box.close()
     except (LateError, ImageError) as error:
@@ -178,6 +180,15 @@ class Box:
 
     def _until(self, is_so: Callable[[], object], what: str) -> None:
         self._on.until(is_so, UP_S, what)
+
+    @property
+    def last_status(self) -> str:
+        """Of interfaces and clock, as the station reported it last."""
+        if not self._statuses:
+            return "the station has reported no status"
+        status = self._statuses[-1]
+        links = [f"{name} {one['state']}: {one['why']}" for name, one in status["interfaces"].items()]
+        return f"the last status: {'; '.join(links)}; clock {json.dumps(status['clock'])}"
 
     def _is_up(self) -> bool:
         status = self._statuses[-1] if self._statuses else {}
