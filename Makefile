@@ -137,7 +137,8 @@ image-test: setup-image ## the card in QEMU, part by part, looked at from outsid
 	@.venv/bin/python -m tests.image $(ARGS)
 
 flash: setup-image ## write the card, after a question: DEV=/dev/sdX
-	@.ci/image flash $(DEV)
+	@[ -n "$(DEV)" ] || { echo "flash: no card is named: DEV=/dev/sdX; lsblk lists them" >&2; exit 2; }
+	@.ci/image flash -- "$(DEV)"
 
 lock: ## newest versions of everything that pyproject.toml names, with hashes
 	@.ci/lock

@@ -73,7 +73,7 @@ def _build(arguments: argparse.Namespace, described: description.Description) ->
 def _verify(arguments: argparse.Namespace, described: description.Description) -> int:
     with step.at_rest(arguments.to):
         card = build.planned(described, arguments.to)
-        if not card.image.exists():
+        if not card.image.is_file():
             raise ImageError(f"{card.image}: is not there", "make image builds it")
         return _verified(described, arguments.to, card, keys.kept(arguments.to / build.KEYS))
 

@@ -118,14 +118,18 @@ def write(image: Path, device: Device, users: Users, ask: Callable[[str], str]) 
         answer = ask(f"Type {device.path.name} to go on: ").strip()
     except EOFError:
         answer = ""
+    except KeyboardInterrupt:
+        raise ImageError("nothing was written") from None
     if answer != device.path.name:
         raise ImageError("nothing was written")
+    hint = "what is on it now is no box: write it once more, or take another card"
     try:
         _copied(image, device, size)
         _compared(image, device)
     except OSError as error:
-        hint = "what is on it now is no box: write it once more, or take another card"
         raise ImageError(f"{device.path}: {error.strerror}", hint) from error
+    except KeyboardInterrupt:
+        raise ImageError(f"{device.path}: stopped before it was written and read back", hint) from None
     print(f"\r{device.path}: written, and read back. Take it out, put it into the box, and connect its power.")
 
 

@@ -153,9 +153,10 @@ def test_a_card_that_is_pulled_out_is_told(tmp_path: Path, image: Path):
         written(image, card, "sdx")
 
 
-def test_no_answer_writes_nothing(tmp_path: Path, image: Path):
+@pytest.mark.parametrize("answer", [EOFError, KeyboardInterrupt])
+def test_no_answer_writes_nothing(tmp_path: Path, image: Path, answer: type[BaseException]):
     def ask(question: str) -> str:
-        raise EOFError
+        raise answer
 
     with pytest.raises(ImageError, match="nothing was written"):
         flash.write(image, device(tmp_path), NOBODY, ask)
@@ -188,3 +189,17 @@ def test_a_file_is_no_card_and_nobody_is_asked_without_a_terminal(
         flash.flash(image, sums, image)
     with pytest.raises(ImageError, match=r"none: is not there\n.*make image"):
         flash.flash(tmp_path / "none", sums, tmp_path / "sdx")
+
+
+def test_who_stops_it_in_the_middle_is_told_what_the_card_is_now(
+    tmp_path: Path, image: Path, monkeypatch: pytest.MonkeyPatch
+):
+    def stopped(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    card = device(tmp_path)
+    card.path.write_bytes(b"old")
+    monkeypatch.setattr(flash, "_all_written", stopped)
+    with pytest.raises(ImageError, match=r"sdx: stopped before it was written") as told:
+        written(image, card, "sdx")
+    assert "what is on it now is no box" in str(told.value)
