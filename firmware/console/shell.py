@@ -11,14 +11,17 @@ from contextlib import suppress
 from board.child import die_with_parent
 from board.errors import InterfaceError
 from board.exit import Exit
-from board.loop import Loop
+from board.loop import Loop, Timer
 from board.tool import environment
+
+LOOK_S = 1.0  # between two looks at whether it was stopped
 
 
 class Shell:
     """Runs on a terminal that is lent to it; ended is told its exit status.
 
-    It is hung up when the console ends, however that does. Raises InterfaceError when it cannot be started.
+    It is hung up when the console ends, however that does, and goes on where it was stopped: nobody else could have it
+    do so. Raises InterfaceError when it cannot be started.
     """
 
     def __init__(self, loop: Loop, argv: Sequence[str], terminal: int, ended: Callable[[int], None]) -> None:
@@ -43,12 +46,20 @@ class Shell:
             why = getattr(error, "strerror", None) or str(error)
             raise InterfaceError(f"{argv[0]}: {why}", "another one is named with --shell") from error
         loop.add(self._exit)
+        self._look_again: Timer = loop.after(LOOK_S, self._look)
 
     def hang_up(self) -> None:
         """Tell it that its terminal is gone."""
         self._child.send_signal(signal.SIGHUP)
 
+    def _look(self) -> None:
+        """Ctrl-Z stops what a shell has become by `exec`, and a shell may stop itself."""
+        if os.waitid(os.P_PID, self._child.pid, os.WSTOPPED | os.WNOHANG):
+            os.killpg(self._child.pid, signal.SIGCONT)
+        self._look_again = self._loop.after(LOOK_S, self._look)
+
     def _exited(self) -> None:
+        self._look_again.cancel()
         self._loop.remove(self._exit)
         self._exit.close()
         status = self._child.wait()

@@ -169,3 +169,12 @@ def test_wrong_usage_is_told(tmp_path: Path, options: tuple[str, ...], words: st
     ended = once(*options, runtime=tmp_path)
     assert ended.returncode == 2
     assert words in ended.stderr
+
+
+def test_a_shell_that_was_stopped_goes_on(tmp_path: Path) -> None:
+    with Expect(*SHELL, runtime=tmp_path) as console:
+        console.until("keys: s shell")
+        console.type(b"s")
+        console.run("exec sh -c 'kill -STOP $$; echo $((6 * 7)); read word; exit 7'", "42")
+        console.type(b"\n")
+        console.until("the shell has ended, with status 7")
