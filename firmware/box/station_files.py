@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Iterator
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from firmware.box.card import FOLDER, LIBRARIES, is_kept
 from firmware.box.note import Note, mistake, remark
 from firmware.box.station_given import OWN, StationFiles
 
-IMAGES = "/etc/ssl/certs/"  # authorities of the image, which may be named as they are
+AUTHORITIES = "/etc/ssl/certs/ca-certificates.crt"  # of the image, which has no other file there
 
 Trouble = tuple[str, str, str]  # option, what is wrong with it, remedy
 
@@ -67,7 +68,10 @@ def _files(options: object) -> list[tuple[str, str]]:
 def _missing(files: list[tuple[str, str]], there: list[str]) -> Iterator[Trouble]:
     for option, path in files:
         remedy = f"put it into {LIBRARIES if option == 'library' else FOLDER}/, beside {OWN}"
-        if os.path.normpath(path).startswith(("/", "..")) and not path.startswith(IMAGES):
+        whole = os.path.normpath(path)
+        if whole == AUTHORITIES:
+            continue
+        if whole.startswith(("/", "..")):
             yield option, f"{option}: {path} is not on the card", remedy
         elif not os.path.exists(path):
             known = (path.lower(), f"{path.lower()}.txt")  # Windows shows no such end
@@ -83,7 +87,7 @@ def _of_files(options: object) -> Iterator[Trouble]:
     try:
         if isinstance(options, MqttOptions):
             if broker(options.url).has_tls:
-                mqtt_credentials.context(options)
+                mqtt_credentials.context(_readable(options))
             if options.password_file:
                 mqtt_credentials.password(options)
             if mqtt_profile.is_file(options.profile):
@@ -100,6 +104,12 @@ def _of_files(options: object) -> Iterator[Trouble]:
             yield "library", f"library: {error.message}", error.hint
         else:
             yield error.message.partition(" ")[0], error.message, error.hint
+
+
+def _readable(options: MqttOptions) -> MqttOptions:
+    """The same without authorities that only a box has."""
+    is_elsewhere = os.path.normpath(options.ca) == AUTHORITIES and not os.path.exists(AUTHORITIES)
+    return replace(options, ca="") if is_elsewhere else options
 
 
 def _out_of_time(options: MqttOptions, given: StationFiles) -> Iterator[Trouble]:

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from drivers import mqtt_profile
+from firmware.box import station_files
 from firmware.box.verdict import Verdict
 from firmware.lab.certificates import Authority
 from tests.firmware.box.conftest import KEY, Files, Look, mistakes, remarks
@@ -168,3 +169,25 @@ def test_an_end_that_windows_does_not_show_is_told(look: Look, files: Files):
     given = own(files)
     given["mqtt/ca.pem.txt"] = given.pop("mqtt/ca.pem")
     assert "there is no mqtt/ca.pem; on the card it is written mqtt/ca.pem.txt" in only(look(given))
+
+
+@pytest.mark.parametrize("is_there", [True, False])
+def test_of_the_images_authorities_one_file_holds_all_whatever_the_computer_has_that_checks(
+    look: Look, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, is_there: bool
+):
+    authorities = tmp_path / "certs/ca-certificates.crt"
+    authorities.parent.mkdir()
+    (authorities.parent / "one.pem").write_text("x")
+    if is_there:
+        authorities.write_bytes(Path(Authority(tmp_path).certificate).read_bytes())
+    monkeypatch.setattr(station_files, "AUTHORITIES", str(authorities))
+    cloud = '[interfaces.cloud]\ndriver = "mqtt"\nurl = "mqtts://broker.example:8883"\n'
+    assert mistakes(look({"captain.toml": f'{cloud}ca = "{authorities}"\n'})) == []
+    other = authorities.parent / "one.pem"
+    said = only(look({"captain.toml": f'{cloud}ca = "{other}"\n'}))
+    assert f"interfaces.cloud.ca: {other} is not on the card; put it into mqtt/" in said
+
+
+def test_the_images_authorities_are_where_its_packages_put_them():
+    made = (Path(__file__).resolve().parents[3] / "image/root.py").read_text()
+    assert f'tree.write("{station_files.AUTHORITIES.lstrip("/")}"' in made
