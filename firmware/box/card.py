@@ -30,8 +30,11 @@ THEIRS = ("config.txt", "readme.txt", "issue.txt", "meta-data", "autorun.inf")
 MEANT = {
     "authorised_keys": "authorized_keys", "authorized-keys": "authorized_keys", "id_ed25519.pub": "authorized_keys",
     "id_rsa.pub": "authorized_keys", "id_ecdsa.pub": "authorized_keys", "captain.conf": "captain.toml",
-    "network-config.yaml": "network-config", "user-data.yaml": "user-data",
+    "captain.txt": "captain.toml", "captain": "captain.toml", "box.txt": "box.toml", "box": "box.toml",
+    "wifi.txt": "box.toml", "network-config.yaml": "network-config", "user-data.yaml": "user-data",
 }  # fmt: skip
+# Files beside the .pub that was meant.
+PRIVATE = ("id_ed25519", "id_rsa", "id_ecdsa", "id_ed25519_sk", "id_ecdsa_sk")
 # Whoever puts such a file there expects something of it.
 EXPECTED = (".toml", ".pub", ".pem", ".crt", ".key", ".conf", ".yaml", ".yml", ".sh")
 # Octets of a file: one that a person writes, for YAML of more takes seconds; of mqtt/, for one with all authorities of
@@ -61,8 +64,13 @@ def collect(folder: Path, notes: list[Note]) -> dict[str, File]:
     for name, paths in by_name.items():
         if name in FOREIGN:
             notes.append(remark(paths[0].name, "is not read here", FOREIGN[name]))
+        elif name in PRIVATE:
+            what = "is a private key, which belongs on your own computer only"
+            notes.append(mistake(paths[0].name, what, "put the file that ends in .pub here, and make a new pair"))
         elif name in FOLDERS and paths[0].is_dir():
             found |= {file.name: file for file in _below(paths[0], name, notes)}
+        elif name in FOLDERS:
+            notes.append(mistake(paths[0].name, "is no folder", f"make a folder {name}, and put the files into it"))
         elif name in OWN and (file := _chosen(name, paths, notes)):
             found[name] = file
     for name, paths in by_name.items():
@@ -128,7 +136,7 @@ def _read(name: str, place: str, path: Path, notes: list[Note]) -> File | None:
 
 def _look_for_slips(name: str, path: Path, found: dict[str, File], notes: list[Note]) -> None:
     """A name that is nearly one of ours: when that one is not there, it is a slip."""
-    if name in OWN or name in FOREIGN or name in FOLDERS:
+    if name in (*OWN, *FOREIGN, *FOLDERS, *PRIVATE):
         return
     near = [MEANT[name]] if name in MEANT else get_close_matches(name, OWN[:-1], 1, 0.8)
     if near and near[0] not in found:
