@@ -1,6 +1,7 @@
 """captain box: the owner's files of a box's card, before they are in it."""
 
 import argparse
+import errno
 import tempfile
 import time
 from pathlib import Path
@@ -9,7 +10,7 @@ from board.errors import ConfigurationError, InterfaceError, UsageError
 from firmware import board_file
 from firmware.box import owner
 from firmware.box.store import Store
-from firmware.box.verdict import verdict
+from firmware.box.verdict import Verdict, verdict
 from firmware.printable import clean
 
 DESCRIPTION = """\
@@ -29,6 +30,7 @@ exit codes:
   2    wrong usage
 """
 HINT = "name the folder that the card's first partition is mounted at"
+SCRATCH_HINT = "make room there, or set TMPDIR to a folder with 32 MB: the files are read from a copy"
 BOARD = "quad"  # of the image
 
 
@@ -48,16 +50,12 @@ def _folder(text: str) -> Path:
 
 
 def main(arguments: argparse.Namespace) -> int:
-    try:
-        return _apply(arguments) if arguments.do == "apply" else _check(arguments)
-    except OSError as error:
-        raise InterfaceError(f"{error.filename or arguments.folder}: {error.strerror}", HINT) from error
+    return _apply(arguments) if arguments.do == "apply" else _check(arguments)
 
 
 def _check(arguments: argparse.Namespace) -> int:
     board = _board(arguments.board)
-    with tempfile.TemporaryDirectory(prefix="captain-box-") as scratch:
-        found = verdict(arguments.folder, Path(scratch), board, None, time.time())
+    found = _verdict(arguments.folder, board, None)
     for note in found.notes:
         print(clean(f"{'WRONG' if note.is_mistake else 'note':6} {note.text}"))
     said = "the box will take it" if found.is_accepted else "the box will NOT take it"
@@ -78,8 +76,25 @@ def _apply(arguments: argparse.Namespace) -> int:
     if not (arguments.key and arguments.owner):
         raise UsageError("apply is for the box itself", "`captain box check DIR` looks at a card")
     store = Store(Path(arguments.owner))
-    with tempfile.TemporaryDirectory(prefix="captain-box-") as scratch:
-        found = verdict(arguments.folder, Path(scratch), arguments.board, arguments.defaults, time.time())
-    for line in owner.apply(found, store, arguments.key):
-        print(clean(line))
+    found = _verdict(arguments.folder, arguments.board, arguments.defaults)
+    try:
+        lines = owner.apply(found, store, arguments.key)
+    except OSError as error:
+        what = f"{error.filename or arguments.owner}: {error.strerror}"
+        raise InterfaceError(what, "is the data partition full?") from error
+    print(*map(clean, lines), sep="\n")
     return 0
+
+
+def _verdict(folder: Path, board: str, defaults: str | None) -> Verdict:
+    """What the box says of a folder. Raises InterfaceError: it, or the scratch beside it, cannot be read or written."""
+    where = Path(tempfile.gettempdir())
+    try:
+        with tempfile.TemporaryDirectory(prefix="captain-box-") as scratch:
+            where = Path(scratch)
+            return verdict(folder, where, board, defaults, time.time())
+    except OSError as error:
+        name = Path(error.filename or folder)
+        if name.is_relative_to(where) or error.errno == errno.ENOSPC:
+            raise InterfaceError(f"{where}: {error.strerror}", SCRATCH_HINT) from error
+        raise InterfaceError(f"{name}: {error.strerror}", HINT) from error

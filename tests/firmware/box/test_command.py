@@ -1,11 +1,15 @@
 """captain box: on a laptop before the card is used, and in the box at its start."""
 
+import errno
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from firmware import cli
+from firmware.commands import box
 from tests.firmware.box.conftest import KEY, OVERLAY, Files, write
 
 GOOD: Files = {"captain.toml": '[station]\nname = "rsu-7"\n', "authorized_keys": KEY}
@@ -131,3 +135,34 @@ def test_a_data_partition_that_takes_nothing_is_told(tmp_path: Path, capsys: Sai
     (tmp_path / "owner").write_text("")
     assert apply(write(tmp_path / "card", GOOD), tmp_path / "owner", "11112222") == 1
     assert "captain: " in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("place", "code", "said"), [("pipe", 141, ""), ("/dev/full", 1, "cannot write: No space left")]
+)
+def test_what_cannot_be_printed_is_none_of_the_cards_trouble(tmp_path: Path, place: str, code: int, said: str):
+    card = write(tmp_path, {"box.toml": "".join(f"key{number} = 1\n" for number in range(3000))})
+    if place == "pipe":
+        reader, out = os.pipe()
+        os.close(reader)
+    else:
+        out = os.open(place, os.O_WRONLY)
+    command = [sys.executable, "-m", "firmware", "box", "check", str(card)]
+    ended = subprocess.run(command, stdout=out, stderr=subprocess.PIPE, text=True, check=False)
+    os.close(out)
+    assert ended.returncode == code
+    assert said in ended.stderr
+    assert str(card) not in ended.stderr
+
+
+def test_no_room_beside_the_card_is_told_as_that(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Said):
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(box, "verdict", full)
+    card = write(tmp_path, GOOD)
+    assert cli.main(["box", "check", str(card)]) == 1
+    error = capsys.readouterr().err
+    assert "No space left on device" in error
+    assert "TMPDIR" in error
+    assert str(card) not in error
