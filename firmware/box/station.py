@@ -17,6 +17,7 @@ from firmware.box.toml_lines import syntax_hint
 
 OPEN_PORTS = range(5555, 5559)  # of the box's nftables.conf
 PORTS = ("from_users", "to_users", "pull", "report")
+SOCKETS = ("ipc_in", "ipc_out")
 RUN = "/run/captain/"  # RuntimeDirectory of the image's captain.service
 HERE = "/data/owner/current"  # its WorkingDirectory
 FIRST_PORT = 1024  # that takes no right of its own; ip(7), ip_unprivileged_port_start
@@ -78,6 +79,7 @@ def _look_at_endpoint(found: config.Config, given: StationFiles, notes: list[Not
         ("address", _address(endpoint.address, given.own.partition("/")[0])),
         ("control", _control(endpoint.control)),
     ]
+    ways += [(name, _socket(getattr(endpoint, name))) for name in SOCKETS]
     for name, trouble in ways:
         if name in said and trouble is not None:
             say, what, remedy = trouble
@@ -106,6 +108,12 @@ def _address(address: str, own: str) -> Saying | None:
     if not own or found != ipaddress.ip_address(own):
         return mistake, f'the box is given no "{address}"', f"{remedy}, or give it to eth0 in box.toml"
     return remark, f'no station starts while eth0 does not have "{address}": without a cable', remedy
+
+
+def _socket(address: str) -> Saying | None:
+    """Its /tmp is the station's own, and so is what it makes anywhere (PrivateTmp and UMask of captain.service)."""
+    what = f"no other program of a box may open {address}"
+    return (remark, what, "leave it out") if address else None
 
 
 def _control(path: str) -> Saying | None:

@@ -3,6 +3,7 @@
 import configparser
 import json
 import re
+import stat
 import subprocess
 from collections.abc import Mapping
 from pathlib import Path
@@ -71,12 +72,14 @@ def read(path: Path, name: str, program: str = "rauc") -> Bundle:
     name  what its user has named: where it was fetched to says nothing to him.
     """
     try:
-        size = path.stat().st_size
-        with path.open("rb"):
-            pass
+        found = path.stat()
+        if not stat.S_ISFIFO(found.st_mode):  # which would wait for who writes into it
+            with path.open("rb"):
+                pass
     except OSError as error:
         raise StationError(f"{name}: {error.strerror}", "name a bundle, captain-VERSION-arm64.raucb") from error
-    if not path.is_file() or size == 0:
+    size = found.st_size
+    if not stat.S_ISREG(found.st_mode) or size == 0:
         raise StationError(f"{name}: is empty, or no file", FETCH)
     words = [program, "info", "--output-format=json-2", str(path)]
     try:

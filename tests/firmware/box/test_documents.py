@@ -10,7 +10,7 @@ from board import describe
 from board.toml import parse
 from firmware.box.station import STATE
 from firmware.tables import RecorderOptions
-from tests.firmware.box.conftest import KEY, Look
+from tests.firmware.box.conftest import KEY, Files, Look
 
 PROJECT = Path(__file__).resolve().parents[3]
 README = (PROJECT / "README.md").read_text()
@@ -66,6 +66,16 @@ def test_a_folder_that_the_service_keeps_the_station_from_is_told(look: Look, fo
     (note,) = found.notes
     assert note.text.startswith("captain.toml:2: recorder.folder: the station cannot write ")
     assert found.is_accepted
+
+
+@pytest.mark.parametrize("name", ["ipc_in", "ipc_out"])
+def test_a_socket_that_no_program_of_the_box_may_open_is_told(look: Look, name: str):
+    service = (PROJECT / "image/overlay/usr/lib/systemd/system/captain.service").read_text()
+    assert "UMask=0027\n" in service
+    files: Files = {"captain.toml": f'[endpoint]\n{name} = "ipc:///tmp/v2x/in/0"\n', "authorized_keys": KEY}
+    (note,) = look(files).notes
+    said = f"captain.toml:2: endpoint.{name}: no other program of a box may open ipc:///tmp/v2x/in/0; leave it out"
+    assert (note.text, note.is_mistake) == (said, False)
 
 
 @pytest.mark.parametrize("folder", ["ring", "rings/one", "/var/lib/captain/ring", ""])

@@ -1,6 +1,7 @@
 """What is said of a bundle; the words of RAUC 1.13 were taken from it, for bundles made and spoiled by hand."""
 
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -156,3 +157,9 @@ def test_a_machine_that_is_no_box_is_told(tmp_path: Path, text: str | None):
         system.write_text(text)
     with pytest.raises(StationError, match="no two slots"):
         update_bundle.box(system, tmp_path / "signer")
+
+
+def test_what_somebody_would_have_to_write_into_is_not_waited_for(tmp_path: Path):
+    os.mkfifo(tmp_path / "fifo")
+    with pytest.raises(StationError, match="is empty, or no file"):
+        update_bundle.read(tmp_path / "fifo", NAME)
