@@ -122,10 +122,8 @@ def _name(shell: RootShell, wires: Sequence[Wire]) -> None:
 def _found(wire: Wire) -> str:
     """Words of a shell: $is is what the guest calls it, once it is there."""
     mac = ":".join(f"{octet:02x}" for octet in wire.guest)
-    return (
-        f"until grep -q {mac} /sys/class/net/*/address; do sleep 1; done;"
-        f" is=$(basename $(dirname $(grep -l {mac} /sys/class/net/*/address)))"
-    )
+    # What is renamed in between is looked for again.
+    return f'until is=$(grep -ls {mac} /sys/class/net/*/address | head -n 1 | cut -d / -f 5); [ -n "$is" ]; do sleep 1; done'
 
 
 def _alone(shell: RootShell, neighbour: Neighbour) -> Iterator[Row]:
