@@ -191,7 +191,8 @@ class Imager:
         for route in file.items(entry):
             said = {each.key: each for each in file.entries(route)}
             target = said["to"].text if "to" in said else ""
-            if target in ("default", "0.0.0.0/0") and "via" in said:
+            is_first = "eth0.gateway" not in self.places
+            if target in ("default", "0.0.0.0/0") and "via" in said and is_first:
                 self._set(file, "eth0.gateway", said["via"])
             else:
                 file.leave(route)

@@ -20,6 +20,7 @@ from firmware.box.toml_lines import line_of, syntax_hint
 
 KEYS = "authorized_keys"
 SECRETS = ("wifi.password", "wifi.psk")
+DIGITS = 64  # of what Imager may write in a password's place: nobody can tell whether it is the same one
 MOST_TOLD = 50  # of what is to be said of one file
 
 
@@ -163,6 +164,10 @@ def _compare(name: str, text: str, table: Mapping[str, Any], imager: Imager, not
         if ours[path] != theirs[path]:
             what = f"{path} is {show(ours[path])}, but {show(theirs[path])} in {imager.places[path]}"
             notes.append(mistake(at(name, line_of(text, path)), what, "remove the one that is not meant"))
+    path = SECRETS[0]
+    if path in ours and path in theirs and ours[path] != theirs[path] and len(str(theirs[path])) != DIGITS:
+        what = f"{path} is another one than in {imager.places[path]}"
+        notes.append(mistake(at(name, line_of(text, path)), what, "remove the one that is not meant"))
     if any(path in ours for path in SECRETS) and (wifi := imager.table.get("wifi")):
         wifi.pop("password", None)
 

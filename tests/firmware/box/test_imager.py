@@ -90,6 +90,23 @@ def test_what_two_files_say_differently_is_told_with_both_places(look: Look):
     ]
 
 
+def test_two_passwords_for_a_network_are_told_and_neither_is_shown(look: Look):
+    box = 'host_name = "captain-7"\n[wifi]\ncountry = "DE"\nssid = \'Café "Nord"\'\npassword = "aaaaaaaaaa"\n'
+    network = NETWORK.replace(PSK, "hunter2hunter2")
+    (said,) = mistakes(look({"box.toml": box, "network-config": network}))
+    assert said.startswith("box.toml:5: wifi.password is another one than in network-config:")
+    assert not {word for word in ("aaaaaaaaaa", "hunter2hunter2") if word in said}
+
+
+def test_of_two_ways_out_the_second_is_not_taken_and_told(look: Look):
+    text = "version: 2\nethernets:\n  eth0:\n    addresses: [10.0.0.20/24]\n    routes:\n"
+    text += "".join(f"      - to: default\n        via: 10.0.0.{last}\n" for last in (1, 9))
+    found = look({"network-config": text, "authorized_keys": KEY})
+    assert found.options.eth0 is not None
+    assert found.options.eth0.gateway == "10.0.0.1"
+    assert remarks(found) == ["network-config: not taken: routes[1] (line 8)"]
+
+
 def test_what_two_files_say_alike_is_said_once(look: Look):
     box = 'host_name = "captain-7"\n[wifi]\ncountry = "DE"\nssid = \'Café "Nord"\'\npassword = "12345678"\n'
     found = look({"box.toml": box, "user-data": USER_DATA, "network-config": NETWORK, "authorized_keys": KEY})
