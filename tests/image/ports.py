@@ -20,6 +20,7 @@ LISTED = {22, 5555, 5556, 5557, 5558}
 SERVERS = (53, 67, 547)  # of DNS, DHCP and DHCPv6: a firewall may let in what comes from there
 CLIENT6 = 546  # of DHCPv6, let in where users are; the network says whether its client is at work
 MODEM, RADIO = "wwan0", "usb0"
+RESOLVED = "journalctl -b -n 30 -u systemd-resolved -u systemd-networkd"
 TRIES = 20  # of questions by multicast: who comes late to a group has not heard them
 ALONE = ipaddress.IPv4Address("169.254.7.7")  # of who has none by DHCP either; RFC 3927
 
@@ -187,7 +188,11 @@ def _from_servers(network: Network, neighbour: Neighbour, version: int, ports: S
 def _spoken(network: Network, neighbour: Neighbour, shell: RootShell) -> Iterator[Row]:
     """What answers to a question of its own protocol."""
     found = set(udp_scan(neighbour, 4, lambda port: QUESTIONS[port], QUESTIONS))
-    mdns = " ".join(sorted(_multicast(neighbour, network.is_near)))
+    try:
+        mdns = " ".join(sorted(_multicast(neighbour, network.is_near)))
+    except NotSeenError as error:
+        said = shell.run(f"ip addr show dev {network.name}; resolvectl status {network.name}; {RESOLVED}")
+        raise NotSeenError(f"{error}\n{said}") from error
     if mdns:
         found.add(5353)
     wanted = {5353} if network.is_near else set()
