@@ -65,8 +65,8 @@ class Host(Protocol):
     def heard(self, mac: bytes, rssi_dbm: int | None) -> None:
         """A neighbour showed itself without a PDU: a beacon."""
 
-    def drop(self, reason: Reason, sample: bytes = b"", count: int = 1) -> None:
-        """Something received was not passed on."""
+    def drop(self, reason: Reason, sample: bytes = b"", count: int = 1, detail: str = "") -> None:
+        """Something received was not passed on; detail: what the reason leaves out."""
 
     def confirm(self, request: Request, reason: Reason | None = None, detail: str = "") -> None:
         """A request that send() kept for LATER has left, or was dropped for a reason; detail: what that leaves out."""

@@ -1,5 +1,7 @@
 """Any receiver that speaks NMEA 0183, as it is: it gives positions and the time of day, and no word on pulses."""
 
+import re
+
 from board.errors import InterfaceError, ProtocolError, RequestError
 from board.machine import Machine
 from drivers.gnss_options import GnssOptions
@@ -12,6 +14,8 @@ from drivers.wire.nmea import Sentence, decode
 from drivers.wire.nmea_epochs import NmeaEpochs
 
 GIVE_UP_S = 15.0  # a receiver that says nothing for so long is not there, or has another rate
+# What no octets of another rate look like: talker and formatter, then fields.
+_SENTENCE_LIKE = re.compile(rb"\$[A-Z]{5},[ -~]*")
 
 
 class NmeaReceiver:
@@ -31,6 +35,7 @@ class NmeaReceiver:
         self._talker = ""
         self._is_known = False
         self._garbage = self._unread = 0
+        self._refusal = ""  # why the last sentence was refused; empty: none came
         self._heard_at = float("-inf")  # when the last sentence came
         port = SerialLine(host.loop, self._options, self._machine, self._received, self._above.failed)
         port.open(self._options.rate_baud)
@@ -75,14 +80,18 @@ class NmeaReceiver:
                 case Garbage():
                     self._garbage += event.octets
                     self._above.host.drop(event.reason, event.sample)
+                    if found := _SENTENCE_LIKE.search(event.sample):
+                        self._refusal = f"{event.reason}: {found[0].decode('ascii')}"
 
     def _take(self, sentence: Sentence, port: SerialLine, now: float) -> None:
         try:
             message = decode(sentence)
-        except ProtocolError:
+        except ProtocolError as error:
             self._unread += 1
-            self._above.host.drop(Reason.FRAMING, sentence.body.encode("ascii"))
+            self._refusal = str(error)
+            self._above.host.drop(Reason.FRAMING, sentence.body.encode("ascii"), detail=self._refusal)
             return
+        self._refusal = ""
         if message is None:
             return
         self._talker = sentence.body[:2]
@@ -98,8 +107,9 @@ class NmeaReceiver:
     def _silence(self, path: str) -> InterfaceError:
         if self._loop.clock() - self._heard_at < SILENT_S:
             return InterfaceError(f"{path}: its sentences tell no position", "configure it to send GGA, RMC or both")
-        what = "only garbage comes" if self._garbage else "nothing comes"
-        return InterfaceError(
-            f"{path}: {what} at {self._options.rate_baud} baud",
-            "is baud that of the receiver? mostly 4800, 9600, 38400 or 115200",
-        )
+        if self._refusal:
+            remedy = "baud fits; have the receiver send GGA, RMC or both, with checksums"
+            return InterfaceError(f"{path}: no sentence is valid: {self._refusal}", remedy)
+        what, first = ("only garbage comes", "") if self._garbage else ("nothing comes", "connect its TX, and ")
+        remedy = f"{first}set baud to that of the receiver: mostly 4800, 9600, 38400 or 115200"
+        return InterfaceError(f"{path}: {what} at {self._options.rate_baud} baud", remedy)

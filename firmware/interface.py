@@ -129,8 +129,8 @@ class Interface:
     def heard(self, mac: bytes, rssi_dbm: int | None) -> None:
         self.neighbours.heard(mac, self.loop.clock(), rssi_dbm)
 
-    def drop(self, reason: Reason, sample: bytes = b"", count: int = 1) -> None:
-        self._drops.count(self.name, reason, sample, count)
+    def drop(self, reason: Reason, sample: bytes = b"", count: int = 1, detail: str = "") -> None:
+        self._drops.count(self.name, reason, sample, count, detail)
 
     def confirm(self, request: Request, reason: Reason | None = None, detail: str = "") -> None:
         self.outlet.confirm(request, reason, detail)

@@ -26,9 +26,10 @@ MAX_GARBAGE = 1024  # octets that are told in one piece
 CREDIT, MOST_CREDIT = 8, 65_536
 
 _BEGINNING = re.compile(rb"[\xb5$\xd3]")
-# A sentence is printable but for `$`, `*`, and the end of the line; what is cut off may go on so.
-_SENTENCE = re.compile(rb"\$([ -#%-)+-~]{5,256})\*([0-9A-F]{2})\r\n")
-_SENTENCE_BEGUN = re.compile(rb"\$[ -#%-)+-~]{0,256}(\*[0-9A-F]{0,2}\r?)?")
+# A sentence is printable but for `$`, `*`, and the end of the line; what is cut off may go on so. The standard has
+# capital digits and CR LF. Receivers also send small digits; loggers and ttys take the CR away, or double it.
+_SENTENCE = re.compile(rb"\$([ -#%-)+-~]{5,256})\*([0-9A-Fa-f]{2})\r{0,2}\n")
+_SENTENCE_BEGUN = re.compile(rb"\$[ -#%-)+-~]{0,256}(\*([0-9A-Fa-f]{0,2}|[0-9A-Fa-f]{2}\r{1,2}))?")
 
 
 # What begins somewhere and where it ends; why it is none; or nothing yet: more octets are needed.

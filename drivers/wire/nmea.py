@@ -3,7 +3,7 @@
     $GNGGA,094503.00,4846.01170,N,01125.92330,E,4,18,0.62,376.2,M,46.6,M,1.0,0000*5A CR LF
 
 Between `$` and `*` stands the body: talker and formatter, then fields between commas, any of them empty. Behind `*`
-stands the exclusive or of the body's octets in two hexadecimal digits.
+stands the exclusive or of the body's octets in two hexadecimal digits; LF alone may end it.
 Source: NMEA 0183 V4.11, clauses 5.3 and 6.2; u-blox F9 HPG 1.32 interface description, clause 2.
 """
 

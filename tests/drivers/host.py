@@ -32,6 +32,7 @@ class Host:
         self.neighbours: list[bytes] = []
         self.drops: Counter[Reason] = Counter()
         self.samples: list[bytes] = []
+        self.drop_details: list[str] = []
         self.confirms: list[tuple[Request, Reason | None]] = []
         self.confirm_details: list[str] = []
         self.links: list[tuple[bool, str]] = []
@@ -64,10 +65,11 @@ class Host:
     def heard(self, mac: bytes, rssi_dbm: int | None) -> None:
         self.neighbours.append(mac)
 
-    def drop(self, reason: Reason, sample: bytes = b"", count: int = 1) -> None:
+    def drop(self, reason: Reason, sample: bytes = b"", count: int = 1, detail: str = "") -> None:
         self.drops[reason] += count
         if self.keeps:
             self.samples.append(sample)
+            self.drop_details.append(detail)
 
     def confirm(self, request: Request, reason: Reason | None = None, detail: str = "") -> None:
         self.confirms.append((request, reason))
