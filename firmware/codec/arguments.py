@@ -11,6 +11,7 @@ from board.errors import RequestError
 from firmware.codec.decoding import error_record
 from firmware.codec.reading import FORMS, Object, Pdu, Reader
 from firmware.printable import clean
+from firmware.user.failures import Failures
 
 FORMS_HELP = """\
 WHAT is a file, a folder of files, or the message itself; - or nothing is
@@ -42,25 +43,32 @@ def add_edition(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def each(arguments: argparse.Namespace, do: Callable[[Pdu | Object], None], is_json: bool = False) -> int:
-    """Do it with each message of WHAT; one that fails is told, and the next goes on. Returns the exit status.
+def each(
+    arguments: argparse.Namespace,
+    do: Callable[[Pdu | Object], None],
+    is_json: bool = False,
+    failures: Failures | None = None,
+) -> int:
+    """Do it with each message of WHAT; one that fails is reported, and the next goes on. Returns the exit status.
 
-    is_json  failures are told on standard output, an object a line.
+    is_json   each failure is an object on standard output.
+    failures  that `do` reports to as well, with warnings; None: it reports nothing.
     """
     source = _reader(arguments)
     failed = count = 0
-    for item in source.read(arguments.what or ["-"]):
-        count += 1
-        try:
-            if isinstance(item, RequestError):
-                raise item
-            do(item)
-        except RequestError as error:
-            failed += 1
-            if is_json:
-                print_json(error_record(error))
-            else:
-                _tell(error)
+    with failures or Failures() as told:
+        for item in source.read(arguments.what or ["-"]):
+            count += 1
+            try:
+                if isinstance(item, RequestError):
+                    raise item
+                do(item)
+            except RequestError as error:
+                failed += 1
+                if is_json:
+                    print_json(error_record(error))
+                else:
+                    told.tell(error)
     _tell_skipped(source.skipped)
     return 1 if failed or not count else 0
 
@@ -71,17 +79,6 @@ def _reader(arguments: argparse.Namespace) -> Reader:
     if "-" in (arguments.what or ["-"]) and sys.stdin.isatty():
         print("captain: reads standard input until Ctrl-D", file=sys.stderr)
     return Reader(arguments.form, sys.stdin.buffer)
-
-
-def warn(text: str) -> None:
-    """What a user should know of a message that is made all the same."""
-    sys.stdout.flush()
-    print(f"captain: warning: {clean(text)}", file=sys.stderr, flush=True)
-
-
-def _tell(error: RequestError) -> None:
-    sys.stdout.flush()
-    print("captain: " + "\n".join(clean(line) for line in str(error).splitlines()), file=sys.stderr, flush=True)
 
 
 def _tell_skipped(skipped: Counter[str]) -> None:

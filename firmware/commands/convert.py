@@ -3,10 +3,11 @@
 import argparse
 
 from firmware.codec import library, writing
-from firmware.codec.arguments import FORMS_HELP, add_edition, add_input, each, warn
+from firmware.codec.arguments import FORMS_HELP, add_edition, add_input, each
 from firmware.codec.decoding import Decoder
 from firmware.codec.encoding import disagreement, encode
 from firmware.codec.reading import Object, Pdu, pdu_of, port_of, when_ns
+from firmware.user.failures import Failures
 
 DESCRIPTION = f"""\
 Writes messages in another form: hexadecimal, base64, binary, JSON (decoded),
@@ -41,19 +42,22 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(arguments: argparse.Namespace) -> int:
-    conversion = Conversion(arguments.edition)
+    failures = Failures()
+    conversion = Conversion(arguments.edition, failures)
     with writing.output(arguments, "hex") as out:
-        return each(arguments, lambda item: out.write(conversion.octets(item)))
+        return each(arguments, lambda item: out.write(conversion.octets(item)), failures=failures)
 
 
 class Conversion:
     """Octets of whatever a user gave; the message library is loaded when an item needs it.
 
-    edition  as `--edition` has it: then every message has to be of it.
+    edition   as `--edition` has it: then every message has to be of it.
+    failures  is warned of messages whose header is of another edition.
     """
 
-    def __init__(self, edition: str | None) -> None:
+    def __init__(self, edition: str | None, failures: Failures) -> None:
         self._edition = edition
+        self._failures = failures
         self._decoder: Decoder | None = None
 
     def octets(self, item: Pdu | Object) -> Pdu:
@@ -69,7 +73,7 @@ class Conversion:
             return pdu_of(one)
         message, octets = encode(one, self._codec().known, self._edition)
         if told := disagreement(message, octets, library.load().all()):
-            warn(f"{one.origin}: {told}")
+            self._failures.warn(f"{one.origin}: {told}")
         return Pdu(octets, one.origin, port_of(one), when_ns(one))
 
     def _codec(self) -> Decoder:

@@ -4,9 +4,10 @@ import argparse
 
 from board.errors import RequestError
 from firmware.codec import library, writing
-from firmware.codec.arguments import add_edition, each, warn
+from firmware.codec.arguments import add_edition, each
 from firmware.codec.encoding import disagreement, encode
 from firmware.codec.reading import Object, Pdu, port_of, when_ns
+from firmware.user.failures import Failures
 
 DESCRIPTION = """\
 Encodes messages: JSON objects {"edition": "cam-1.4.1", "message": {...}} as
@@ -47,18 +48,15 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def main(arguments: argparse.Namespace) -> int:
     codec = library.load()
     known = library.editions(codec, arguments.edition)
+    failures = Failures()
 
     def write(item: Pdu | Object) -> None:
-        out.write(_encoded(item, known, arguments.edition, codec))
+        if isinstance(item, Pdu):
+            raise RequestError(f"{item.origin}: it is octets already, not JSON")
+        message, octets = encode(item, known, arguments.edition)
+        if told := disagreement(message, octets, codec.all()):
+            failures.warn(f"{item.origin}: {told}")
+        out.write(Pdu(octets, item.origin, port_of(item), when_ns(item)))
 
     with writing.output(arguments, "hex") as out:
-        return each(arguments, write)
-
-
-def _encoded(item: Pdu | Object, known: list[library.Message], asked: str | None, codec: library.Library) -> Pdu:
-    if isinstance(item, Pdu):
-        raise RequestError(f"{item.origin}: it is octets already, not JSON")
-    message, octets = encode(item, known, asked)
-    if told := disagreement(message, octets, codec.all()):
-        warn(f"{item.origin}: {told}")
-    return Pdu(octets, item.origin, port_of(item), when_ns(item))
+        return each(arguments, write, failures=failures)

@@ -11,7 +11,7 @@ from dataclasses import asdict
 
 from board.address import Address
 from board.address import address as udp_address
-from board.errors import ConfigurationError, RequestError, StationError, UsageError
+from board.errors import ConfigurationError, RequestError, UsageError
 from drivers.wire.impairment import Impairment
 from firmware.codec.reading import FORMS, Pdu
 from firmware.printable import clean
@@ -24,6 +24,7 @@ from firmware.replay.source import Choice, Source
 from firmware.replay.timing import Timing
 from firmware.user import client
 from firmware.user.arguments import HIGHEST_RATE, add_station, address, finite, integer, number, times
+from firmware.user.failures import Failures
 
 DESCRIPTION = """\
 Sends again what was recorded, as fast as it was recorded: by default its PDUs
@@ -58,7 +59,6 @@ exit codes:
   2    wrong usage
   130  Ctrl-C
 """
-TOLD_UNREADABLE = 20
 FRAMINGS = ("ethernet", "btp", "pdu")
 
 
@@ -133,10 +133,16 @@ def main(arguments: argparse.Namespace) -> int:
     way = Impairment[Pdu](impairments(arguments))
     with ExitStack() as ending:
         end = _end(arguments, ending)
-        player = Player(end, way, rewriting, timing, Unreadable())
+        failures = Failures()
+
+        def tell(error: RequestError) -> None:
+            # Everywhere else --from is the option of the form; here it is a time.
+            failures.tell(RequestError(error.message, error.hint.replace("--from", "--form")))
+
+        player = Player(end, way, rewriting, timing, tell)
         began = time.monotonic()
         try:
-            with until_sigterm():
+            with until_sigterm(), failures:
                 for _ in _rounds(arguments.loop):
                     before = way.counts.taken
                     for _ in player.play(source.items(what)):
@@ -190,20 +196,6 @@ def _end(arguments: argparse.Namespace, ending: ExitStack) -> End:
         ending.callback(users.close)
         return users
     return Station(context, place, "replay", is_paced=arguments.rate != 0)
-
-
-class Unreadable:
-    """Tells of what cannot be read, up to so many."""
-
-    def __init__(self) -> None:
-        self._count = 0
-
-    def __call__(self, error: RequestError) -> None:
-        self._count += 1
-        if self._count <= TOLD_UNREADABLE:
-            hint = clean(error.hint).replace("--from", "--form")  # the form's option everywhere else, a time here
-            told_of = StationError(clean(error.message), hint)
-            print(f"captain: {told_of}", file=sys.stderr, flush=True)
 
 
 class Summary:

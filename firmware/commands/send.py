@@ -1,15 +1,17 @@
 """captain send: give PDUs to a station and say what became of each."""
 
 import argparse
+import io
 import os
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from firmware.user import client, payload, sending
 from firmware.user.account import Account
 from firmware.user.arguments import HIGHEST_RATE, add_station, address, finite, integer, number, seconds, times
+from firmware.user.payload import Payload
 
 if TYPE_CHECKING:
     from rich.progress import Progress as RichProgress
@@ -26,7 +28,8 @@ standard input. Files hold
   .bin       the octets of one PDU
   .json      objects like {"type": "cam", "hex": "0202..."}, in a list or one
              a line, as `captain listen --json` prints them
-and standard input holds hexadecimal or JSON lines, unless --format says.
+and standard input holds hexadecimal or JSON lines, unless --format says. An
+invalid message is reported with its line and left out; the others are sent.
 """
 EPILOG = """\
 examples:
@@ -46,13 +49,13 @@ examples:
 exit codes:
   0    every message was sent by at least one interface (with --no-confirm:
        was given to the station)
-  1    one was not, or no station answers
+  1    one was not or is invalid, or no station answers
   2    wrong usage
   130  Ctrl-C
 """
 DEFAULT_RATE = 10.0  # the highest rate of CAMs of one station (EN 302 637-2 clause 6.1.3, T_GenCamMin)
 LONGEST_LIFETIME_S = 86400.0  # of the station's options
-TOLD_ONE_BY_ONE = 20  # messages; of more only those that were not sent
+TOLD_ONE_BY_ONE = 20  # messages; of more only three of each kind that were not sent
 LINGER_MS = 2000  # what the socket still holds at the end of --no-confirm
 
 
@@ -102,11 +105,17 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(arguments: argparse.Namespace) -> int:
     place = address(arguments)
-    found = payload.read(arguments.what, arguments.format, sys.stdin)
-    is_stream = "-" in arguments.what and arguments.count == 1  # may never end
-    payloads = found if is_stream else list(found)
-    total = None if isinstance(payloads, Iterator) else len(payloads) * arguments.count
-    account = Account(arguments.json, is_brief=total is None or total > TOLD_ONE_BY_ONE)
+    account = Account(arguments.json)
+    standard_input = io.BytesIO() if sys.stdin is None else sys.stdin.buffer
+    payloads: Iterable[Payload] = account.valid(payload.read(arguments.what, arguments.format, standard_input))
+    total = None
+    if "-" not in arguments.what or arguments.count > 1:  # else it may never end
+        with account.failures:
+            payloads = list(payloads)
+        total = len(payloads) * arguments.count
+        account.is_brief = total > TOLD_ONE_BY_ONE
+    if total == 0:
+        return 1
     with client.session() as context:
         confirms = None if arguments.no_confirm else sending.confirms(context, place)
         pusher = client.push(context, place)
@@ -119,7 +128,7 @@ def main(arguments: argparse.Namespace) -> int:
             on_over=account.one,
         )
         try:
-            with Progress(total) as progress:
+            with Progress(total) as progress, account.failures:
                 for _ in range(arguments.count):
                     for count in outgoing.send(payloads, arguments.type):
                         progress.show(count)
@@ -129,7 +138,7 @@ def main(arguments: argparse.Namespace) -> int:
                 outgoing.give_up()
             account.all(outgoing)
         pusher.close(linger=LINGER_MS)
-    return 0 if outgoing.all_sent else 1
+    return 0 if outgoing.all_sent and not account.invalid else 1
 
 
 # -- what the options mean

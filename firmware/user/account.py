@@ -2,9 +2,13 @@
 
 import json
 import sys
+from collections import Counter
+from collections.abc import Iterable, Iterator
 
 from firmware.printable import clean
+from firmware.user.failures import TOLD, Failures
 from firmware.user.flights import Flight, Flights
+from firmware.user.payload import Item, Payload
 from firmware.user.sending import Sending
 from firmware.user.table import Table, lines_for
 
@@ -12,17 +16,32 @@ from firmware.user.table import Table, lines_for
 class Account:
     """Tells of each message that is over, and of all together at the end.
 
-    is_brief  leave out those that were sent.
+    is_brief  leave out those that were sent; of the others tell three of each kind.
+    invalid   count of what was not sent because it is no message. failures: where that is reported.
     """
 
-    def __init__(self, is_json: bool, is_brief: bool) -> None:
+    def __init__(self, is_json: bool) -> None:
+        self.is_brief = True
+        self.invalid = 0
+        self.failures = Failures()
         self._is_json = is_json
-        self._is_brief = is_brief
+        self._told: Counter[tuple[tuple[str, str, str], ...]] = Counter()
+
+    def valid(self, items: Iterable[Item]) -> Iterator[Payload]:
+        """The messages; the invalid items are reported."""
+        for item in items:
+            if isinstance(item, Payload):
+                yield item
+                continue
+            self.invalid += 1
+            self.failures.tell(item)
+            if self._is_json:
+                print(json.dumps({"outcome": "invalid", "error": item.message, "hint": item.hint}), flush=True)
 
     def one(self, flight: Flight) -> None:
         if self._is_json:
             print(json.dumps(record(flight)), flush=True)
-        elif not self._is_brief or flight.outcome != "sent":
+        elif not self.is_brief or self._is_new(flight):
             print(clean(f"{flight.origin}: {_described(flight)}: {fate(flight)}"), flush=True)
 
     def all(self, outgoing: Sending) -> None:
@@ -30,6 +49,7 @@ class Account:
         flights = outgoing.flights
         outcomes = ", ".join(f"{count} {outcome}" for outcome, count in sorted(flights.outcomes.items()))
         title = f"{outgoing.count} given to the station" + (f": {outcomes}" if outcomes else "")
+        title += f"; {self.invalid} invalid, not sent" if self.invalid else ""
         meanings = {reason: meaning for _, _, reason, meaning in flights.hops if reason}
         notes = [f"{reason}: {meaning}" for reason, meaning in sorted(meanings.items())]
         if flights.rubbish:
@@ -37,6 +57,14 @@ class Account:
         stream = sys.stderr if self._is_json else sys.stdout
         rows = [_summed(flights, hop, count) for hop, count in sorted(flights.hops.items())]
         print("\n".join(lines_for(Table(title, SUMMED, rows, notes), stream)), file=stream, flush=True)
+
+    def _is_new(self, flight: Flight) -> bool:
+        """Whether it was not sent, and fewer than three are told of that kind: the table at the end counts them."""
+        if flight.outcome == "sent":
+            return False
+        kind = tuple((hop.interface, hop.outcome, hop.reason) for hop in flight.hops)
+        self._told[kind] += 1
+        return self._told[kind] <= TOLD
 
 
 SUMMED = ("interface", "outcome", ">count", ">queue us", ">longest", ">send us", ">longest", "reason")

@@ -1,14 +1,15 @@
 """PDUs from a user's text, files, folders and standard input, for `captain send`."""
 
-import json
 import os
 import re
 from base64 import b64decode
 from collections.abc import Callable, Iterable, Iterator
+from itertools import chain
 from pathlib import Path
-from typing import NamedTuple, TextIO
+from typing import BinaryIO, NamedTuple, TypeAlias
 
 from board.errors import RequestError
+from firmware.codec import json_texts
 
 # A station takes 1500 octets and refuses longer ones, which may be tried; this is for files of another kind.
 MAX_OCTETS = 0xFFFF
@@ -39,22 +40,37 @@ class Payload(NamedTuple):
     origin: str
 
 
-def read(sources: Iterable[str], form: str | None, standard_input: TextIO) -> Iterator[Payload]:
+Item: TypeAlias = Payload | RequestError
+
+
+def read(sources: Iterable[str], form: str | None, standard_input: BinaryIO) -> Iterator[Item]:
     """The PDUs of files, folders, `-` for standard input, or text that is none of these: hexadecimal.
 
     form  one of FORMATS in place of what a file's name or the first character of standard input says.
 
-    Raises RequestError that names the file, the line and the character.
+    What is invalid is an item as well, so that the next one is still read: it names the file, line and character.
     """
     for source in sources:
-        if source == "-":
-            yield from _standard_input(standard_input, form)
-        elif os.path.isdir(source):
-            yield from _folder(Path(source), form)
-        elif os.path.exists(source) or _looks_like_a_path(source, form):
-            yield from _file(Path(source), form)
-        else:
-            yield Payload(_decode(form or "hex")(source, "the argument"), "", "the argument")
+        yield from _all_of(_source(source, form, standard_input))
+
+
+def _all_of(items: Iterator[Item]) -> Iterator[Item]:
+    """The items of one source. An error that ends it is its last item."""
+    try:
+        yield from items
+    except RequestError as error:
+        yield error
+
+
+def _source(source: str, form: str | None, standard_input: BinaryIO) -> Iterator[Item]:
+    if source == "-":
+        yield from _standard_input(standard_input, form)
+    elif os.path.isdir(source):
+        yield from _folder(Path(source), form)
+    elif os.path.exists(source) or _looks_like_a_path(source, form):
+        yield from _file(Path(source), form)
+    else:
+        yield Payload(_decode(form or "hex")(source, "the argument"), "", "the argument")
 
 
 def _looks_like_a_path(source: str, form: str | None) -> bool:
@@ -62,16 +78,19 @@ def _looks_like_a_path(source: str, form: str | None) -> bool:
     return form != "base64" and ("/" in source or Path(source).suffix in SUFFIXES)
 
 
-def _folder(folder: Path, form: str | None) -> Iterator[Payload]:
-    files = sorted(entry for entry in folder.iterdir() if entry.is_file())
+def _folder(folder: Path, form: str | None) -> Iterator[Item]:
+    try:
+        files = sorted(entry for entry in folder.iterdir() if entry.is_file())
+    except OSError as error:
+        raise RequestError(f"{folder}: {error.strerror}") from error
     chosen = [entry for entry in files if form is not None or entry.suffix.lower() in SUFFIXES]
     if not chosen:
         raise RequestError(f"{folder}: none of its {len(files)} files is of a known kind", ACCEPTED)
     for entry in chosen:
-        yield from _file(entry, form)
+        yield from _all_of(_file(entry, form))
 
 
-def _file(path: Path, form: str | None) -> Iterator[Payload]:
+def _file(path: Path, form: str | None) -> Iterator[Item]:
     kind = form or SUFFIXES.get(path.suffix.lower())
     if kind is None:
         raise RequestError(f"{path}: {path.suffix or 'a name without a suffix'} is no known kind of file", ACCEPTED)
@@ -84,44 +103,43 @@ def _file(path: Path, form: str | None) -> Iterator[Payload]:
     if kind == "binary":
         yield Payload(_bounded(octets, str(path)), "", str(path))
         return
-    try:
-        text = octets.decode()
-    except UnicodeDecodeError as error:
-        raise RequestError(f"{path}: octet {error.start} is not text, which {kind} is", "--format binary?") from error
-    yield from _texts(text.splitlines(), kind, str(path))
+    yield from _texts(octets.splitlines(keepends=True), kind, str(path))
 
 
-def _standard_input(stream: TextIO, form: str | None) -> Iterator[Payload]:
+def _standard_input(stream: BinaryIO, form: str | None) -> Iterator[Item]:
     where = "standard input"
     if form == "binary":
-        yield Payload(_bounded(stream.buffer.read(MAX_OCTETS + 1), where), "", where)
+        yield Payload(_bounded(stream.read(MAX_OCTETS + 1), where), "", where)
         return
-    try:
-        first = next((line for line in stream if line.strip()), "")
-        kind = form or ("json" if first.lstrip().startswith(("{", "[")) else "hex")
-        yield from _texts(_chain(first, stream), kind, where)
-    except UnicodeDecodeError as error:
-        raise RequestError(f"{where}: it is not text", "--format binary?") from error
+    head: list[bytes] = []
+    while not (head and head[-1].strip()) and (line := stream.readline()):
+        head.append(line)
+    is_json = bool(head) and head[-1].lstrip().startswith((b"{", b"["))
+    yield from _texts(chain(head, stream), form or ("json" if is_json else "hex"), where)
 
 
-def _chain(first: str, rest: Iterable[str]) -> Iterator[str]:
-    yield first
-    yield from rest
-
-
-def _texts(lines: Iterable[str], kind: str, where: str) -> Iterator[Payload]:
-    if kind == "json":
-        yield from _json(lines, where)
-        return
+def _texts(lines: Iterable[bytes], kind: str, where: str) -> Iterator[Item]:
+    """What lines of text hold; invalid ones are items, too."""
     count = 0
-    for number, line in enumerate(lines, 1):
-        text = line.partition("#")[0].strip()
-        if text:
-            count += 1
-            origin = f"{where}: line {number}"
-            yield Payload(_decode(kind)(text, origin), "", origin)
+    for item in _json(lines, where) if kind == "json" else _coded(lines, kind, where):
+        count += 1
+        yield item
     if not count:
         raise RequestError(f"{where}: it holds no PDU", ACCEPTED)
+
+
+def _coded(lines: Iterable[bytes], kind: str, where: str) -> Iterator[Item]:
+    """A PDU a line, in hexadecimal or base64."""
+    for number, line in enumerate(lines, 1):
+        origin = f"{where}: line {number}"
+        try:
+            if text := line.decode().partition("#")[0].strip():
+                yield Payload(_decode(kind)(text, origin), "", origin)
+        except RequestError as error:
+            yield error
+        except UnicodeDecodeError as error:
+            what = f"{origin}: octet {error.start + 1} is not text, which {kind} is"
+            yield RequestError(what, "octets are read with --format binary")
 
 
 def _decode(kind: str) -> Callable[[str, str], bytes]:
@@ -164,34 +182,20 @@ def _bounded(octets: bytes, where: str) -> bytes:
     return octets
 
 
-def _json(lines: Iterable[str], where: str) -> Iterator[Payload]:
-    """One object a line, or one list or object over all lines."""
-    numbered = ((number, line) for number, line in enumerate(lines, 1) if line.strip())
-    number, first = next(numbered, (0, ""))
-    if not number:
-        raise RequestError(f"{where}: it holds no PDU", ACCEPTED)
-    try:
-        is_lines = isinstance(json.loads(first), dict)
-    except (ValueError, RecursionError):
-        is_lines = False  # the list goes on, or it is none: then it is refused below
-    if is_lines:
-        yield _item(_parse(first, f"{where}: line {number}"), f"{where}: line {number}")
-        for number, line in numbered:
-            yield _item(_parse(line, f"{where}: line {number}"), f"{where}: line {number}")
-        return
-    whole = _parse("\n".join([first, *(line for _, line in numbered)]), where)
-    for at, item in enumerate(whole if isinstance(whole, list) else [whole]):
-        yield _item(item, f"{where}: item {at}")
-
-
-def _parse(text: str, where: str) -> object:
-    try:
-        return json.loads(text)
-    except json.JSONDecodeError as error:
-        place = f"line {error.lineno}, character {error.colno}"
-        raise RequestError(f"{where}: it is not JSON: {error.msg} at {place}", ACCEPTED) from error
-    except (ValueError, RecursionError) as error:
-        raise RequestError(f"{where}: it is not JSON: {error}", ACCEPTED) from error
+def _json(lines: Iterable[bytes], where: str) -> Iterator[Item]:
+    """Objects, each on a line or on many, or in a list."""
+    for begin, text in json_texts.split(line.decode(errors="backslashreplace") for line in lines):
+        origin = f"{where}: line {begin}"
+        try:
+            value = json_texts.parse(text, origin)
+        except RequestError as error:
+            yield RequestError(error.message, ACCEPTED)
+            continue
+        for at, item in enumerate(value if isinstance(value, list) else [value]):
+            try:
+                yield _item(item, f"{origin}: item {at}" if isinstance(value, list) else origin)
+            except RequestError as error:
+                yield error
 
 
 def _item(item: object, where: str) -> Payload:

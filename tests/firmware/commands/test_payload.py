@@ -13,14 +13,20 @@ from firmware.user.payload import Payload, base64_octets, hex_octets
 CAM = bytes.fromhex("020200000539")
 
 
+def items(*sources: str, form: str | None = None, given_octets: bytes = b"") -> list[payload.Item]:
+    return list(payload.read(sources, form, io.BytesIO(given_octets)))
+
+
 def read(*sources: str, form: str | None = None, given_octets: bytes = b"") -> list[Payload]:
-    return list(payload.read(sources, form, io.TextIOWrapper(io.BytesIO(given_octets))))
+    found = items(*sources, form=form, given_octets=given_octets)
+    assert all(isinstance(one, Payload) for one in found), found
+    return [one for one in found if isinstance(one, Payload)]
 
 
 def refusal(*sources: str, form: str | None = None, given_octets: bytes = b"") -> RequestError:
-    with pytest.raises(RequestError) as refused:
-        read(*sources, form=form, given_octets=given_octets)
-    return refused.value
+    """The first item that is invalid."""
+    found = items(*sources, form=form, given_octets=given_octets)
+    return next(one for one in found if isinstance(one, RequestError))
 
 
 @given(st.binary(min_size=1, max_size=600))
@@ -71,10 +77,8 @@ def test_no_text_of_a_user_is_more_than_refused(text):
 
 @given(st.binary(max_size=60), st.sampled_from([None, *payload.FORMATS]))
 def test_no_standard_input_is_more_than_refused(octets, form):
-    try:
-        assert all(one.pdu for one in read("-", form=form, given_octets=octets))
-    except RequestError as error:
-        assert error.message.startswith("standard input")
+    for one in items("-", form=form, given_octets=octets):
+        assert one.pdu if isinstance(one, Payload) else one.message.startswith("standard input")
 
 
 def test_each_kind_of_file_is_known_by_its_name(tmp_path):
@@ -92,7 +96,7 @@ def test_each_kind_of_file_is_known_by_its_name(tmp_path):
         "a.hex: line 4",
         "b.b64: line 1",
         "c.bin",
-        "d.json: item 0",
+        "d.json: line 1: item 0",
         "e.jsonl: line 1",
         "e.jsonl: line 2",
     ]
@@ -113,9 +117,11 @@ def test_standard_input_is_hexadecimal_or_json_lines():
 
 
 def test_standard_input_is_read_while_it_comes():
-    class Endless(io.TextIOBase):
-        def readline(self, size: int = -1) -> str:
-            return '{"hex": "020200000539"}\n'
+    class Endless(io.BytesIO):
+        def readline(self, size: int | None = -1) -> bytes:
+            return b'{"hex": "020200000539"}\n'
+
+        __next__ = readline
 
     found = payload.read(["-"], None, Endless())
     assert [next(found).pdu for _ in range(3)] == [CAM] * 3
@@ -130,7 +136,7 @@ def test_octets_of_standard_input_are_one_pdu():
     [
         ("x.pcap", b"\xd4\xc3\xb2\xa1", ".pcap is no known kind of file"),
         ("noname", b"0202", "a name without a suffix is no known kind of file"),
-        ("x.hex", b"02\xff", "octet 2 is not text, which hex is"),
+        ("x.hex", b"02\xff", "line 1: octet 3 is not text, which hex is"),
         ("x.hex", b"# nothing\n", "it holds no PDU"),
         ("x.bin", b"", "it has no octets"),
         ("x.bin", bytes(70_000), "more than 65535 octets are no PDU"),
@@ -169,3 +175,41 @@ def test_a_pdu_longer_than_a_file_name_may_be_is_still_hexadecimal():
 
 def test_an_argument_cannot_be_octets():
     assert "an argument cannot be binary" in refusal("0202", form="binary").message
+
+
+def test_an_invalid_line_of_27_leaves_the_26_others_and_names_its_line(tmp_path):
+    path = tmp_path / "27.hex"
+    path.write_text("\n".join([*[CAM.hex()] * 12, "02zz", *[CAM.hex()] * 14]))
+    found = items(str(path))
+    assert [one.pdu for one in found if isinstance(one, Payload)] == [CAM] * 26
+    (refused,) = [one for one in found if isinstance(one, RequestError)]
+    assert refused.message == f"{path}: line 13: character 3, 'z', is no hexadecimal digit"
+
+
+@pytest.mark.parametrize(
+    ("name", "octets", "places"),
+    [
+        ("x.b64", b"AgIAAAU5\nAg*\nAgIAAAU5\n", ["line 2"]),
+        ("x.hex", b"020200000539\n\xff\n020200000539\n", ["line 2"]),
+        ("x.json", b'[{"hex": "020200000539"}, 7, {"hex": "0"}, {"hex": "020200000539"}]', ["item 1", "item 2"]),
+        ("x.jsonl", b'{"hex": "020200000539"}\n{"hex"}\nno\n{"hex": "020200000539"}\n', ["line 2", "line 3"]),
+        ("x.jsonl", b'{"hex"}\n{"hex": "020200000539"}\n{"hex": "020200000539"}\n', ["line 1"]),
+    ],
+)
+def test_an_invalid_item_of_each_form_leaves_the_others(tmp_path, name, octets, places):
+    (tmp_path / name).write_bytes(octets)
+    found = items(str(tmp_path / name))
+    assert [one.pdu for one in found if isinstance(one, Payload)] == [CAM] * 2
+    refused = [one.message for one in found if isinstance(one, RequestError)]
+    assert [place in message for place, message in zip(places, refused, strict=True)] == [True] * len(places)
+
+
+def test_a_source_that_is_absent_leaves_the_others(tmp_path):
+    (tmp_path / "x.bin").write_bytes(b"")
+    (tmp_path / "y.bin").write_bytes(CAM)
+    found = items("absent.hex", str(tmp_path), CAM.hex())
+    assert [type(one) for one in found] == [RequestError, RequestError, Payload, Payload]
+
+
+def test_lines_of_standard_input_are_counted_from_its_first():
+    assert "line 3: character 1" in refusal("-", given_octets=b"\n\nzz\n").message

@@ -3,7 +3,7 @@ import io
 import json
 
 import pytest
-from hypothesis import given
+from hypothesis import given as generated
 from hypothesis import strategies as st
 
 from firmware import cli
@@ -154,10 +154,64 @@ def test_types_of_a_list_become_envelopes(tmp_path):
 
 
 def test_standard_input_is_sent(monkeypatch):
-    monkeypatch.setattr("sys.stdin", io.StringIO(f"{CAM}\n{CAM}\n"))
+    monkeypatch.setattr("sys.stdin", given(f"{CAM}\n{CAM}\n"))
     with FakeStation(answer=sent_by("g5")) as station:
         assert sent(station, "-") == 0
     assert len(station.requests) == 2
+
+
+def test_standard_input_that_is_closed_is_no_message(monkeypatch, capsys):
+    monkeypatch.setattr("sys.stdin", None)
+    with FakeStation(answer=sent_by("g5")) as station:
+        assert sent(station, "-") == 1
+    assert "standard input: it holds no PDU" in capsys.readouterr().err
+
+
+def given(text: str) -> io.TextIOWrapper:
+    return io.TextIOWrapper(io.BytesIO(text.encode()))
+
+
+@pytest.mark.parametrize("is_file", [True, False])
+def test_an_invalid_line_of_27_is_reported_and_the_26_others_are_sent(tmp_path, monkeypatch, capsys, is_file):
+    text = "\n".join([*[CAM] * 12, "02zz", *[CAM] * 14])
+    (tmp_path / "27.hex").write_text(text)
+    monkeypatch.setattr("sys.stdin", given(text))
+    with FakeStation(answer=sent_by("g5")) as station:
+        assert sent(station, str(tmp_path / "27.hex") if is_file else "-") == 1
+    said = capsys.readouterr()
+    assert len(station.requests) == 26
+    assert "line 13: character 3, 'z', is no hexadecimal digit" in said.err
+    assert "26 given to the station: 26 sent; 1 invalid, not sent" in said.out
+
+
+def test_an_invalid_line_sent_as_often_as_asked_is_reported_once(tmp_path, capsys):
+    (tmp_path / "two.hex").write_text(f"{CAM}\n02zz\n")
+    with FakeStation(answer=sent_by("g5")) as station:
+        assert sent(station, str(tmp_path), "--count", "3", "--json") == 1
+    out, err = capsys.readouterr()
+    assert len(station.requests) == 3
+    assert err.count("is no hexadecimal digit") == 1
+    told = [json.loads(line) for line in out.splitlines()]
+    assert [one["outcome"] for one in told] == ["invalid", "sent", "sent", "sent"]
+    assert "two.hex: line 2: character 3" in told[0]["error"]
+
+
+def test_2003_invalid_lines_are_three_and_their_count(tmp_path, capsys):
+    (tmp_path / "bad.hex").write_text("02zz\n" * 2003)
+    assert cli.main(["send", str(tmp_path / "bad.hex")]) == 1
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == 5
+    assert said[-1].startswith("captain: 2000 more of this kind, the last: ")
+    assert "line 2003: character 3, 'z'" in said[-1]
+
+
+def test_of_2003_messages_that_are_refused_three_are_told_and_all_are_counted(tmp_path, capsys):
+    (tmp_path / "short.hex").write_text("02\n" * 2003)
+    with FakeStation(answer=refused) as station:
+        assert sent(station, str(tmp_path)) == 1
+    said = capsys.readouterr().out
+    assert said.count("refused: short-pdu (too short)") == 3
+    assert "2003 given to the station: 2003 refused" in said
 
 
 class Terminal(io.StringIO):
@@ -269,7 +323,7 @@ confirms = st.dictionaries(
 )
 
 
-@given(st.lists(confirms))
+@generated(st.lists(confirms))
 def test_no_confirm_of_a_peer_is_fatal_and_each_message_ends_once(said):
     flights = Flights()
     flights.depart("a", "", 1)
