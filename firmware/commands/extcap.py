@@ -81,11 +81,15 @@ def _capture(arguments: argparse.Namespace) -> int:
     try:
         # Opened before the station is asked: Wireshark waits for it, and shows what is said then.
         with arguments.fifo.open("wb") as pipe:
-            return record(address(arguments), Wish(), lambda: Pipe(pipe), "wireshark")
+            return record(address(arguments), Wish(), lambda: Pipe(pipe), "wireshark", _pass_over)
     except BrokenPipeError:
         return 0
     except OSError as error:
         raise RequestError(f"{arguments.fifo}: {error.strerror}") from error
+
+
+def _pass_over(note: str) -> None:
+    """Wireshark shows each line of standard error as an error: what is ordinary is in the capture itself."""
 
 
 def _install(folder: str) -> int:

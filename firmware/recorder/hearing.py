@@ -23,10 +23,14 @@ class Hearing:
     on_status  is told who it is: before the first frame, and each time that it is another one or was started again;
                empty where it does not say.
     on_time    has its time object, once a second.
+    note       is given what is ordinary; None: standard error, as for the rest.
     """
 
-    def __init__(self, context: client.Context, place: client.Address) -> None:
+    def __init__(
+        self, context: client.Context, place: client.Address, note: Callable[[str], None] | None = None
+    ) -> None:
         self.place = place
+        self._note = note or say
         self.on_status: Callable[[Status], None] = lambda status: None
         self.on_time: Callable[[Status], None] = lambda status: None
         self._subscriber = client.subscribe(context, place, place.report, "frame.", "time.", "status.")
@@ -75,10 +79,10 @@ class Hearing:
     def _heard_now(self) -> None:
         now = time.monotonic()
         if not self.is_heard:
-            say(f"a station is heard at {self.place.host}:{self.place.report}")
+            self._note(f"a station is heard at {self.place.host}:{self.place.report}")
             self.is_heard = True
         elif self._is_silent:
-            say(f"the station is heard again, after {now - self._heard:.1f} s")
+            self._note(f"the station is heard again, after {now - self._heard:.1f} s")
             self._is_silent = False
         self._heard = now
 

@@ -14,14 +14,22 @@ from firmware.user import client
 from firmware.user.listening import Wish
 
 
-def record(place: client.Address, wish: Wish, make: Callable[[], Sink], name: str) -> int:
+def record(
+    place: client.Address,
+    wish: Wish,
+    make: Callable[[], Sink],
+    name: str,
+    note: Callable[[str], None] = say,
+) -> int:
     """Frames of a station into what is made once it is there; returns the exit status.
 
-    name  of where they go, in words. The status is 1 where some could not be written. Raises StationError, and
-    KeyboardInterrupt once all is written.
+    name  of where they go, in words.
+    note  is given what is ordinary; losses and a station that falls silent go to standard error.
+
+    The status is 1 where some could not be written. Raises StationError, and KeyboardInterrupt once all is written.
     """
     with client.session() as context, suppress(SystemExit), Ending() as ending:
-        hearing = Hearing(context, place)
+        hearing = Hearing(context, place, note)
         sink = make()
         hearing.on_status, hearing.on_time = sink.know, sink.time
         end = time.monotonic() + wish.for_s if wish.for_s is not None else None
@@ -45,7 +53,8 @@ def record(place: client.Address, wish: Wish, make: Callable[[], Sink], name: st
                     break
         finally:
             sink.close()
-            say(f"{name}: {sink.scribe.frames} frames, {sink.scribe.lost} lost")
+            tell = say if sink.scribe.lost else note
+            tell(f"{name}: {sink.scribe.frames} frames, {sink.scribe.lost} lost")
         if not hearing.is_heard:
             raise StationError(f"no station was heard at {place.host}:{place.report}", client.START_ONE)
     return 1 if sink.scribe.lost > sink.scribe.missing else 0

@@ -1,9 +1,11 @@
 """captain extcap: Wireshark's questions, and tshark capturing by them."""
 
 import os
+import signal
 import stat
 import subprocess
 import tempfile
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -64,6 +66,36 @@ def test_tshark_captures_from_a_station(folder):
         where = f"extcap.captain.station:127.0.0.1:{station.ports[0]}"
         told = tshark(folder, "-n", "-i", "captain", "-o", where, "-c", "2", "-T", "fields", "-e", "frame.comment")
     assert told.stdout.splitlines() == ["cam of station 1337; time locked +-1.2 us"] * 2, told.stderr
+    assert "captain: " not in told.stderr
+
+
+def shown_as_errors(path: Path, capsys: pytest.CaptureFixture[str], *reports: tuple[bytes, ...]) -> str:
+    """Standard error of a capture, which Wireshark ends as usual, by SIGTERM, once it has all frames."""
+    os.mkfifo(path)
+
+    def end_it() -> None:
+        with path.open("rb") as fifo:
+            octets = b""
+            while octets.count(b'"station_id"') < len(reports):
+                octets += fifo.read1()
+            os.kill(os.getpid(), signal.SIGTERM)
+            fifo.read()
+
+    with FakeStation(reports=reports) as station:
+        wireshark = threading.Thread(target=end_it)
+        wireshark.start()
+        assert cli.main(["extcap", "--capture", "--fifo", str(path), *station.options]) == 0
+        wireshark.join()
+    return capsys.readouterr().err
+
+
+def test_what_is_ordinary_is_not_shown_as_an_error(tmp_path, capsys):
+    assert shown_as_errors(tmp_path / "fifo", capsys, message(1), message(2)) == ""
+
+
+def test_frames_that_are_lost_are_shown_as_an_error(tmp_path, capsys):
+    shown = shown_as_errors(tmp_path / "fifo", capsys, message(1), message(5))
+    assert shown == "captain: wireshark: 2 frames, 3 lost\n"
 
 
 @pytest.mark.parametrize(
