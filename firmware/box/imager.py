@@ -147,10 +147,14 @@ class Imager:
         }
         networks = file.entries(entry)
         for network in networks[1:]:
-            what = f'a second network, "{network.key}", is not taken'
+            what = f'a second network, "{network.meant}", is not taken'
             notes.append(remark(at(file.name, network.line), what, "this box joins one"))
         for network in networks[:1]:
-            self._put("wifi.ssid", network.key, at(file.name, network.line))
+            self._put("wifi.ssid", network.meant, at(file.name, network.line))
+            if network.meant != network.key:
+                what = f'the name of the network is read as "{network.meant}": the octets of its UTF-8 are escaped'
+                remedy = "if another name is meant, write its letters without \\x"
+                notes.append(remark(at(file.name, network.line), f"{what}, as by Raspberry Pi Imager 2.0.10", remedy))
             _each(file, file.entries(network), acts, notes)
 
     def _take_hidden(self, file: YamlFile, entry: Entry) -> None:

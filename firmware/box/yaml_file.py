@@ -1,5 +1,6 @@
 """YAML as a tree of entries that know their lines; nothing in it is made into an object."""
 
+import re
 from typing import Any, NamedTuple
 
 from board.toml import show
@@ -12,14 +13,35 @@ DEEP, ALIAS = "is nested too deep", "has an alias, which is not taken"
 # What is YAML and still refused. A hundred aliases of a hundred aliases are a million entries.
 REFUSED = {DEEP: "is it the right file?", ALIAS: "write in its place what it stands for"}
 MOST_LEFT = 10  # keys that are not taken and named
+# Of a letter from U+0080 to U+00FF; YAML 1.2.2, clause 5.7.
+ESCAPED = re.compile(r"\\x[89A-Fa-f][0-9A-Fa-f]")
 
 
 class Entry(NamedTuple):
-    """A key with its value, or an item of a list, whose key is its number. node: PyYAML's."""
+    """A key with its value, or an item of a list, whose key is its number. node: PyYAML's.
+
+    written  the key as it stands in the file.
+    """
 
     key: str
     line: int
     node: Any
+    written: str = ""
+
+    @property
+    def meant(self) -> str:
+        """The key; where each octet of its UTF-8 is escaped as a letter, the text of these octets.
+
+        Raspberry Pi Imager 2.0.10 writes the name of a network so (its issue 1743). Letters that the file has
+        as they are, or that are no UTF-8 as octets, such as "Caf\\xe9", are left alone.
+        """
+        strange = sum(not letter.isascii() for letter in self.key)
+        if not strange or len(ESCAPED.findall(self.written)) != strange:
+            return self.key
+        try:
+            return self.key.encode("latin-1").decode()
+        except UnicodeError:
+            return self.key
 
     @property
     def is_text(self) -> bool:
@@ -59,7 +81,8 @@ class YamlFile:
             if key.id != "scalar":
                 self._wrong(at(self.name, key.start_mark.line + 1), "a key", KINDS[key.id], "text", "write key: value")
                 continue
-            one = Entry(str(key.value), key.start_mark.line + 1, value)
+            written = key.start_mark.buffer[key.start_mark.pointer : key.end_mark.pointer]
+            one = Entry(str(key.value), key.start_mark.line + 1, value, written)
             if one.key in found:
                 what = f"{one.key} stands there a second time, first in line {found[one.key].line}"
                 self._notes.append(mistake(at(self.name, one.line), what, "remove one"))
