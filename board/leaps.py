@@ -194,15 +194,19 @@ def known(path: str, unix_s: float) -> Leaps:
         return _built_in(error.message, unix_s)
     if not listed.is_expired(unix_s):
         return listed
-    expired = f"{path}: it expired on {day(listed.expires or 0)}"
+    expired = f"expired on {day(listed.expires or 0)}"
     if len(listed.rows) > len(BUILT_IN.rows):
-        return replace(listed, doubt=f"{expired}, and knows more leap seconds than are built in: it is used")
-    return _built_in(expired, unix_s)
+        return replace(listed, doubt=f"{path}: {expired}, and knows more leap seconds than are built in: it is used")
+    if BUILT_IN.is_expired(unix_s):  # one fact: nobody here knows the leap seconds of today
+        is_one_day = day(listed.expires or 0) == day(LEAPS_END)
+        also = "as did the leap seconds built in" if is_one_day else f"those built in on {day(LEAPS_END)}"
+        return replace(BUILT_IN, doubt=f"{path}: {expired}, {also}")
+    return _built_in(f"{path}: {expired}", unix_s)
 
 
 def _built_in(why: str, unix_s: float) -> Leaps:
     """With why it is no list, and whether there may be leap seconds by now that it does not know."""
-    doubts = [f"{why}; the leap seconds built in are used"] if why else []
+    used = "the leap seconds built in"
     if BUILT_IN.is_expired(unix_s):
-        doubts.append(f"the leap seconds built in are complete until {day(LEAPS_END)}, and that is past")
-    return replace(BUILT_IN, doubt="; ".join(doubts)) if doubts else BUILT_IN
+        return replace(BUILT_IN, doubt=f"{why}; {used} expired on {day(LEAPS_END)}".removeprefix("; "))
+    return replace(BUILT_IN, doubt=f"{why}; {used} are used") if why else BUILT_IN

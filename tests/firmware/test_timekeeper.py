@@ -20,6 +20,7 @@ from drivers.wire.gnss_time import Leap
 from firmware import carrier
 from firmware.tables import TimeOptions
 from firmware.user import time_record
+from tests.board.test_leap_list import listed
 from tests.chaos.stage import Ptys, StageLoop
 from tests.firmware.time_bench import PPM, START_S, TimeBench
 from tests.firmware.whole_board import NearRemote
@@ -249,6 +250,21 @@ def test_a_wrong_count_of_leap_seconds_that_pulses_do_not_confirm_changes_nothin
         assert_true(bench)
     status = bench.keeper.status()
     assert (status["state"], status["leap"]["seconds"]) == ("holdover", 5)
+
+
+def test_leap_seconds_that_expired_are_logged_once_whatever_a_receiver_says_then(
+    make: Make, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path = tmp_path / "leap-seconds.list"
+    path.write_text(listed())
+    bench = make(TimeOptions(leap_list=str(path)))
+    bench.until("locked")
+    bench.lose()
+    bench.loop.run_for(60)
+    bench.lose(False)
+    bench.loop.run_for(60)
+    told = [record.getMessage() for record in caplog.records if "leap" in record.getMessage()]
+    assert told == [f"{path}: expired on 2026-06-28, as did the leap seconds built in"]
 
 
 @pytest.mark.parametrize("is_locked", [False, True])

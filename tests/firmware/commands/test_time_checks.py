@@ -82,6 +82,6 @@ def test_what_is_no_socket_of_chronyd_is_none(tmp_path: Path) -> None:
 
 def test_a_list_of_leap_seconds_that_cannot_be_used_is_a_warning(tmp_path: Path) -> None:
     told = found(tmp_path, f'[time]\nleap_list = "{tmp_path}/none"\n{GNSS}')["leap seconds"]
-    assert (told.level, "built in are used" in told.text) == (WARNING, True)
+    assert (told.level, "cannot be read" in told.text) == (WARNING, True)
     assert found(tmp_path, f'[time]\nleap_list = ""\n{GNSS}')["leap seconds"].level is WARNING  # it has expired
     assert found(tmp_path, f'[time]\nleap_list = ""\n{GNSS}', now=LEAPS_END - 1.0)["leap seconds"].level is OK
