@@ -80,9 +80,11 @@ def arguments() -> argparse.ArgumentParser:
     one = commands.add_parser("import-check", help="whether an import gives the schema and codecs that are here")
     one.add_argument("folder", type=Path, metavar="DIR")
 
-    one = commands.add_parser("add", help="a message of your own, from its ASN.1 file")
-    one.add_argument("file", type=Path, metavar="FILE.asn")
-    one.add_argument("--pdu", required=True, metavar="TYPE", help="the top-level type of the file")
+    one = commands.add_parser("add", help="a message of your own, from its ASN.1 files")
+    one.add_argument(
+        "file", type=Path, nargs="+", metavar="FILE.asn", help="several: modules that import from each other"
+    )
+    one.add_argument("--pdu", required=True, metavar="TYPE", help="the top-level type in one of the files")
     one.add_argument("--name", required=True, metavar="NAME", help="what it is called: my-msg")
     one.add_argument("--id", type=int, required=True, metavar="N", help="messageID, 0..255")
     one.add_argument("--port", type=int, required=True, metavar="P", help="BTP port, 0..65535")

@@ -1,64 +1,56 @@
-"""A message of somebody's own: one .asn file becomes a schema and a message beside those of the standards.
+"""A message of somebody's own: its .asn files become a schema and a message beside those of the standards.
 
-What the file imports comes from the schemas that are here: the standards' files are not needed.
+What the files import comes from the schemas that are here: the standards' files are not needed.
 """
 
-import difflib
-import hashlib
 import json
 import os
-import re
-from collections.abc import Mapping
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 from asn1 import asn, selection, text
-from asn1.announced import obstacle
-from asn1.importer import syntax
-from asn1.importer.crosscheck import crosscheck
 from asn1.importer.fault import ImportFault, Place, Problem, fault
 from asn1.importer.feasible import require_feasible
-from asn1.importer.module_parser import Reading, parse, read
+from asn1.importer.module_parser import parse
 from asn1.importer.program import Source
 from asn1.importer.resolver import Resolved, Resolver
 from asn1.importer.units import read_units
 from asn1.layout import lay_out
+from asn1.own import files, identifier, imports
+from asn1.own.announced import obstacle
+from asn1.own.wish import STANDARD, Wish, WishError, check, no_name
 from asn1.types import Message, Module, Reference, Schema
 
-NAME = re.compile(r"[a-z][a-z0-9]*([.-][a-z0-9]+)*")
+__all__ = ["Added", "Wish", "WishError", "add", "no_name", "no_type", "remove"]
+
 RELEASE = 2  # whose common data an experiment of today uses
-NO_MODULE = "no module "
 RANK = 99  # behind every edition of a standard
 
-
-class Wish(NamedTuple):
-    """What is asked for. versions: protocolVersion values that announce it; replace: a message of this name."""
-
-    file: Path
-    pdu: str
-    name: str
-    id: int
-    port: int
-    versions: tuple[int, ...] = (1, 2)
-    replace: bool = False
-
-
-class WishError(ValueError):
-    """A wish that cannot be granted as it stands."""
+no_type = files.no_type
 
 
 class Added(NamedTuple):
-    """imported: standards that the file takes something from; same_id: other messages with its messageID.
+    """imported: standards that the files take something from; same_id: other messages with its messageID.
 
-    note: why asn1tools could not compare the file; unannounced: why octets 0 and 1 do not tell the message.
+    notes: what was not compared with asn1tools, and imports that have more than one meaning; unannounced: why octets 0
+    and 1 do not tell the message.
     """
 
     message: Message
     paths: tuple[Path, ...]
     imported: tuple[str, ...]
     same_id: tuple[str, ...]
-    note: Problem | None
+    notes: tuple[str, ...]
     unannounced: str | None
+
+
+class _Reached(NamedTuple):
+    """The modules that are read together, what the PDU reaches of them, and what to say of the imports."""
+
+    sources: dict[str, Source]
+    resolved: dict[str, Resolved]
+    notes: list[str]
 
 
 def add(wish: Wish, schema: Schema, folder: Path) -> Added:
@@ -67,42 +59,35 @@ def add(wish: Wish, schema: Schema, folder: Path) -> Added:
     The same name again replaces the message if the wish says so. Raises WishError, ImportFault with every problem,
     MissingError, OSError.
     """
-    _check(wish, schema)
-    _check_name(wish, folder)
-    octets = wish.file.read_bytes()
-    words = octets.decode("utf-8", "replace")
-    reading = read(words, wish.file.name)
-    parsed = reading.modules
-    own = _keys(wish, parsed)
-    if wish.pdu in reading.lost or not parsed:
-        raise ImportFault(reading.problems)
-    for taken in own.values():
-        if (folder / f"{taken}.schema").exists() and taken not in _keys_in(folder, wish.name):
-            raise WishError(f"--name {wish.name}: another message has {taken}.schema; choose another name")
-    key = own[_module_with(wish, parsed).name]
-    sources, resolved = _resolved(wish, reading, own, key, schema)
-    note = crosscheck(words, wish.file.name, parsed)
-    digest = hashlib.sha256(octets).hexdigest()
+    check(wish, schema, folder)
+    read = files.read_files(wish.files, wish.name, wish.pdu)
+    own = read.modules
+    for one in own:
+        if (folder / f"{one.key}.schema").exists() and one.key not in _keys_in(folder, wish.name):
+            raise WishError(f"--name {wish.name}: another message has {one.key}.schema; choose another name")
+    key = _key_of_pdu(wish, own)
+    reached = _reached(wish, read, key, schema)
+    uncompared = files.compare(read)
     modules = [
-        Module(one, sources[one].module.name, sources[one].module.oid, f"experimental: {wish.name}", wish.file.name,
-               digest, resolved[one].definitions, resolved[one].classes, resolved[one].sets)
-        for one in own.values() if one in resolved
+        Module(one.key, one.module.name, one.module.oid, f"{STANDARD}{wish.name}", one.file,
+               one.sha256, found.definitions, found.classes, found.sets)
+        for one in own if (found := reached.resolved.get(one.key))
     ]  # fmt: skip
     message = Message(
-        wish.name, wish.name, RELEASE, f"experimental: {wish.name}", Reference(module=key, name=wish.pdu),
+        wish.name, wish.name, RELEASE, f"{STANDARD}{wish.name}", Reference(module=key, name=wish.pdu),
         (wish.id,), wish.versions, wish.port, RANK, is_experimental=True,
     )  # fmt: skip
     known = {**schema.modules, **{module.key: module for module in modules}}
     alone = Schema(known, {message.name: message})
-    require_feasible(alone, sources)
+    require_feasible(alone, reached.sources)
     unannounced = obstacle(lay_out(alone, [message]).pdus[message.name])
-    imported = tuple(
-        schema.modules[one].standard for one in resolved if one in schema.modules and one not in own.values()
-    )
+    keys = {one.key for one in own}
+    standards = tuple(known[one].standard for one in reached.resolved if one not in keys)
     same_id = tuple(one.name for one in schema.messages.values() if wish.id in one.ids and one.name != wish.name)
     for stale in set(_keys_in(folder, wish.name)) - {module.key for module in modules}:
         (folder / f"{stale}.schema").unlink()
-    return Added(message, tuple(_write(folder, modules, message)), imported, same_id, note, unannounced)
+    notes = (*map(str, uncompared), *reached.notes, *_copies(modules, schema, wish.name))
+    return Added(message, tuple(_write(folder, modules, message)), standards, same_id, notes, unannounced)
 
 
 def remove(name: str, folder: Path) -> list[Path]:
@@ -125,135 +110,84 @@ def remove(name: str, folder: Path) -> list[Path]:
 
 def _keys_in(folder: Path, name: str) -> list[str]:
     """Keys of the modules that were written for a message."""
-    paths = sorted(folder.glob("x_*.schema"))
-    return [path.stem for path in paths if f"\nstandard experimental: {name}\n" in path.read_text(encoding="utf-8")]
+    paths = sorted(folder.glob("x*_*.schema"))
+    return [path.stem for path in paths if f"\nstandard {STANDARD}{name}\n" in path.read_text(encoding="utf-8")]
 
 
-def _resolved(
-    wish: Wish, reading: Reading, own: Mapping[str, str], key: str, schema: Schema
-) -> tuple[dict[str, Source], dict[str, Resolved]]:
-    """The modules that are read together, and what the PDU reaches. Raises ImportFault with every problem."""
-    problems = [*reading.problems]
-    sources = _sources(reading.modules, own, schema, problems)
+def _key_of_pdu(wish: Wish, own: Sequence[files.Own]) -> str:
+    modules = [one.module for one in own]
+    module = files.module_with(wish.pdu, modules)
+    if module is None:
+        raise WishError(f"--pdu {files.no_pdu(wish.pdu, [path.name for path in wish.files], modules)}")
+    return own[modules.index(module)].key
+
+
+def _copies(modules: Sequence[Module], schema: Schema, name: str) -> list[str]:
+    """Own modules that have the name and identifier of one of a standard: the message has them for itself."""
+    standards = {
+        (one.name, identifier.arcs(one.oid)): one.standard
+        for one in schema.modules.values()
+        if one.oid and not imports.is_of_user(one)
+    }
+    return [
+        f"{one.source}: {one.name} has the name and identifier of {found}; this one is used by {name} alone"
+        for one in modules
+        if (found := standards.get((one.name, identifier.arcs(one.oid))))
+    ]
+
+
+# ---------------------------------------------------------------- what the files import
+
+
+def _reached(wish: Wish, read: files.Files, key: str, schema: Schema) -> _Reached:
+    """Raises ImportFault with every problem."""
+    problems, notes = [*read.reading.problems], list[str]()
+    sources = _sources(read.modules, schema, problems, notes)
     resolved: dict[str, Resolved] = {}
     try:
         resolved = Resolver(sources, read_units()).resolve([(key, wish.pdu, Place(wish.file.name, 1))])
     except ImportFault as error:
-        told = {problem.place for problem in problems if problem.text.startswith(NO_MODULE)}
+        told = {problem.place for problem in problems if problem.text.startswith(imports.NO_MODULE)}
         problems += [
-            problem for problem in reading.others(error.problems)
-            if not (problem.text.startswith(NO_MODULE) and problem.place in told)
+            problem for problem in read.reading.others(error.problems)
+            if not (problem.text.startswith(imports.NO_MODULE) and problem.place in told)
         ]  # fmt: skip
     if problems:
         raise ImportFault(problems)
-    return sources, resolved
+    return _Reached(sources, resolved, notes)
 
 
-def _check(wish: Wish, schema: Schema) -> None:
-    wrong_name = no_name(wish.name, schema)
-    if wrong_name:
-        raise WishError(f"--name {wrong_name}")
-    if not 0 <= wish.id <= 255:
-        raise WishError(f"--id {wish.id}: a messageID is one octet, 0 to 255")
-    if not 0 <= wish.port <= 65535:
-        raise WishError(f"--port {wish.port}: a BTP port is 0 to 65535")
-    wrong = [number for number in wish.versions if not 0 <= number <= 255]
-    if wrong:
-        raise WishError(f"--versions {wrong[0]}: a protocolVersion is one octet, 0 to 255")
-
-
-def no_name(name: str, schema: Schema) -> str | None:
-    """Why a message of one's own cannot be called so."""
-    if not NAME.fullmatch(name):
-        return f"{name}: small letters and digits, with hyphens between: my-msg"
-    for message in schema.messages.values():
-        if name in (message.name, message.type) and not message.is_experimental:
-            return f"{name}: {message.standard} is called so; choose another name"
-    return None
-
-
-def no_type(file: Path, pdu: str) -> str | None:
-    """Why a type cannot be the PDU; of a file that has mistakes `add` tells them all."""
-    try:
-        reading = read(file.read_bytes().decode("utf-8", "replace"), file.name)
-    except ImportFault:
-        return None
-    return None if reading.problems or pdu in reading.lost else _no_pdu(file.name, pdu, reading.modules)
-
-
-def _check_name(wish: Wish, folder: Path) -> None:
-    if not wish.replace and (folder / f"{wish.name}.toml").exists():
-        raise WishError(
-            f"--name {wish.name}: {folder / wish.name}.toml is there already; --replace takes this one instead, "
-            f"`captain-asn1 remove {wish.name}` takes it away"
-        )
-
-
-def _keys(wish: Wish, parsed: list[syntax.Module]) -> dict[str, str]:
-    """Keys of the file's own modules: x_<name of the message>, with a number where there are several."""
-    stem = "x_" + re.sub(r"[.-]", "_", wish.name)
-    return {module.name: stem + (f"_{number}" if number else "") for number, module in enumerate(parsed)}
-
-
-def _module_with(wish: Wish, parsed: list[syntax.Module]) -> syntax.Module:
-    """The module that defines the PDU."""
-    for module in parsed:
-        if isinstance(module.assignments.get(wish.pdu), syntax.TypeAssignment):
-            return module
-    raise WishError(f"--pdu {_no_pdu(wish.file.name, wish.pdu, parsed)}")
-
-
-def _no_pdu(file: str, pdu: str, parsed: list[syntax.Module]) -> str | None:
-    known = [
-        name for module in parsed for name, one in module.assignments.items() if isinstance(one, syntax.TypeAssignment)
-    ]
-    if pdu in known:
-        return None
-    alike = difflib.get_close_matches(pdu, known, n=3)
-    hint = f"did you mean {' or '.join(alike)}?" if alike else f"it defines {', '.join(known)}"
-    return f"{pdu}: {file} defines no such type; {hint}"
-
-
-# ---------------------------------------------------------------- what the file imports
-
-
-def _sources(
-    parsed: list[syntax.Module], own: Mapping[str, str], schema: Schema, problems: list[Problem]
-) -> dict[str, Source]:
-    """The file's modules, and of the schema those that they reach, by key; modules that there are not are problems."""
+def _sources(own: Sequence[files.Own], schema: Schema, problems: list[Problem], notes: list[str]) -> dict[str, Source]:
+    """The files' modules and those of standards that they reach, by key; imports of unknown modules are problems."""
+    mine = {one.key: one.module for one in own}
+    candidates = [*imports.of_files(mine.items()), *imports.of_standards(schema.modules.values())]
+    others = [module for module in schema.modules.values() if imports.is_of_user(module)]
     sources: dict[str, Source] = {}
-    start: set[str] = set()
-    for module in parsed:
-        imports = dict(own)
-        for one in module.imports.values():
+    for one in own:
+        keys = {module.name: key for key, module in reversed(mine.items())}
+        chosen: dict[str, str] = {}
+        for wanted in dict.fromkeys(one.module.imports.values()):
             try:
-                if one.module not in own:
-                    imports[one.module] = _edition(one, schema)
+                choice = imports.choose(wanted, candidates, others)
+                if chosen.setdefault(wanted.module, choice.key) != choice.key:
+                    raise fault(wanted.place, f"imports from two editions of {wanted.module}")
+                notes += [choice.note] if choice.note else []
             except ImportFault as error:
                 problems += error.problems
-        sources[own[module.name]] = Source(own[module.name], module, imports)
-        start |= set(imports.values()) - set(own.values())
-    for key in selection.reached(schema, start):
-        (again,) = parse(asn.text(schema, schema.modules[key]), f"{key}.schema")
-        others = selection.neighbours(schema, key)
-        sources[key] = Source(key, again, {schema.modules[other].name: other for other in others})
+        sources[one.key] = Source(one.key, one.module, {**keys, **chosen})
+    reached = {key for source in sources.values() for key in source.imports.values()} - set(mine)
+    return sources | _standards(schema, reached)
+
+
+def _standards(schema: Schema, keys: set[str]) -> dict[str, Source]:
+    """Modules of standards, written back from the schema and read again, with all that they reach."""
+    sources: dict[str, Source] = {}
+    for key in selection.reached(schema, keys):
+        module = schema.modules[key]
+        (again,) = parse(asn.text(schema, module), f"{key}.schema")
+        names = {schema.modules[other].name: other for other in selection.neighbours(schema, key)}
+        sources[key] = Source(key, again, names, module.standard, frozenset(module.left_out))
     return sources
-
-
-def _edition(wanted: syntax.Import, schema: Schema) -> str:
-    """The key of the module that an import means: that with the same object identifier, else the newest."""
-    found = [module for module in schema.modules.values() if module.name == wanted.module]
-    if not found:
-        names = sorted({module.name for module in schema.modules.values()})
-        alike = difflib.get_close_matches(wanted.module, names, n=3)
-        hint = f"; did you mean {' or '.join(alike)}?" if alike else "; the schema has " + ", ".join(names)
-        raise fault(wanted.place, f"{NO_MODULE}{wanted.module}{hint}")
-    exact = [module for module in found if _numbers(module.oid) == _numbers(wanted.oid)]
-    return max(exact or found, key=lambda module: (module.key, _numbers(module.standard))).key
-
-
-def _numbers(words: str) -> tuple[int, ...]:
-    return tuple(map(int, re.findall(r"\d+", words)))
 
 
 # ---------------------------------------------------------------- writing

@@ -92,6 +92,10 @@ def _schema(folders: list[Path]) -> Schema:
         if not any(folder.glob("*.schema")):
             raise CommandError(f"--with {folder}: no schema is there; `captain-asn1 add ... --to {folder}` makes one")
         more = text.load_schema(folder, editions=Path(os.devnull))
+        if twice := sorted(modules.keys() & more.modules):
+            raise CommandError(
+                f"--with {folder}: {twice[0]}.schema is in another directory as well; remove one of the two"
+            )
         modules |= more.modules
         messages |= more.messages
     return Schema(modules, messages)
@@ -167,15 +171,17 @@ def check_import(args: argparse.Namespace) -> int:
 
 def add_message(args: argparse.Namespace) -> int:
     """A message of the user's own."""
-    wish = add.Wish(args.file, args.pdu, args.name, args.id, args.port, tuple(args.versions), args.replace)
+    first, *others = args.file
+    versions = tuple(args.versions)
+    wish = add.Wish(first, args.pdu, args.name, args.id, args.port, versions, args.replace, tuple(others))
     try:
         added = add.add(wish, _schema([]), args.to)
     except add.WishError as error:
         raise CommandError(str(error)) from error
     for path in added.paths:
         print(f"written: {path}")
-    if added.note:
-        print(added.note)
+    for note in added.notes:
+        print(note)
     for standard in dict.fromkeys(added.imported):
         print(f"it takes types from {standard}")
     if added.same_id:

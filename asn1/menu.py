@@ -129,13 +129,13 @@ def _generate(words: list[str]) -> list[str]:
 
 
 def _add(words: list[str]) -> list[str]:
-    file = ask_for("the .asn file", _no_file)
-    pdu = ask_for("its top-level type", partial(_no_type, Path(file)))
+    files = shlex.split(ask_for("the .asn file, or several with blanks between", _no_files))
+    pdu = ask_for("its top-level type", partial(_no_type, [Path(file) for file in files]))
     name = ask_for("what the message is to be called", _no_name, default=pdu.lower())
     more = _replacing(name)
     number = ask_for("its messageID, 0..255", partial(_no_number, 255))
     port = ask_for("its BTP port, 0..65535", partial(_no_number, 65535))
-    return [*words, file, "--pdu", pdu, "--name", name, "--id", number, "--port", port, *more]
+    return [*words, *files, "--pdu", pdu, "--name", name, "--id", number, "--port", port, *more]
 
 
 def _replacing(name: str) -> list[str]:
@@ -155,14 +155,18 @@ def _remove(words: list[str]) -> list[str]:
     return [*words, *choose("Which one?", [Option(name, (name,)) for name in mine])]
 
 
-def _no_file(answer: str) -> str | None:
-    return None if Path(answer).is_file() else f"there is no file {answer}"
+def _no_files(answer: str) -> str | None:
+    try:
+        missing = [file for file in shlex.split(answer) if not Path(file).is_file()]
+    except ValueError as error:
+        return f"{answer}: {error}"
+    return f"there is no file {missing[0]}" if missing else None
 
 
-def _no_type(file: Path, answer: str) -> str | None:
+def _no_type(files: list[Path], answer: str) -> str | None:
     from asn1 import add
 
-    return add.no_type(file, answer)
+    return add.no_type(files, answer)
 
 
 def _no_name(answer: str) -> str | None:

@@ -45,7 +45,8 @@ def load(text: str, file: str = "schema") -> types.Module:
         except ValueError as error:
             raise TextError(f"{file}:{reader.number}: {error}") from None
     rest = (header.get("oid", ""), header["standard"], header["source"], header["sha256"])
-    return types.Module(key, name, *rest, definitions, classes, sets)
+    left_out = tuple(header.get("left-out", "").split())
+    return types.Module(key, name, *rest, definitions, classes, sets, left_out)
 
 
 def _tree(text: str, file: str) -> tuple[dict[str, str], list[_Line]]:

@@ -14,8 +14,9 @@ def dump(module: types.Module) -> str:
     writer = _Writer(module.key)
     header = [f"module {module.key} {module.name}"]
     header += [f"oid {module.oid}"] if module.oid else []
-    header += [f"standard {module.standard}", f"source {module.source}", f"sha256 {module.sha256}", ""]
-    lines = [*header]
+    header += [f"standard {module.standard}", f"source {module.source}", f"sha256 {module.sha256}"]
+    header += [f"left-out {' '.join(module.left_out)}"] if module.left_out else []
+    lines = [*header, ""]
     for class_ in module.classes.values():
         lines += writer.node(f"class {class_.name}: {class_.type_field} by {class_.id_field} ", class_.id_type, 0)
     for set_ in module.sets.values():

@@ -5,6 +5,7 @@
     standard ETSI EN 302 637-2 v1.4.1
     source EN302637-2v141-CAM.asn
     sha256 15c7...
+    left-out Foo Bar
 
     type CamParameters: sequence
       basicContainer: BasicContainer
@@ -17,6 +18,7 @@
       3: r1_addgrpc.MapData-addGrpC
       ...
 
+`left-out`: names that the standard's text defines and the schema has not kept; an import of one is explained by it.
 What a type holds stands below it, indented; a reference to another module has that module's key in front.
 """
 

@@ -298,6 +298,7 @@ class Module:
     oid       the text of its object identifier in normal spacing, or ""
     standard  document and version: "ETSI EN 302 637-2 v1.4.1"; of a definition: this and its name is its clause
     source    name of the file it came from, without folder; sha256 of that file's octets
+    left_out  names that its text defines and the schema has not kept, because no message reaches them
     """
 
     key: str
@@ -309,6 +310,7 @@ class Module:
     definitions: Mapping[str, Definition] = field(default_factory=dict)
     classes: Mapping[str, ObjectClass] = field(default_factory=dict)
     sets: Mapping[str, ObjectSet] = field(default_factory=dict)
+    left_out: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -101,7 +101,7 @@ def _import(
     modules = {
         key: types.Module(
             key, found[key].edition.name, sources[key].module.oid, found[key].edition.standard, found[key].file,
-            found[key].sha256, one.definitions, one.classes, one.sets,
+            found[key].sha256, one.definitions, one.classes, one.sets, _left_out(found[key], one),
         )
         for key, one in resolved.items()
     }  # fmt: skip
@@ -135,9 +135,19 @@ class _Found:
 
 
 def _kept(found: _Found) -> list[str]:
-    """Definitions that are wanted whether a message reaches them or not."""
-    names = found.source.module.assignments
-    return [name for name in names for wanted in found.edition.keep if fnmatch.fnmatchcase(name, wanted)]
+    """Types that are wanted whether a message reaches them or not."""
+    return [
+        name
+        for name, one in found.source.module.assignments.items()
+        if isinstance(one, syntax.TypeAssignment) and not one.formals and not one.is_superseded
+        if any(fnmatch.fnmatchcase(name, wanted) for wanted in found.edition.keep)
+    ]
+
+
+def _left_out(found: _Found, resolved: Resolved) -> tuple[str, ...]:
+    """Names of the text that the schema does without, in the order of the text."""
+    kept = {*resolved.definitions, *resolved.classes, *resolved.sets}
+    return tuple(name for name in found.source.module.assignments if name not in kept)
 
 
 def _present(
@@ -163,7 +173,7 @@ def _present(
         ]
         imports = {editions.modules[other].name: other for other in edition.imports}
         digest = hashlib.sha256(paths[0].read_bytes()).hexdigest()
-        found[key] = _Found(edition, Source(key, modules[0], imports), paths[0].name, digest)
+        found[key] = _Found(edition, Source(key, modules[0], imports, edition.standard), paths[0].name, digest)
     return found, problems
 
 

@@ -17,7 +17,8 @@ class Edition:
     files       where its text may be: paths in the directory that is imported; those that are there have to agree
     imports     keys of the modules that it imports from
     units_from  keys of modules whose units hold for definitions of the same name and range
-    keep        names of definitions, `*` for any letters, that are kept though no message reaches them
+    keep        names of types, `*` for any letters, that are kept though no message reaches them, but for those that
+                the standard itself has replaced
     is_ours     the file lies in asn1/modules
     """
 

@@ -7,6 +7,9 @@ from asn1.importer.fault import ImportFault, Place, Problem, fault
 from asn1.importer.lexer import Kind, Token, tokens
 from asn1.importer.type_parser import TypeParser, unit_of
 
+# What TS 102 894-2 says from v2.1.1 on of elements that have a successor.
+SUPERSEDED = "kept for backwards compatibility reasons only"
+
 
 class Reading(NamedTuple):
     """What could be read of a file. problems: the rest; lost: names whose definitions are among it."""
@@ -17,8 +20,8 @@ class Reading(NamedTuple):
 
     def others(self, problems: list[Problem]) -> list[Problem]:
         """What is found later, without what only follows from what was lost."""
-        follow = {f"{name} is neither defined nor imported" for name in self.lost}
-        return [problem for problem in problems if problem.text not in follow]
+        follow = {text for name in self.lost for text in (f"{name} is neither defined nor imported", f"has no {name};")}
+        return [problem for problem in problems if not any(text in f"{problem.text};" for text in follow)]
 
 
 def parse(text: str, file: str) -> list[syntax.Module]:
@@ -91,9 +94,8 @@ class _ModuleParser(TypeParser):
             self.needs("FROM", "X.680 13.1")
             place, module = self.place, self.reference("X.680 13.1")
             oid = oid_text(self.braces("X.680 13.1")) if self.sees("{") else ""
-            if not self.takes("WITH", "SUCCESSORS"):
-                self.takes("WITH", "DESCENDANTS")
-            found.update({name: syntax.Import(place, module, oid, tuple(names)) for name in names})
+            selection = next((word for word in ("SUCCESSORS", "DESCENDANTS") if self.takes("WITH", word)), "")
+            found.update({name: syntax.Import(place, module, oid, tuple(names), selection) for name in names})
         return found
 
     def _imported(self) -> str:
@@ -137,6 +139,7 @@ class _ModuleParser(TypeParser):
 
     def _assignment(self) -> syntax.Assignment:
         place, unit = self.place, unit_of(self.token.comments)
+        is_superseded = any(SUPERSEDED in comment for comment in self.token.comments[-1:])
         if self.token.kind is Kind.NAME and self.token.text[0].islower():
             name, type_ = self.next().text, self.type()
             self.needs("::=", "X.680 16.2")
@@ -151,7 +154,10 @@ class _ModuleParser(TypeParser):
         if self.takes("CLASS"):
             fields, words = self._class()
             return syntax.ClassAssignment(place=place, name=name, formals=formals, fields=fields, syntax=words)
-        return syntax.TypeAssignment(place=place, name=name, formals=formals, type=self.type(), unit=unit)
+        type_ = self.type()
+        return syntax.TypeAssignment(
+            place=place, name=name, formals=formals, type=type_, unit=unit, is_superseded=is_superseded
+        )
 
     def _formals(self) -> tuple[syntax.Formal, ...]:
         """{Governor : Name, Name, ...}"""

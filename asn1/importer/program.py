@@ -1,8 +1,9 @@
 """All modules of an import together: what a name means where it stands."""
 
 import dataclasses
+import difflib
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -12,15 +13,37 @@ from asn1.importer.fault import Place, fault
 
 # References one behind the other, values in values, imports of imports: no standard needs ten.
 MAX_STEPS = 50
+_VERSION = re.compile(r"\bv\d+(\.\d+)*")
 
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """A module with its key, and the keys of the modules it imports from, by their names."""
+    """A module with its key, and the keys of the modules it imports from, by their names.
+
+    standard  its document, or "" for a file that is of none
+    left_out  names of its text that the schema has not kept
+    """
 
     key: str
     module: syntax.Module
     imports: Mapping[str, str]
+    standard: str = ""
+    left_out: frozenset[str] = frozenset()
+
+    def lacks(self, name: str) -> str:
+        """Says that it has no such name, and which it has: "ETSI-ITS-CDD v2.1.1 has no ActionID; ActionId?"."""
+        told = f"{self._title()} has no {name}{_alike(name, self.module.assignments)}"
+        if name not in self.left_out:
+            return told
+        return f"the schema of {told} The standard's text alone has {name}: copy its definition into your file"
+
+    def _title(self) -> str:
+        version = _VERSION.search(self.standard)
+        return (
+            f"{self.module.name} {version[0]}"
+            if version
+            else f"{self.module.name} of {self.standard or self.module.place.file}"
+        )
 
 
 class Bound(NamedTuple):
@@ -79,6 +102,8 @@ class Program:
                 return key, source.module.assignments[name]
             if module is None:
                 imported = source.module.imports.get(name)
+                if imported is None and key != scope.key:
+                    raise fault(place, source.lacks(name))
                 if imported is None:
                     break
                 module, place = imported.module, imported.place
@@ -182,3 +207,11 @@ def instance_name(template: str, scope: Scope) -> str:
     """<template>-<actual parameters>, as a name of ASN.1."""
     words = [re.sub(r"[^A-Za-z0-9]+", "-", bound.actual.text).strip("-") for bound in scope.bound.values()]
     return "-".join([template, *words])
+
+
+def _alike(name: str, names: Iterable[str]) -> str:
+    """Which names may be meant: "; ActionId?"."""
+    known = list(names)
+    same = [one for one in known if one.lower() == name.lower()]
+    alike = same or difflib.get_close_matches(name, known, n=3)
+    return f"; {' or '.join(alike)}?" if alike else ""

@@ -306,8 +306,11 @@ class Assignment:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TypeAssignment(Assignment):
+    """is_superseded: the standard has another type in its place, and keeps it for old users."""
+
     type: Type
     unit: str | None
+    is_superseded: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -343,10 +346,13 @@ class ClassAssignment(Assignment):
 
 @dataclass(frozen=True, slots=True)
 class Import:
+    """selection: SUCCESSORS or DESCENDANTS of the identifier are taken as well; "" for neither."""
+
     place: Place
     module: str
     oid: str
     names: tuple[str, ...]
+    selection: str = ""
 
 
 @dataclass(frozen=True, slots=True)

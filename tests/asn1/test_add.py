@@ -8,6 +8,7 @@ import pytest
 from asn1 import add, text
 from asn1.importer.fault import ImportFault
 from asn1.importer.module_parser import read
+from asn1.own import files
 from asn1.types import Reference, Schema
 
 PLAIN = """
@@ -78,13 +79,13 @@ def test_messages_with_the_same_id_are_named(tmp_path: Path, schema: Schema):
 
 def test_asn1tools_reads_the_file_as_well(tmp_path: Path, schema: Schema, monkeypatch: pytest.MonkeyPatch):
     added = add.add(wish(tmp_path, PLAIN), schema, tmp_path / "out")
-    assert added.note is None
+    assert added.notes == ()
     default = PLAIN.replace("level INTEGER (0..7)", "level INTEGER DEFAULT most").replace(
         "END", "most INTEGER ::= 7 END"
     )
     added = add.add(wish(tmp_path, default, replace=True), schema, tmp_path / "out")
-    assert str(added.note).startswith("alarm.asn:1: not compared: asn1tools stops with")
-    monkeypatch.setattr(add, "read", lambda words, file: read(words.replace("0..7", "0..8"), file))
+    assert added.notes[0].startswith("alarm.asn:1: not compared: asn1tools stops with")
+    monkeypatch.setattr(files, "read", lambda words, file: read(words.replace("0..7", "0..8"), file))
     with pytest.raises(ImportFault, match=r"alarm.asn:3: the range of Alarm.level: we read \[\(0, 8\)\], asn1tools"):
         add.add(wish(tmp_path, PLAIN), schema, tmp_path / "other")
 
@@ -210,6 +211,15 @@ def test_a_message_that_is_replaced_leaves_nothing_of_its_file(tmp_path: Path, s
     assert len(loaded(tmp_path / "out").modules) == 2
     add.add(wish(tmp_path, PLAIN, replace=True), schema, tmp_path / "out")
     assert len(loaded(tmp_path / "out").modules) == 1
+
+
+def test_a_message_of_two_modules_leaves_room_for_a_name_with_a_number(tmp_path: Path, schema: Schema):
+    add.add(
+        wish(tmp_path, PLAIN + "Levels DEFINITIONS ::= BEGIN Level ::= INTEGER (0..3) END"), schema, tmp_path / "out"
+    )
+    added = add.add(wish(tmp_path, PLAIN, name="my-alarm-1"), schema, tmp_path / "out")
+    assert added.message.pdu.module == "x_my_alarm_1"
+    assert set(loaded(tmp_path / "out").messages) == {"my-alarm", "my-alarm-1"}
 
 
 def test_two_names_that_are_one_in_c_are_refused(tmp_path: Path, schema: Schema):

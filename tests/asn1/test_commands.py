@@ -123,6 +123,15 @@ def test_a_message_of_one_s_own_is_added_with_one_command_and_listed(
     assert "my-alarm: no message of your own in" in capsys.readouterr().err
 
 
+def test_two_directories_with_a_module_of_the_same_key_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    (tmp_path / "my.asn").write_text(ASN)
+    for name, folder in (("my-alarm", "one"), ("my.alarm", "two")):
+        assert run("add", tmp_path / "my.asn", "--pdu", "Alarm", "--name", name, "--id", 2, "--port", 2999,
+                   "--to", tmp_path / folder) == 0  # fmt: skip
+    assert run("list", "--with", tmp_path / "one", "--with", tmp_path / "two") == 1
+    assert "two: x_my_alarm.schema is in another directory as well" in capsys.readouterr().err
+
+
 WITHOUT_ASN1TOOLS = """
 import sys
 sys.modules["asn1tools"] = None

@@ -234,3 +234,25 @@ def test_what_cannot_be_read_imported_or_found_is_told_at_once(folder: Path) -> 
         "one/Msg.asn:4: SET",
         "one/Msg.asn:5: an exception identifier",
     ]
+
+
+SUPERSEDED = (
+    "/** @note: this DF is kept for backwards compatibility reasons only. It is recommended to use @ref Length. */"
+)
+
+
+def test_types_that_are_to_be_kept_are_kept_but_for_those_that_the_standard_has_replaced(folder: Path) -> None:
+    editions = folder / "editions.toml"
+    editions.write_text(EDITIONS.replace('files = ["three/Data.asn"]', 'files = ["three/Data.asn"]\nkeep = ["*"]'))
+    old = f"{SUPERSEDED}\nOld ::= INTEGER (0..7)\nmost INTEGER ::= 7\nMore ::= NULL\nEND"
+    (folder / "three/Data.asn").write_text(NEWER.replace("END", old))
+    found = import_modules(folder, editions, folder / "units.toml", folder / "none")
+    assert set(found.modules["r2_data"].definitions) == {"Length", "More"}
+    assert found.modules["r2_data"].left_out == ("Old", "most")
+
+
+def test_names_that_the_schema_leaves_out_are_in_its_text(folder: Path) -> None:
+    module = imported(folder).modules["r1_data"]
+    assert module.left_out == ("Other",)
+    assert "\nleft-out Other\n" in text.dump(module)
+    assert text.load(text.dump(module)) == module

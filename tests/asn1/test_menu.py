@@ -1,5 +1,6 @@
 """The menu: asked in words, run as the same command line that the flags take."""
 
+import shlex
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -114,6 +115,14 @@ def test_each_answer_is_checked_when_it_is_given_and_asked_for_again(
     for reason in ("no file nowhere.asn", "did you mean MyPdu", "v: my.asn defines no such type", "small letters",
                    "choose another name", "'many' is no number from 0 to 255", "'256'", "'-1' is no number"):  # fmt: skip
         assert reason in said
+
+
+def test_several_files_of_a_message_are_asked_for_at_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, file: str):
+    (tmp_path / "common types.asn").write_text("Common DEFINITIONS ::= BEGIN Level ::= INTEGER (0..3) END")
+    both = [file, str(tmp_path / "common types.asn")]
+    answers = [f"{file} nowhere.asn", f"{file} 'open", shlex.join(both), "Missing", "Level", "my-msg", "240", "2999"]
+    (line,), _ = run(monkeypatch, "3", *answers)
+    assert line == ["add", *both, "--pdu", "Level", "--name", "my-msg", "--id", "240", "--port", "2999"]
 
 
 def test_a_name_that_is_there_is_replaced_only_if_the_user_says_so(

@@ -1,0 +1,60 @@
+"""Object identifiers of modules, compared by their numbers whatever their spelling."""
+
+import re
+from typing import TypeAlias
+
+Arc: TypeAlias = int | str
+
+# Names that may stand without their number: ITU-T X.660 annex A, and the two arcs that ETSI's modules begin with.
+_BELOW: dict[tuple[Arc, ...], dict[str, int]] = {
+    (): {"itu-t": 0, "ccitt": 0, "iso": 1, "joint-iso-itu-t": 2, "joint-iso-ccitt": 2},
+    (0,): {
+        "recommendation": 0,
+        "question": 1,
+        "administration": 2,
+        "network-operator": 3,
+        "identified-organization": 4,
+    },
+    (1,): {"standard": 0, "registration-authority": 1, "member-body": 2, "identified-organization": 3},
+    (0, 4): {"etsi": 0},
+    (0, 4, 0): {"itsDomain": 5},
+}
+
+
+def arcs(oid: str) -> tuple[Arc, ...]:
+    """Numbers of `{ itu-t(0) ... version(2) }`, in the spacing of the schema; a name of unknown number stays a name."""
+    found: list[Arc] = []
+    for word in words(oid):
+        number = re.search(r"\d+(?=\)?$)", word if "(" in word or word.isdecimal() else "")
+        known = _BELOW.get(tuple(found), {})
+        found.append(int(number[0]) if number else known.get(word, word))
+    return tuple(found)
+
+
+def words(oid: str) -> list[str]:
+    """Its parts as written: "version(2)"."""
+    return oid.strip("{} ").split()
+
+
+def behind(oid: str, common: int) -> str:
+    """Its parts from an arc on, the last one at least: "version(2)"."""
+    parts = words(oid)
+    return " ".join(parts[min(common, len(parts) - 1) :]) if parts else "no object identifier"
+
+
+def shared(oids: list[tuple[Arc, ...]]) -> int:
+    """How many arcs several identifiers begin with together."""
+    same = [len(set(column)) == 1 for column in zip(*oids, strict=False)]
+    return same.index(False) if False in same else len(same)
+
+
+def is_successor(wanted: tuple[Arc, ...], found: tuple[Arc, ...]) -> bool:
+    """Is it the same identifier but for a last number that is as large or larger (WITH SUCCESSORS)?"""
+    if len(wanted) != len(found) or wanted[:-1] != found[:-1]:
+        return False
+    return isinstance(wanted[-1], int) and isinstance(found[-1], int) and found[-1] >= wanted[-1]
+
+
+def is_descendant(wanted: tuple[Arc, ...], found: tuple[Arc, ...]) -> bool:
+    """Is it the same identifier, a successor, or one below these (WITH DESCENDANTS)?"""
+    return is_successor(wanted, found[: len(wanted)])

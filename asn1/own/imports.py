@@ -1,0 +1,119 @@
+"""Edition that an import means: by object identifier and version, whatever else was added before.
+
+Modules of other messages of users are no candidates, so that no message changes when another one is added, replaced or
+removed.
+"""
+
+import difflib
+import re
+from collections.abc import Callable, Iterable, Sequence
+from typing import NamedTuple
+
+from asn1.importer import syntax
+from asn1.importer.fault import fault
+from asn1.own import identifier
+from asn1.own.wish import STANDARD
+from asn1.types import Module
+
+NO_MODULE = "no module "
+
+_SELECTIONS: dict[str, Callable[[tuple[identifier.Arc, ...], tuple[identifier.Arc, ...]], bool]] = {
+    "SUCCESSORS": identifier.is_successor,
+    "DESCENDANTS": identifier.is_descendant,
+}
+
+
+class Candidate(NamedTuple):
+    """A module that an import may mean. source: its document, or the user's file; order: newest last."""
+
+    key: str
+    name: str
+    oid: str
+    source: str
+    order: tuple[str, tuple[int, ...]]
+    is_own: bool
+
+    @property
+    def arcs(self) -> tuple[identifier.Arc, ...]:
+        return identifier.arcs(self.oid)
+
+
+class Choice(NamedTuple):
+    """note: what the user should know of it, or ""."""
+
+    key: str
+    note: str = ""
+
+
+def is_of_user(module: Module) -> bool:
+    """Was it added by a user?"""
+    return module.standard.startswith(STANDARD)
+
+
+def of_files(modules: Iterable[tuple[str, syntax.Module]]) -> list[Candidate]:
+    """Modules that were given with the message, by key."""
+    return [Candidate(key, one.name, one.oid, one.place.file, ("", ()), True) for key, one in modules]
+
+
+def of_standards(modules: Iterable[Module]) -> list[Candidate]:
+    return [
+        Candidate(one.key, one.name, one.oid, one.standard, (one.key.partition("_")[0], _numbers(one.standard)), False)
+        for one in modules
+        if not is_of_user(one)
+    ]
+
+
+def choose(wanted: syntax.Import, candidates: Sequence[Candidate], others: Iterable[Module] = ()) -> Choice:
+    """The module that an import means.
+
+    candidates  the user's own before those of the standards
+    others      modules of other messages, for the hint
+
+    An identifier has to be that of the module, or a later one WITH SUCCESSORS; a module without one has any. Without an
+    identifier it is the user's own module, else the newest edition. Raises ImportFault.
+    """
+    named = [one for one in candidates if one.name == wanted.module]
+    if not named:
+        raise fault(wanted.place, f"{NO_MODULE}{wanted.module}{_hint(wanted.module, candidates, others)}")
+    arcs = identifier.arcs(wanted.oid)
+    if not arcs:
+        return _newest(wanted, [one for one in named if one.is_own] or named)
+    allows = _SELECTIONS.get(wanted.selection)
+    later = [one for one in named if allows and one.oid and allows(arcs, one.arcs)]
+    for found in (
+        [one for one in named if one.arcs == arcs],
+        sorted(later, key=lambda one: one.arcs),
+        [one for one in named if not one.oid],
+    ):
+        if found:
+            return Choice(found[0].key)
+    common = identifier.shared([arcs, *(one.arcs for one in named)])
+    there = ", ".join(f"{identifier.behind(one.oid, common)} ({one.source})" for one in named)
+    verb = "is" if len(named) == 1 else "are"
+    raise fault(
+        wanted.place, f"{NO_MODULE}{wanted.module} with {identifier.behind(wanted.oid, common)}; there {verb} {there}"
+    )
+
+
+def _newest(wanted: syntax.Import, named: Sequence[Candidate]) -> Choice:
+    best = max(named, key=lambda one: one.order)
+    if len(named) == 1:
+        return Choice(best.key)
+    note = (
+        f"{wanted.place}: {wanted.module} is imported without an object identifier: taken is the newest of "
+        f"{len(named)}, {best.source}; write {best.oid} behind FROM {wanted.module}"
+    )
+    return Choice(best.key, note)
+
+
+def _hint(name: str, candidates: Sequence[Candidate], others: Iterable[Module]) -> str:
+    for other in others:
+        if other.name == name:
+            return f"; {other.source} of {other.standard.removeprefix(STANDARD)} has one: give that file as well"
+    names = sorted({one.name for one in candidates})
+    alike = difflib.get_close_matches(name, names, n=3)
+    return f"; did you mean {' or '.join(alike)}?" if alike else "; the schema has " + ", ".join(names)
+
+
+def _numbers(words: str) -> tuple[int, ...]:
+    return tuple(map(int, re.findall(r"\d+", words)))
