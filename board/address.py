@@ -1,6 +1,7 @@
 """Addresses as they are written: host and port, IPv4 and port, six octets of a device, and its name."""
 
 import ipaddress
+import os
 from typing import NamedTuple
 
 from board.errors import ConfigurationError
@@ -8,6 +9,7 @@ from board.toml import show
 
 IFNAMSIZ = 16  # of linux/if.h: octets of a network device's name, with the zero behind it
 NOT_IN_DEVICES = frozenset(b"/:\t\n\v\f\r \xa0")
+MOST_SOCKET_PATH = 107  # octets, before the zero that ends it: sun_path of unix(7)
 
 
 class Address(NamedTuple):
@@ -70,3 +72,9 @@ def check_device_name(text: str) -> None:
     octets = text.encode(errors="replace")
     if not 0 < len(octets) < IFNAMSIZ or octets in (b".", b"..") or set(octets) & NOT_IN_DEVICES:
         raise ConfigurationError(f"{show(text)} is no name of a network device", "`ip -brief link` lists them")
+
+
+def check_socket_path(path: str) -> None:
+    """Raises ConfigurationError with the length of a path that no Unix socket can have."""
+    if (octets := len(os.fsencode(path))) > MOST_SOCKET_PATH:
+        raise ConfigurationError(f"{show(path)} has {octets} octets", f"a socket's path has at most {MOST_SOCKET_PATH}")

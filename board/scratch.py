@@ -8,11 +8,17 @@ import tempfile
 import weakref
 from pathlib import Path
 
+from board.address import MOST_SOCKET_PATH
+from board.errors import ConfigurationError
+from board.toml import show
+
 # Whoever made the folder holds this file locked; the kernel lets go of it when that process ends, however it ends.
 LOCK = ".lock"
 
 # Removing two hundred small files from a disk that others write to takes a second and more; from memory, 5 ms.
 MEMORY = "/dev/shm"
+
+ROOM = len("/") + 8 + len("/uevents")  # octets beside parent and prefix: mkdtemp adds 8; the longest socket in it
 
 
 class Scratch:
@@ -21,10 +27,11 @@ class Scratch:
     close(), or the end of the process, takes it away.
 
     prefix  of its name; what others of the same prefix have left is taken away before.
-    Raises OSError where none can be made.
+    Raises OSError where none can be made, ConfigurationError where no socket in it could be bound.
     """
 
     def __init__(self, prefix: str) -> None:
+        _check_room(prefix)
         _sweep(prefix)
         self.path, lock = _held(prefix)
         self._remove = weakref.finalize(self, _remove, self.path, lock)
@@ -38,6 +45,14 @@ def _parent() -> str:
     """The folder of all of them."""
     is_chosen = "TMPDIR" in os.environ or not os.access(MEMORY, os.W_OK | os.X_OK)
     return tempfile.gettempdir() if is_chosen else MEMORY
+
+
+def _check_room(prefix: str) -> None:
+    most = MOST_SOCKET_PATH - ROOM - len(prefix)
+    if (octets := len(os.fsencode(_parent()))) > most:
+        raise ConfigurationError(
+            f"TMPDIR: {show(_parent())} has {octets} octets", f"sockets in it allow {most} at most"
+        )
 
 
 def _held(prefix: str) -> tuple[Path, int]:

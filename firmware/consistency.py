@@ -185,6 +185,3 @@ def _endpoint(endpoint: EndpointOptions) -> Iterator[str]:
         yield f"endpoint: port {port} is given to two sockets; each needs its own"
     if endpoint.ipc_in and endpoint.ipc_in == endpoint.ipc_out:
         yield f"endpoint: ipc_in and ipc_out are both {endpoint.ipc_in!r}; each needs its own"
-    for key, path in (("ipc_in", endpoint.ipc_in), ("ipc_out", endpoint.ipc_out)):
-        if path and not (path.startswith("ipc://") and path.removeprefix("ipc://")):
-            yield f"endpoint.{key}: {path!r} is no path; write ipc:///run/captain/{key}"

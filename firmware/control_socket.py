@@ -10,7 +10,8 @@ import tempfile
 from collections import deque
 from pathlib import Path
 
-from board.errors import InterfaceError, RequestError
+from board.address import check_socket_path
+from board.errors import ConfigurationError, InterfaceError, RequestError
 from board.loop import READ, WRITE, Loop
 from firmware.question import Commands, Pending
 
@@ -163,6 +164,11 @@ class Client:
 
 
 def _listen(path: str) -> socket.socket:
+    try:
+        check_socket_path(path)
+    except ConfigurationError as error:  # of the default: endpoint.control is checked when it is read
+        hint = f"{error.hint}; choose another path with endpoint.control"
+        raise InterfaceError(f"endpoint.control: {error.message}", hint) from error
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_NONBLOCK)
     try:
         Path(path).parent.mkdir(parents=True, exist_ok=True)

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
+from board.address import check_socket_path
 from board.describe import Check, Range
 from board.errors import ConfigurationError
 from board.toml import show
@@ -12,8 +13,6 @@ Octet = Annotated[int, Range(0, 255)]
 StationId = Annotated[int, Range(0, 4294967295)]
 Priority = Annotated[int, Range(0, 7)]
 Seconds = Annotated[float, Range(0.0, 86400.0)]
-# Octets, before the zero that ends it: unix(7). As pps.chrony has it, which no station needs that has no pulses.
-MOST_PATH = 107
 MOST_NAME = 64  # letters: as a name of DNS; status, confirms and the console's first line have it
 
 
@@ -24,9 +23,11 @@ def _station_name(text: str) -> None:
         raise ConfigurationError(f"{show(text)} must have letters and nothing that does not print", "correct it")
 
 
-def _control(path: str) -> None:
-    if (octets := len(path.encode())) > MOST_PATH:
-        raise ConfigurationError(f"{show(path)} has {octets} octets", f"a socket's path has at most {MOST_PATH}")
+def _ipc(address: str) -> None:
+    path = address.removeprefix("ipc://")
+    if address and path in ("", address):
+        raise ConfigurationError(f"{show(address)} is no path", "write for example ipc:///run/captain/ipc")
+    check_socket_path(path)
 
 
 def _socket(path: str) -> None:
@@ -74,11 +75,11 @@ class EndpointOptions:
     to_users: Port = 5556
     pull: Port = 5557
     report: Port = 5558
-    control: Annotated[str, Check(_control)] = ""
+    control: Annotated[str, Check(check_socket_path)] = ""
     strict: bool = False
     local_info: bool = True
-    ipc_in: str = ""
-    ipc_out: str = ""
+    ipc_in: Annotated[str, Check(_ipc)] = ""
+    ipc_out: Annotated[str, Check(_ipc)] = ""
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,8 @@ import struct
 from collections import Counter
 from enum import StrEnum
 
+from board.address import check_socket_path
+from board.describe import at_key
 from board.errors import ConfigurationError
 from board.journal import Journal
 from board.time import LeapEvent
@@ -21,7 +23,6 @@ from pps.pulse import Clocks, Pulse
 # where time_t has 64 bits, and chronyd 4.4 and later take it beside a shorter one where it has 32.
 _SAMPLE = struct.Struct("@qqdiiii")
 _MAGIC = 0x534F434B
-MAX_PATH = 107  # octets: sun_path of unix(7) and its final zero
 
 # Debian's AppArmor profile lets chronyd make `@{run}/chrony.*.sock` and what is in /run/chrony, which is closed to all
 # but chronyd's own user (RuntimeDirectoryMode=0700 of its unit).
@@ -155,12 +156,12 @@ class Refclock:
 
 def check_path(path: str) -> None:
     """Raise ConfigurationError where chronyd cannot make a socket: options of its driver come after a colon."""
-    octets = len(path.encode())
-    if not path.startswith("/") or octets > MAX_PATH or any(mark in path for mark in " \t\n:"):
+    if not path.startswith("/") or any(mark in path for mark in " \t\n:"):
         raise ConfigurationError(
             f"time.chrony: {path!r}: chronyd cannot make a socket there",
-            f"an absolute path of at most {MAX_PATH} octets, without blanks and colons, such as {SOCKET}",
+            f"an absolute path without blanks and colons, such as {SOCKET}",
         )
+    at_key("time.chrony", check_socket_path, path)
 
 
 def sample(system_ns: int, unix_ns: int, leap: int = 0) -> bytes:

@@ -11,6 +11,7 @@ from board.loop import Loop
 from firmware.console.console import EVERY_S, Console, Options, once
 from firmware.console.terminal import COLUMNS
 from firmware.control_socket import default_paths
+from firmware.user.arguments import add_socket
 
 DESCRIPTION = """\
 Shows on a terminal of 80 columns and 24 lines, such as one at a serial line of
@@ -54,7 +55,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--shell", metavar="COMMAND", default="", help="what the key s starts (default: no such key)")
     parser.add_argument("--notes", metavar="FILE", default="", help="its lines are shown above all others")
     parser.add_argument("--stay", action="store_true", help="no key ends it")
-    parser.add_argument("--control", metavar="PATH", default="", help="control socket of the station")
+    add_socket(parser)
 
 
 def main(arguments: argparse.Namespace) -> int:

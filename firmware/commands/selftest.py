@@ -16,7 +16,7 @@ from firmware import config
 from firmware.lab import ports
 from firmware.station import Station
 from firmware.user import client, systemd
-from firmware.user.arguments import add_configuration, as_service
+from firmware.user.arguments import add_configuration, add_socket, as_service
 from firmware.user.table import Screen, Table
 from firmware.user.untrusted import listed, text
 
@@ -48,7 +48,7 @@ NO_USERS = tuple(f"endpoint.{key}=0" for key in ("from_users", "to_users", "pull
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     add_configuration(parser)
-    parser.add_argument("--control", metavar="PATH", default="", help="control socket of a station of this machine")
+    add_socket(parser)
     parser.add_argument(
         "--json",
         action="store_true",

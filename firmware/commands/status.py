@@ -8,7 +8,7 @@ from pathlib import Path
 
 from board.errors import StationError
 from firmware.user import board, client, clock, storage
-from firmware.user.arguments import add_station, address
+from firmware.user.arguments import add_socket, add_station, address
 from firmware.user.table import Screen, Table, span, times
 from firmware.user.untrusted import listed, named, number, text, within
 
@@ -43,7 +43,7 @@ exit codes:
 def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="one JSON object, as published under `status.`")
     parser.add_argument("--watch", action="store_true", help="show it again every second")
-    parser.add_argument("--control", metavar="PATH", default="", help="control socket of a station of this machine")
+    add_socket(parser)
     add_station(parser)
 
 

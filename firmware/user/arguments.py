@@ -4,8 +4,9 @@ import argparse
 import math
 from collections.abc import Callable
 
-from board.address import host_and_port
+from board.address import check_socket_path, host_and_port
 from board.describe import remedy
+from board.errors import ConfigurationError
 from firmware import topics
 from firmware.user import systemd
 from firmware.user.client import Address
@@ -44,8 +45,14 @@ def address(options: argparse.Namespace) -> Address:
 
 def add_control(parser: argparse.ArgumentParser) -> None:
     """The options by which commands to a station of this machine name it."""
-    parser.add_argument("--control", metavar="PATH", default="", help="control socket of a station of this machine")
+    add_socket(parser)
     add_station(parser)
+
+
+def add_socket(parser: argparse.ArgumentParser) -> None:
+    """The option that names a control socket."""
+    what = "control socket of a station of this machine"
+    parser.add_argument("--control", metavar="PATH", type=socket_path, default="", help=what)
 
 
 def add_configuration(parser: argparse.ArgumentParser) -> None:
@@ -91,6 +98,15 @@ def station(text: str) -> tuple[str, int]:
     if first + 3 > 0xFFFF:
         raise argparse.ArgumentTypeError(f"{text!r}: the three ports after {first} do not exist")
     return host or "127.0.0.1", first
+
+
+def socket_path(text: str) -> str:
+    """A path that a Unix socket may have."""
+    try:
+        check_socket_path(text)
+    except ConfigurationError as error:
+        raise argparse.ArgumentTypeError(f"{error.message}; {error.hint}") from error
+    return text
 
 
 def integer(least: int, most: int) -> Integer:

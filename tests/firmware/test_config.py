@@ -399,7 +399,7 @@ def test_of_several_receivers_the_one_that_drives_the_pulse_is_named(folder: Pat
     assert loaded(folder, '[time]\nreceiver = "second"\n' + GNSS + MORE, board=pulsed).tables.time.receiver == "second"
 
 
-@pytest.mark.parametrize("path", ["chrony.sock", "/run/" + 103 * "x", "/run/a b", "/run/a:b"])
+@pytest.mark.parametrize("path", ["chrony.sock", "/run/a b", "/run/a:b"])
 def test_a_socket_that_chronyd_cannot_make_is_a_mistake(folder: Path, path: str) -> None:
     told = mistake(folder, f'[time]\nchrony = "{path}"\n')
     assert told.startswith(f"time.chrony: {path!r}: chronyd cannot make a socket there; an absolute path")

@@ -374,7 +374,7 @@ def test_a_station_that_is_stuck_does_not_hold_up_the_next(tmp_path: Path) -> No
 def test_a_path_that_cannot_be_is_refused_in_words(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with closing(VirtualLoop()) as loop:
-        for path in (tmp_path / "file", tmp_path / "file" / "below", tmp_path / ("x" * 120), tmp_path):
+        for path in (tmp_path / "file", tmp_path / "file" / "below", tmp_path):
             with pytest.raises(InterfaceError, match=r"endpoint\.control: cannot listen on"):
                 ControlSocket(loop, str(path), COMMANDS)
     assert (tmp_path / "file").exists()

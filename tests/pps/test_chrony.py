@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from board.errors import ConfigurationError
 from board.journal import Journal
 from board.time import LeapEvent
-from pps.chrony import MAX_PATH, MEANING, Fate, Refclock, leap_bits, sample
+from pps.chrony import MEANING, Fate, Refclock, leap_bits, sample
 from pps.chrony_configuration import SOCKET, access, configuration, refclock
 from pps.pulse import Clocks, Pulse
 
@@ -221,12 +221,17 @@ def test_every_fate_has_a_meaning() -> None:
     assert set(MEANING) == set(Fate)
 
 
-@pytest.mark.parametrize("path", ["", "relative.sock", "/run/with blank", "/run/a:b", "/" + "x" * MAX_PATH])
+@pytest.mark.parametrize("path", ["", "relative.sock", "/run/with blank", "/run/a:b"])
 def test_a_path_where_chronyd_cannot_make_a_socket_is_a_mistake_of_the_configuration(path: str) -> None:
     with pytest.raises(ConfigurationError, match="cannot make a socket there"):
         refclock(path)
     with pytest.raises(ConfigurationError, match="cannot make a socket there"):
         Refclock(path, Journal(logging.getLogger("test"), "chrony", lambda: 0.0))
+
+
+def test_a_path_of_chronyds_socket_that_is_too_long_is_a_mistake_with_its_length() -> None:
+    with pytest.raises(ConfigurationError, match=r"^time\.chrony: .* has 108 octets"):
+        refclock("/" + "x" * 107)
 
 
 def test_what_no_pulse_shows_of_its_lateness_is_half_of_the_delay() -> None:
