@@ -99,6 +99,8 @@ class Udp:
             except OSError as error:
                 raise refused(host.name, error) from error
             self._opened = opening.pop_all()
+        if self.address is not None:
+            host.tell({"listen": str(self.address), "framing": self._options.framing})
         self._tell()
 
     def send(self, request: Request) -> Sent:

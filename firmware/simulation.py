@@ -23,8 +23,9 @@ SEED = 6
 class Simulation:
     """Nothing at all, for a board that is real and has no simulated neighbours.
 
-    machine  where the files of the kernel are.
-    worker   program that does what blocks.
+    machine   where the files of the kernel are.
+    worker    program that does what blocks.
+    heard_at  address and port where the station hears simulated stations; empty where there are none.
     """
 
     def __init__(self, loop: Loop, board: Board) -> None:
@@ -33,6 +34,7 @@ class Simulation:
         self.worker = "board"
         self.board: Playing | None = None
         air = with_ports(board.neighbours) if board.neighbours else None
+        self.heard_at = air.to if air else ""
         self._neighbours = Neighbours(loop, air) if air else None
         if board.simulated:
             from drivers.sim.board import SimulatedBoard

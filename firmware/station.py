@@ -208,6 +208,7 @@ class Station:
             "position": self.place.status(),
             **({"storage": told} if (told := self.storage.status()) else {}),
             "interfaces": {name: entry.status() for name, entry in self._interfaces.items()},
+            **({"simulation": {"hears": heard_at}} if (heard_at := self._simulation.heard_at) else {}),
             **({"board": self._carrier.status()} if self._carrier else {}),
             **({"recorder": self._recorder.status()} if self._recorder else {}),
             **self.endpoint.status(),

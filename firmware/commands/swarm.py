@@ -22,6 +22,7 @@ from firmware.replay.ending import until_sigterm
 from firmware.replay.ends import Datagrams, Device, Station, station_lines
 from firmware.replay.reasons import count
 from firmware.swarm import tracks
+from firmware.swarm.audience import Audience, Ear, ear_of
 from firmware.swarm.messages import Writer
 from firmware.swarm.swarm import LATE_S, Plan, Sent, Swarm
 from firmware.swarm.vehicle import Vehicle, style
@@ -36,13 +37,17 @@ frequency container every 500 ms and the way behind in it; on demand CPMs of
 the other stations around each (TS 103 324), and DENMs of accidents, repeated
 each second ten times and then cancelled. --rate has CAMs at a fixed rate.
 
-They are heard as frames in UDP datagrams by a station's `udp` interface, as
-frames on a network device, or given to a station's PULL, which sends them.
+Without another option the station of this machine hears them, in UDP datagrams:
+that of `captain run` by its simulated radio, A of `make run` and any other by
+its `udp` interface. Its status says where; its users receive the messages, as
+`captain listen` shows. Other ways are --udp and --ethernet, where somebody has
+to hear them, and --endpoint: a station's PULL, which sends them.
 """
 EPILOG = """\
 examples:
-  captain swarm 20                          around the station of this machine,
-                                            which has --board sim
+  captain swarm 20                          around the station of this machine:
+                                            `captain run` or `make run`
+  captain swarm 20 --station :5565          around B of `make run`
   captain swarm 200 --rate 10 --duration 600 --udp 127.0.0.1:8947
                                             2,000 frames a second: more than one
                                             channel of ITS-G5 carries
@@ -59,13 +64,13 @@ exit codes:
   0    the duration is reached, or SIGTERM, and everything was taken: by the
        kernel, or by the station's PULL, which has sent each by at least one
        interface
-  1    something was not, no station answers, or there is no message library
+  1    something was not, the station's users received nothing, no station
+       answers, or there is no message library
   2    wrong usage
   130  Ctrl-C
 """
 FIRST_STATION = 100_001
 MOST = 10_000
-DEFAULT_UDP = Address("127.0.0.1", 8947)  # of the simulated board
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -92,7 +97,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", metavar="N", type=integer(0, 2**63), default=1, help="of all chance (default 1)")
     parser.add_argument("--json", action="store_true", help="the summary as one JSON object")
     end = parser.add_argument_group("where to").add_mutually_exclusive_group()
-    end.add_argument("--udp", metavar="HOST:PORT", type=_udp, default=DEFAULT_UDP, help=f"(default {DEFAULT_UDP})")
+    end.add_argument("--udp", metavar="HOST:PORT", type=_udp, help="frames in datagrams (default: to the station)")
     end.add_argument("--ethernet", metavar="DEVICE", help="by a network device")
     end.add_argument("--endpoint", action="store_true", help="to a station's PULL, as its user")
     add_station(parser)
@@ -111,8 +116,7 @@ def main(arguments: argparse.Namespace) -> int:
                 for _ in swarm.run(arguments.duration):
                     if sys.stderr.isatty() and not arguments.json:
                         print(f"\r{swarm.sent.seconds:.0f} s: {_told(swarm.sent)}", end="", file=sys.stderr, flush=True)
-            if out.station is not None:
-                out.station.finish()
+            out.finish()
         finally:
             if out.station is not None:
                 out.station.close()
@@ -129,18 +133,33 @@ def _vehicles(arguments: argparse.Namespace, writer: Writer) -> Iterator[Vehicle
 
 
 class Air:
-    """Where messages go. refused: those that nothing took; why: for which reasons."""
+    """Where messages go. refused: those that nothing took; why: for which reasons.
+
+    ear, audience  of the station that hears them by default; None where another way is named.
+    """
 
     def __init__(self, arguments: argparse.Namespace, ending: ExitStack) -> None:
         self.refused = 0
         self.why: Counter[str] = Counter()
-        self.end: Station | Device | Datagrams
+        self.ear: Ear | None = None
+        self.audience: Audience | None = None
+        self.end = self._made(arguments, ending)
+
+    def _made(self, arguments: argparse.Namespace, ending: ExitStack) -> Station | Device | Datagrams:
+        place = address(arguments)
         if arguments.endpoint:
-            context = ending.enter_context(client.session())
-            self.end = Station(context, address(arguments), "swarm", is_paced=True)
-            return
-        self.end = Device(arguments.ethernet) if arguments.ethernet else Datagrams(arguments.udp, "ethernet")
-        ending.callback(self.end.close)
+            return Station(ending.enter_context(client.session()), place, "swarm", is_paced=True)
+        if arguments.ethernet:
+            device = Device(arguments.ethernet)
+            ending.callback(device.close)
+            return device
+        if arguments.udp is None:
+            self.ear = ear_of(client.status(place), place.host)
+            stations = range(arguments.first_id, arguments.first_id + arguments.count)
+            self.audience = Audience(ending.enter_context(client.session()), place, stations)
+        datagrams = Datagrams(self.ear.to, self.ear.framing) if self.ear else Datagrams(arguments.udp, "ethernet")
+        ending.callback(datagrams.close)
+        return datagrams
 
     @property
     def unheard(self) -> int:
@@ -152,8 +171,21 @@ class Air:
         return self.end if isinstance(self.end, Station) else None
 
     @property
+    def is_received(self) -> bool | None:
+        """Whether a user of the station has received one; None where that is not known."""
+        return None if self.audience is None else self.audience.is_reached
+
+    @property
     def is_good(self) -> bool:
-        return not self.unheard and not self.refused and (self.station is None or self.station.is_good)
+        is_confirmed = self.station is None or self.station.is_good
+        return not self.unheard and not self.refused and is_confirmed and self.is_received is not False
+
+    def finish(self) -> None:
+        """Wait a little for what comes back."""
+        if self.station is not None:
+            self.station.finish()
+        if self.audience is not None:
+            self.audience.wait()
 
     def __call__(
         self, vehicle: Vehicle, kind: MessageType, pdu: bytes, now: float, its_ms: int, area: Area | None
@@ -171,6 +203,8 @@ class Air:
         until = time.monotonic() + left
         while time.monotonic() < until:
             self.end.wait(until)
+        if self.audience is not None:
+            self.audience.look()
 
 
 def _told(sent: Sent) -> str:
@@ -185,6 +219,9 @@ def _lines(sent: Sent, out: Air, cpu_s: float) -> Iterator[str]:
         yield f"processor: {cpu_s / sent.seconds:.1%} of one core"
     if sent.late:
         yield f"{sent.late} were more than {LATE_S:g} s late, up to {sent.latest_s:.2f} s: this machine is too slow"
+    if out.ear is not None:
+        got = "its users receive them" if out.is_received else "its users received none: `captain status` may say why"
+        yield f"station {out.ear.station} hears at {out.ear.to}; {got}"
     if out.unheard:
         yield f"nobody listened to {out.unheard} of them"
     for why, times in sorted(out.why.items()):
@@ -205,6 +242,8 @@ def _json(sent: Sent, out: Air, cpu_s: float) -> str:
             "stations": stations,
             "late": sent.late,
             "latest_s": sent.latest_s,
+            "to": str(out.ear.to) if out.ear is not None else None,
+            "is_received": out.is_received,
             "unheard": out.unheard,
             "refused": out.refused,
             "why": dict(out.why),

@@ -4,11 +4,16 @@ import json
 import socket
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+
+import pytest
 
 from drivers.wire import frame
 from firmware import cli
-from tests.firmware.commands.fake import FakeStation
+from firmware.commands.swarm import FIRST_STATION
+from firmware.swarm import audience
+from tests.firmware.commands.fake import STATUS, FakeStation
 from tests.firmware.commands.test_replay import end_when_one_is_confirmed
 from tests.firmware.commands.test_send import confirm, sent_by
 
@@ -76,6 +81,52 @@ def test_nobody_there_is_told(capsys):
         to = "{}:{}".format(*holder.getsockname())
     assert cli.main(["swarm", "2", "--rate", "10", "--duration", "0.3", "--udp", to]) == 1
     assert "nobody listened to" in capsys.readouterr().out
+
+
+def around(station: FakeStation, ear: socket.socket, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """A swarm around a station that says that it hears there."""
+    details = {"listen": "{}:{}".format(*ear.getsockname()), "framing": "ethernet"}
+    monkeypatch.setitem(STATUS, "interfaces", {"g5": {"driver": "udp", "details": details}})
+    return ["swarm", "2", "--rate", "10", "--duration", "0.3", *station.options]
+
+
+@pytest.fixture
+def ear() -> Iterator[socket.socket]:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as ear:
+        ear.bind(("127.0.0.1", 0))
+        ear.settimeout(5)
+        yield ear
+
+
+def test_a_swarm_goes_where_the_stations_status_says_that_it_hears(ear, monkeypatch, capsys):
+    cam = bytes.fromhex("0202") + FIRST_STATION.to_bytes(4) + bytes(35)
+    with FakeStation(received=[(b"v2x.cam.", cam)]) as station:
+        assert cli.main(around(station, ear, monkeypatch)) == 0
+    assert isinstance(frame.unwrap(ear.recv(2048)), frame.Ethernet)
+    assert "station fake hears at 127.0.0.1:" in (said := capsys.readouterr().out)
+    assert "its users receive them" in said
+
+
+def test_a_swarm_that_no_user_receives_is_told_and_fails(ear, monkeypatch, capsys):
+    monkeypatch.setattr(audience, "LATE_S", 0.05)
+    another = bytes.fromhex("020200000539") + bytes(35)
+    with FakeStation(received=[(b"v2x.cam.", another)]) as station:
+        command = around(station, ear, monkeypatch)
+        assert cli.main([*command, "--json"]) == 1
+        assert json.loads(capsys.readouterr().out)["is_received"] is False
+        assert cli.main(command) == 1
+    assert "its users received none: `captain status` may say why" in capsys.readouterr().out
+
+
+def test_a_swarm_without_a_station_says_what_to_start(block, capsys):
+    assert cli.main(["swarm", "2", "--duration", "0.1", "--station", f":{block}"]) == 1
+    assert "start one with `captain run`" in capsys.readouterr().err
+
+
+def test_a_swarm_around_a_station_that_hears_no_datagrams_names_other_ways(capsys):
+    with FakeStation() as station:
+        assert cli.main(["swarm", "2", "--duration", "0.1", *station.options]) == 1
+    assert "--udp HOST:PORT, --ethernet DEVICE or --endpoint" in capsys.readouterr().err
 
 
 def test_frames_leave_by_a_network_device():
