@@ -32,7 +32,12 @@ static bool append(void *context, const char *text, size_t octets)
 
 typedef captain_status (*writer)(const captain_type *type, const void *value, captain_sink sink, void *context);
 
-static PyObject *written(PyObject *self, PyObject *source, writer write)
+static PyObject *new_text(const char *text, Py_ssize_t count)
+{
+    return PyUnicode_DecodeUTF8(text, count, "replace");
+}
+
+static PyObject *written(PyObject *self, PyObject *source, writer write, PyObject *(*make)(const char *, Py_ssize_t))
 {
     decoded decoded;
     buffer buffer = {0};
@@ -41,7 +46,7 @@ static PyObject *written(PyObject *self, PyObject *source, writer write)
     PyObject *text = NULL;
     captain_report report = {.status = write(decoded.type, decoded.value, append, &buffer)};
     if (report.status == CAPTAIN_OK)
-        text = PyUnicode_DecodeUTF8(buffer.count > 0 ? buffer.text : "", (Py_ssize_t)buffer.count, "replace");
+        text = make(buffer.count > 0 ? buffer.text : "", (Py_ssize_t)buffer.count);
     else if (report.status == CAPTAIN_NO_SPACE) /* the sink had no memory */
         PyErr_NoMemory();
     else
@@ -53,12 +58,17 @@ static PyObject *written(PyObject *self, PyObject *source, writer write)
 
 PyObject *message_to_json(PyObject *self, PyObject *source)
 {
-    return written(self, source, captain_json_write);
+    return written(self, source, captain_json_write, new_text);
 }
 
 PyObject *message_text(PyObject *self, PyObject *source)
 {
-    return written(self, source, captain_print);
+    return written(self, source, captain_print, new_text);
+}
+
+PyObject *message_leaves(PyObject *self, PyObject *source)
+{
+    return written(self, source, captain_leaves, PyBytes_FromStringAndSize);
 }
 
 /* ---------------------------------------------------------------- JSON to octets */

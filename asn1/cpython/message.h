@@ -58,6 +58,7 @@ PyObject *message_validate(PyObject *self, PyObject *value);
 PyObject *message_to_json(PyObject *self, PyObject *source);
 PyObject *message_from_json(PyObject *self, PyObject *text);
 PyObject *message_text(PyObject *self, PyObject *source);
+PyObject *message_leaves(PyObject *self, PyObject *source);
 PyObject *message_explain(PyObject *self, PyObject *source);
 PyObject *message_type_tree(PyObject *self, PyObject *unused);
 bool readers_add(void);

@@ -14,7 +14,7 @@ SYMBOLS = {
     "degree/s^2", "h", "kPa", "kbit/s", "kg", "km/h", "m", "m/s", "m/s^2", "min", "mm/h", "month", "ms", "octet",
     "person", "s", "us", "year",
 }  # fmt: skip
-FACTOR = re.compile(r"(?:[0-9]+(?:\.[0-9]+)?(?:e-?[0-9]+)?|360/65535|10\^exponent|10\^\(exponent \+ 2\)) ")
+FACTOR = re.compile(r"(?:[0-9]+(?:\.[0-9]+)?(?:e-?[0-9]+)?|360/65535|1/30000|10\^exponent|10\^\(exponent \+ 2\)) ")
 
 
 @pytest.mark.parametrize(

@@ -135,7 +135,7 @@ def test_a_message_says_what_it_is():
     )
     assert CAM.standard == "ETSI EN 302 637-2 v1.4.1"
     assert CAM.ids == (2,)
-    assert CAM.versions == (1, 2)
+    assert CAM.versions == (2,)
     assert CAM.btp_port == 2001
     assert CAM.is_experimental is False
     assert "cam-1.4.1" in repr(CAM)

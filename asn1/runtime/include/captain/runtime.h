@@ -251,6 +251,11 @@ bool captain_equal(const captain_type *type, const void *left, const void *right
 /* Text goes out through a sink; false from it ends the walk with CAPTAIN_NO_SPACE. */
 typedef bool (*captain_sink)(void *context, const char *text, size_t octets);
 
+/* Octets that stand for the values alone, in the order of the encoding and without names: numbers, places of set bits, indices of
+ * items and alternatives, counts, octets. Two editions that read one encoding as the same values give the same octets here. Their
+ * form may change. */
+captain_status captain_leaves(const captain_type *type, const void *value, captain_sink sink, void *context);
+
 /* Indented tree, one field a line, with names of special values, and all others in their unit: "speedValue: 0 (standstill)",
  * "speedValue: 2028 (20.28 m/s)" (exact: the places are those of the factor), "generationDeltaTime: 37862 ms". */
 captain_status captain_print(const captain_type *type, const void *value, captain_sink sink, void *context);
