@@ -2,6 +2,8 @@
 
 from board.errors import ConfigurationError, StationError
 
+MOST_MISTAKES = 50  # a file of another kind has thousands
+
 
 def clean(text: str) -> str:
     """Text of a peer without anything that a terminal would obey."""
@@ -10,6 +12,13 @@ def clean(text: str) -> str:
 
 def failure(error: StationError) -> str:
     """An error with its hint. The mistakes of a file have a line each; nothing else makes lines."""
-    lines = error.message.split("\n") if isinstance(error, ConfigurationError) else [error.message]
-    message = "\n".join(clean(line) for line in lines)
+    message = "\n".join(mistakes(error)) if isinstance(error, ConfigurationError) else clean(error.message)
     return f"{message}\n  ({clean(error.hint)})" if error.hint else message
+
+
+def mistakes(error: StationError) -> list[str]:
+    """The mistakes of a file, MOST_MISTAKES at most, then the count of the rest."""
+    lines = error.message.split("\n")
+    more = len(lines) - MOST_MISTAKES
+    told = [clean(line) for line in lines[:MOST_MISTAKES]]
+    return [*told, f"{more} more {'mistake' if more == 1 else 'mistakes'}: is it the right file?"] if more > 0 else told

@@ -20,6 +20,7 @@ from firmware.codec.library import Library, NoLibraryError
 from firmware.config import Config, InterfaceConfig
 from firmware.lab import ports
 from firmware.lab.trial import Trial
+from firmware.printable import mistakes
 from firmware.tables import EndpointOptions
 from firmware.user.untrusted import text, within
 
@@ -237,7 +238,7 @@ def configuration(read: Callable[[], Config]) -> tuple[Config | None, list[Findi
     try:
         config = read()
     except StationError as error:
-        *rest, last = error.message.splitlines() or [""]
+        *rest, last = mistakes(error)
         found = [Finding(Level.PROBLEM, "configuration", line) for line in rest]
         return None, [*found, Finding(Level.PROBLEM, "configuration", last, error.hint)]
     names = ", ".join(f"{one.name} ({one.queue.driver})" for one in config.interfaces)

@@ -224,3 +224,15 @@ def test_a_command_that_was_cut_off_by_its_reader_is_not_done(monkeypatch: pytes
         patch.setattr(sys, "stdout", stream)
         assert cli.main(["status"]) == 141
     stream.close()
+
+
+@pytest.mark.parametrize("verb", ["run", "doctor"])
+def test_a_file_of_2003_mistakes_gives_fifty_and_their_count(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], verb: str
+) -> None:
+    wrong = tmp_path / "captain.toml"
+    wrong.write_text("".join(f"word{number} = 1\n" for number in range(2003)))
+    assert cli.main([verb, "--config", str(wrong)]) == 1
+    said = " ".join("".join(capsys.readouterr()).split())  # the doctor folds lines
+    assert said.count("is not a known key") == 50
+    assert "1953 more mistakes: is it the right file?" in said
