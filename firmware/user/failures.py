@@ -10,9 +10,10 @@ from firmware.printable import clean
 
 TOLD = 3  # of each kind, one by one
 MOST_KINDS = 12  # a broken capture has nearly as many as frames
+MOST_COMPARED = 300  # characters of a message: a value in it may be a megabyte
 
-# What differs between failures of one kind: quoted values, numbers, hexadecimal digits.
-_VALUE = re.compile(r"'[^']*'|\"[^\"]*\"|\b[\w.-]*\d[\w.-]*")
+# What differs between failures of one kind: quoted values, paths of fields and files, numbers, hexadecimal digits.
+_VALUE = re.compile(r"'[^']*'|\"[^\"]*\"|[\w/[\]-]+(?:\.[\w/[\]-]+)+|\b[\w.-]*\d[\w.-]*")
 _OTHERS = "others"
 
 
@@ -68,7 +69,7 @@ class Failures:
 
     def _kind(self, message: str) -> _Kind:
         place, _, rest = message.partition(": ")
-        key = _VALUE.sub("", rest or place)
+        key = _VALUE.sub("", (rest or place)[:MOST_COMPARED])
         if key not in self._kinds and len(self._kinds) >= MOST_KINDS:
             key = _OTHERS
         return self._kinds.setdefault(key, _Kind())

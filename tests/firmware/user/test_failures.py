@@ -43,6 +43,12 @@ def test_failures_of_one_kind_are_three_and_their_count_whatever_values_they_nam
     )
 
 
+def test_failures_of_one_kind_at_many_fields_are_three_and_their_count(capsys):
+    fields = [f"cam.camParameters.{'ab' * number}" for number in range(1, 9)]
+    lines = said(capsys, *(RequestError(f"x: line 1: cam-1.4.1: {field}: bit 7: truncated") for field in fields))
+    assert len(lines) == 4
+
+
 def test_failures_of_another_kind_are_told_beside_them(capsys):
     other = RequestError("x.hex: line 5: it has no octets")
     assert f"captain: {other.message}" in said(capsys, *map(invalid, range(100)), other, *map(invalid, range(100)))
