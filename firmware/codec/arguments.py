@@ -24,8 +24,9 @@ standard input. Read are
                 Ethernet frames inside UDP; GeoNetworking packets, whose
                 signatures nobody looks at
   MCAP          of `captain record` and of the gateway to ROS 2
-each known by its looks unless --from says. An Ethernet frame with GeoNetworking
-may stand in place of a message.
+each known by its looks unless --from says. A frame with GeoNetworking may stand
+in place of a message: Ethernet, 802.11, radiotap, Linux cooked. Messages of SAE
+J2735 and XML (XER) are named and not read.
 """
 
 

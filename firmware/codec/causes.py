@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 from drivers.message import ITS_HEADER
 from firmware import topics
+from firmware.codec.foreign import damaged_message_frame, message_frame
 from firmware.codec.identify import Refusal, attempt
 from firmware.codec.library import Message
 
@@ -36,6 +37,10 @@ def likeliest(case: Case) -> str:
         if found:
             return found
     return "it was damaged on its way, or follows an edition that the library does not have (`captain decode --list`)"
+
+
+def _other_standard(case: Case) -> str:
+    return message_frame(case.octets) or damaged_message_frame(case.octets) or ""
 
 
 def _short(case: Case) -> str:
@@ -141,6 +146,7 @@ def _other_release(case: Case) -> str:
 
 # The first that holds is told: those that prove themselves by a trial before those that only look at numbers.
 _CAUSES: tuple[Callable[[Case], str], ...] = (
+    _other_standard,
     _short,
     _other_edition,
     _packet,

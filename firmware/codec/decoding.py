@@ -5,6 +5,7 @@ import re
 
 from board.errors import RequestError
 from firmware.codec import causes
+from firmware.codec.foreign import message_frame
 from firmware.codec.identify import Identifier, Identity, Refusal, Unknown
 from firmware.codec.library import Library, editions
 from firmware.codec.reading import Pdu
@@ -37,6 +38,7 @@ class Decoder:
     def __init__(self, library: Library, edition: str | None = None) -> None:
         self.known = editions(library, edition)
         self._all = editions(library, None)
+        self._is_asked = edition is not None
         self._identifier = Identifier(self.known, is_asked=edition is not None)
 
     def find(self, octets: bytes, port: int | None = None, is_quick: bool = False) -> Identity | Unknown:
@@ -45,11 +47,18 @@ class Decoder:
 
     def identify(self, pdu: Pdu, is_quick: bool = False) -> Identity:
         """The same of a PDU. Raises UndecodableError with the likeliest cause."""
+        other = message_frame(pdu.octets)
+        if other is not None and not self._is_expected(pdu.octets):
+            raise UndecodableError(pdu, None, other, "")
         found = self.find(pdu.octets, pdu.port, is_quick)
         if isinstance(found, Identity):
             return found
         cause = causes.likeliest(causes.Case(pdu.octets, self._all, found.nearest, pdu.port))
         raise UndecodableError(pdu, found.nearest, found.why, cause)
+
+    def _is_expected(self, octets: bytes) -> bool:
+        """Did the user ask for an edition, or does the header announce a message of the library?"""
+        return self._is_asked or any(octets[0] in one.versions and octets[1] in one.ids for one in self._all)
 
 
 def record(pdu: Pdu, found: Identity) -> str:

@@ -84,9 +84,28 @@ def open_packet(packet: bytes) -> Carried | NoMessage:
     return Carried(pdu, transport.destination_port, kind.name.lower(), is_signed)
 
 
-def looks_like_a_frame(octets: bytes) -> bool:
-    """Whether octets are an Ethernet frame of GeoNetworking: destination, source, EtherType."""
-    return _ethernet(octets) is not None
+def link_of(octets: bytes) -> int | None:
+    """The LINKTYPE_ of octets that may be a frame or a PDU: of frames with GeoNetworking and of all with radiotap.
+
+    But for Ethernet no frame begins like an ITS PDU, whose protocolVersion is small and whose messageID is not 0.
+    """
+    if is_radiotap(octets):
+        return RADIOTAP
+    for link, is_possible in _FIRST_OCTETS.items():
+        if is_possible(octets) and _LINKS[link](octets) is not None:
+            return link
+    return None
+
+
+def is_radiotap(octets: bytes) -> bool:
+    """Has it the header of radiotap.org (version and padding 0, length, bitmaps), and IEEE 802.11 behind it?"""
+    length = int.from_bytes(octets[2:4], "little")
+    if octets[:2] != b"\0\0" or not RADIOTAP_HEADER <= length <= len(octets) - WLAN_HEADER:
+        return False
+    bitmaps = 4
+    while bitmaps < length and octets[bitmaps + 3] & 0x80:  # another one follows
+        bitmaps += 4
+    return bitmaps + 4 <= length and not octets[length] & 3
 
 
 # -- link layers (tcpdump.org/linktypes.html): each gives the GeoNetworking packet of a frame, or None
@@ -138,11 +157,22 @@ def _udp_payload(frame: bytes, at: int) -> bytes:
     return b""
 
 
+RADIOTAP = 127
+NAMES = {1: "Ethernet", 105: "802.11", 113: "Linux cooked", RADIOTAP: "radiotap", 276: "Linux cooked"}
+RADIOTAP_HEADER, WLAN_HEADER = 8, 10  # octets, the least: of the second an acknowledgement
+
+# What frames of a link layer begin with: any address; a data frame of version 0; how it came; its EtherType.
+_FIRST_OCTETS: dict[int, Callable[[bytes], bool]] = {
+    1: lambda octets: True,
+    105: lambda octets: octets[:1] != b"" and octets[0] & 0x0F == 0x08,
+    113: lambda octets: octets[:1] == b"\0" and octets[1:2] <= b"\4",
+    276: lambda octets: octets[:1] == b"\x89",
+}
 _MAY_HOLD_IP = {1: 12, 113: 14}  # link type: where its EtherType stands
 _LINKS: dict[int, Callable[[bytes], bytes | None]] = {
     1: _ethernet,
     105: _wlan,
     113: _cooked,
-    127: _radiotap,
+    RADIOTAP: _radiotap,
     276: _cooked_2,
 }

@@ -3,15 +3,17 @@
 What is wrong is one item of the stream like the rest, so that the next one is still read.
 """
 
+import codecs
 import os
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import BinaryIO, NamedTuple, TypeAlias
 
 from board.errors import ProtocolError, RequestError
-from firmware.codec import capture, json_texts, layers, mcap
+from firmware.codec import capture, foreign, json_texts, layers, mcap
 from firmware.user.payload import base64_octets, hex_octets
 
 FORMS = ("hex", "base64", "binary", "json", "pcap", "mcap")
@@ -128,6 +130,8 @@ class Reader:
     def _stream(self, stream: BinaryIO, where: str) -> Iterator[Item]:
         """Octets that are no text are a capture or one PDU."""
         form, head = self._form, stream.read(4)
+        if head.startswith(codecs.BOM_UTF8):  # of Windows' editors
+            head = head[len(codecs.BOM_UTF8) :] + stream.read(len(codecs.BOM_UTF8))
         if form is None and capture.is_capture(head):
             form = "pcap"
         elif form is None and head == mcap.HEAD:
@@ -175,8 +179,16 @@ class Reader:
     def _lines(self, lines: Iterable[bytes], where: str, is_one: bool = False) -> Iterator[Item]:
         """Lines of text; those of an object in JSON belong together."""
         count = 0
-        for begin, text in json_texts.split(_decoded(lines)):
+        texts = json_texts.split(_decoded(lines))
+        for begin, text in texts:
             origin = where if is_one else f"{where}: line {begin}"
+            if self._form in (None, "json") and foreign.is_xml(text):
+                rest = () if foreign.is_whole_xml(text) else (line.text for line in texts)
+                yield RequestError(f"{origin}: {foreign.xml(chain([text], rest))}")
+                count += 1
+                if rest:
+                    return
+                continue
             for item in self._text(text, origin):
                 count += 1
                 yield item
@@ -202,16 +214,17 @@ class Reader:
 
 
 def opened(octets: bytes, origin: str) -> Pdu:
-    """A PDU; of a whole Ethernet frame with GeoNetworking, what it carries. Raises RequestError."""
-    if not layers.looks_like_a_frame(octets):
+    """A PDU; of a whole frame with GeoNetworking, what it carries. Raises RequestError."""
+    link = layers.link_of(octets)
+    if link is None:
         return Pdu(octets, origin)
     try:
-        found = layers.open_frame(capture.ETHERNET, octets)
+        found = layers.open_frame(link, octets)
     except ProtocolError as error:
         raise RequestError(f"{origin}: {error.message}") from error
     if isinstance(found, layers.NoMessage):
-        raise RequestError(f"{origin}: it is a frame without a message: {found.what}")
-    return Pdu(found.pdu, origin, found.btp_port, None, str(found), octets)
+        raise RequestError(f"{origin}: it is a frame without a message, with {layers.NAMES[link]}: {found.what}")
+    return Pdu(found.pdu, origin, found.btp_port, None, str(found), octets if link == capture.ETHERNET else b"")
 
 
 def pdu_of(one: Pdu | Object) -> Pdu:
@@ -253,7 +266,7 @@ def _objects(text: str, origin: str) -> Iterator[Item]:
 
 
 def _is_file(source: str, form: str | None) -> bool:
-    if source.startswith(("{", "[")):
+    if source.startswith(("{", "[", "<")):
         return False
     try:
         if os.path.exists(source):

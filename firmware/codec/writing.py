@@ -14,6 +14,7 @@ from drivers.wire import frame
 from drivers.wire.geonet_sender import Sender
 from firmware.codec import capture
 from firmware.codec.decoding import Decoder, record
+from firmware.codec.foreign import message_frame
 from firmware.codec.library import NoLibraryError, load
 from firmware.codec.reading import Pdu
 from firmware.topics import Topics
@@ -40,6 +41,11 @@ class Output:
         self._edition = edition
         self._stream: BinaryIO | None = None
         self._writer: Writer | None = None
+
+    @property
+    def keeps_octets(self) -> bool:
+        """Are octets written as they are, whatever they say?"""
+        return self._form not in ("json", "pcap")
 
     def write(self, pdu: Pdu) -> None:
         if self._writer is None:
@@ -135,6 +141,8 @@ class Pcap:
 
 def framed(pdu: Pdu) -> bytes:
     """The frame around a bare PDU; its MAC address ends in the stationID. Raises RequestError without a BTP port."""
+    if (other := message_frame(pdu.octets)) is not None and pdu.port is None:
+        raise RequestError(f"{pdu.origin}: {other}")
     kind = _TYPES.by_number[pdu.octets[1]] if len(pdu.octets) > 1 else _TYPES.unknown
     port = kind.btp_port if pdu.port is None else pdu.port
     port = _port_by_library(pdu) if port is None else port

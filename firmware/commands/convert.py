@@ -6,6 +6,7 @@ from firmware.codec import library, writing
 from firmware.codec.arguments import FORMS_HELP, add_edition, add_input, each
 from firmware.codec.decoding import Decoder
 from firmware.codec.encoding import disagreement, encode
+from firmware.codec.foreign import message_frame
 from firmware.codec.reading import Object, Pdu, pdu_of, port_of, when_ns
 from firmware.user.failures import Failures
 
@@ -45,7 +46,14 @@ def main(arguments: argparse.Namespace) -> int:
     failures = Failures()
     conversion = Conversion(arguments.edition, failures)
     with writing.output(arguments, "hex") as out:
-        return each(arguments, lambda item: out.write(conversion.octets(item)), failures=failures)
+
+        def convert(item: Pdu | Object) -> None:
+            pdu = conversion.octets(item)
+            if out.keeps_octets and (other := message_frame(pdu.octets)) is not None:
+                failures.warn(f"{pdu.origin}: {other}")
+            out.write(pdu)
+
+        return each(arguments, convert, failures=failures)
 
 
 class Conversion:

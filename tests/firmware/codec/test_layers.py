@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from board.errors import ProtocolError
-from firmware.codec.layers import Carried, NoMessage, looks_like_a_frame, open_frame, open_packet
+from firmware.codec.layers import Carried, NoMessage, link_of, open_frame, open_packet
 
 CAPTURES = Path(__file__).parents[2] / "captures" / "frames.json"
 FRAMES = {row["name"]: bytes.fromhex(row["hex"]) for row in json.loads(CAPTURES.read_text())["frames"]}
@@ -109,8 +109,51 @@ def test_a_packet_that_was_cut_off_is_refused(size):
 
 @pytest.mark.parametrize("name", FRAMES)
 def test_a_frame_is_known_by_its_ethertype(name):
-    assert looks_like_a_frame(FRAMES[name])
-    assert not looks_like_a_frame(FRAMES[name][14:])
+    assert link_of(FRAMES[name]) == 1
+    assert link_of(FRAMES[name][14:]) is None
+
+
+@pytest.mark.parametrize(
+    ("link", "frame"),
+    [
+        (105, wlan(0x88, 0x00, 2)),
+        (113, b"\0\4" + bytes(12) + CAM[12:]),
+        (127, b"\0\0\x08\0" + bytes(4) + wlan(0x08, 0x00, 0)),
+        (127, b"\0\0\x10\0" + b"\0\0\0\x80\0\0\0\x80\0\0\0\0" + wlan(0x08, 0x00, 0)),  # three bitmaps
+        (127, b"\0\0\x08\0" + bytes(4) + b"\xd4" + bytes(9)),  # an acknowledgement
+        (276, b"\x89\x47" + bytes(18) + PACKET),
+    ],
+)
+def test_a_link_layer_is_known_by_its_first_octets(link, frame):
+    assert link_of(frame) == link
+
+
+@pytest.mark.parametrize(
+    "octets",
+    [
+        b"",
+        b"\0\0",
+        b"\0\0\x08\0" + bytes(4),  # nothing behind radiotap
+        b"\0\0\x07\0" + bytes(20),  # shorter than its own header
+        b"\0\0\x08\0\0\0\0\x80" + bytes(20),  # a second bitmap beyond its end
+        b"\0\1\x08\0" + bytes(20),
+        b"\0\0\x08\0" + bytes(4) + b"\x01" + bytes(20),  # 802.11 of another version
+        b"\x02\x02" + wlan(0x08, 0x00, 0)[2:],
+        b"\2\2" + bytes(12) + CAM[12:],
+    ],
+)
+def test_octets_that_begin_like_no_link_layer_are_no_frame(octets):
+    assert link_of(octets) is None
+
+
+@given(st.binary(max_size=120))
+def test_random_octets_have_a_link_layer_that_opens_them_or_none(octets):
+    link = link_of(octets)
+    if link is not None:
+        try:
+            assert isinstance(open_frame(link, octets), Carried | NoMessage)
+        except ProtocolError as error:
+            assert error.message
 
 
 @given(st.sampled_from([1, 105, 113, 127, 276]), st.binary(max_size=120))

@@ -1,0 +1,106 @@
+"""Messages of other standards and XML: recognised, so that an error can name them. Nothing of them is decoded."""
+
+import re
+from collections.abc import Iterable
+from itertools import islice
+from typing import NamedTuple
+
+# DSRCmsgID of SAE J2735_202409: name of the type, and its short name where there is one. 18 to 32 are those of
+# J2735_201603 as well; ISO/TS 19091 has 18, 19 and 28 to 30 of them. Older editions counted otherwise.
+J2735 = {
+    18: "MapData (MAP)",
+    19: "SPAT",
+    20: "BasicSafetyMessage (BSM)",
+    21: "CommonSafetyRequest (CSR)",
+    22: "EmergencyVehicleAlert (EVA)",
+    23: "IntersectionCollision (ICA)",
+    24: "NMEAcorrections",
+    25: "ProbeDataManagement (PDM)",
+    26: "ProbeVehicleData (PVD)",
+    27: "RoadSideAlert (RSA)",
+    28: "RTCMcorrections (RTCM)",
+    29: "SignalRequestMessage (SRM)",
+    30: "SignalStatusMessage (SSM)",
+    31: "TravelerInformation (TIM)",
+    32: "PersonalSafetyMessage (PSM)",
+    33: "RoadSafetyMessage (RSM)",
+    34: "RoadWeatherMessage (RWM)",
+    35: "ProbeDataConfigMessage",
+    36: "ProbeDataReportMessage",
+    37: "TollAdvertisementMessage (TAM)",
+    38: "TollUsageMessage (TUM)",
+    39: "TollUsageAckMessage",
+    40: "CooperativeControlMessage (CCM)",
+    41: "SensorDataSharingMessage (SDSM)",
+    42: "ManeuverSharingAndCoordinatingMessage (MSCM)",
+    43: "RoadGeometryAndAttributes (RGA)",
+    44: "PersonalSafetyMessage2",
+    45: "TrafficSignalPhaseAndTiming",
+    46: "SignalControlAndPrioritizationRequest",
+    47: "SignalControlAndPrioritizationStatus",
+    48: "RoadUserChargingConfigMessage",
+    49: "RoadUserChargingReportMessage",
+    50: "TrafficLightStatusMessage",
+    **{240 + number: f"TestMessage{number:02}" for number in range(16)},
+}
+
+READ = "hexadecimal, base64, octets, JSON (JER), pcap, pcapng or MCAP"
+
+_NO_ELEMENT = re.compile(r"\s+|<\?.*?\?>|<!--.*?-->|<![^>]*>", re.DOTALL)
+_ELEMENT = re.compile(r"<([^\s<>/!?]{1,60})")
+_WHOLE = re.compile(r"\s*<([^\s<>/!?]+)[^<>]*(/>|>.*</\1\s*>)\s*", re.DOTALL)
+_MOST_LINES = 1000  # in front of the root element: a licence in a comment
+
+
+def message_frame(octets: bytes) -> str | None:
+    """What octets are, where they are a MessageFrame of SAE J2735 in UPER from the first octet to the last."""
+    found = _message_frame(octets)
+    if found is None or found.size != len(octets):
+        return None
+    return f"it is a MessageFrame of SAE J2735: {found}; captain decodes messages of ETSI ITS only"
+
+
+def damaged_message_frame(octets: bytes) -> str | None:
+    """The same of one that is cut off, or that other octets follow."""
+    found = _message_frame(octets)
+    if found is None:
+        return None
+    return f"it begins like a MessageFrame of SAE J2735 with {found.size} octets ({found}), and has {len(octets)}"
+
+
+class _MessageFrame(NamedTuple):
+    """size: in octets, as the frame says."""
+
+    message_id: int
+    size: int
+
+    def __str__(self) -> str:
+        return f"messageId {self.message_id}, {J2735[self.message_id]}"
+
+
+def _message_frame(octets: bytes) -> _MessageFrame | None:
+    """An extension bit, which is 0, 15 bits of messageId, and an open type with its length (X.691 11.9.3, 11.2)."""
+    if len(octets) < 4 or octets[0] or octets[1] not in J2735 or octets[2] >= 0xC0:
+        return None
+    length, begin = (octets[2], 3) if octets[2] < 0x80 else (int.from_bytes(octets[2:4]) & 0x3FFF, 4)
+    return _MessageFrame(octets[1], begin + length)
+
+
+def is_xml(text: str) -> bool:
+    return text.lstrip().startswith("<")
+
+
+def is_whole_xml(text: str) -> bool:
+    """Is it an element from its first to its last tag?"""
+    return _WHOLE.fullmatch(text) is not None
+
+
+def xml(lines: Iterable[str]) -> str:
+    """What a text in XML is: XER (ITU-T X.693) or not, its root element says."""
+    text = "".join(islice(lines, _MOST_LINES))
+    at = 0
+    while found := _NO_ELEMENT.match(text, at):
+        at = found.end()
+    root = _ELEMENT.match(text, at)
+    named = f"root element {root[1]}" if root else "no root element"
+    return f"XER or other XML is not read: {named}; give {READ}"
