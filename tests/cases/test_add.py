@@ -74,13 +74,13 @@ def test_removing_a_message_leaves_the_others_as_they_were(tmp_path: Path, schem
     assert files(tmp_path, "") == before
 
 
-@pytest.mark.parametrize("order", [("order-a", "order-b"), ("order-b", "order-a")])
-def test_both_messages_are_encoded_in_either_order_of_adding(tmp_path: Path, order: tuple[str, str]):
+@pytest.mark.parametrize("order", [("order-a", "order-b", "oid-version1"), ("oid-version1", "order-b", "order-a")])
+def test_each_message_has_its_own_bits_in_any_order_of_adding(tmp_path: Path, order: tuple[str, ...]):
     for case in order:
         one = wish(case)
         line = ["add", one.file, "--pdu", one.pdu, "--name", one.name, "--id", one.id, "--port", one.port]
         assert program.main([*map(str, line), "--to", str(tmp_path / "own")]) == 0
-    generate = ["generate", *("hello", "world"), "--with", str(tmp_path / "own"), "--form", "python"]
+    generate = ["generate", *("hello", "world", "old"), "--with", str(tmp_path / "own"), "--form", "python"]
     subprocess.run(
         [sys.executable, "-m", "asn1", *generate, "--to", str(tmp_path / "python")],
         check=True, capture_output=True, cwd=ROOT, env={**os.environ, "CFLAGS": "-O0"},
@@ -88,7 +88,9 @@ def test_both_messages_are_encoded_in_either_order_of_adding(tmp_path: Path, ord
     code = (
         "import captain_messages as m; h = {'protocolVersion': 2, 'messageID': 240, 'stationID': 7}\n"
         "print(m.find('hello').encode({'header': h, 'greeting': 5}).hex())\n"
-        "print(m.find('world').encode({'header': h, 'where': 470654321}).hex())"
+        "print(m.find('world').encode({'header': h, 'where': 470654321}).hex())\n"
+        "bend = {'curvatureValue': 386, 'curvatureConfidence': 'unavailable'}\n"
+        "print(m.find('old').encode({'header': h, 'bend': bend}).hex())"
     )
     done = subprocess.run(
         [sys.executable, "-c", code], check=True, capture_output=True, text=True, cwd=tmp_path,
@@ -96,7 +98,16 @@ def test_both_messages_are_encoded_in_either_order_of_adding(tmp_path: Path, ord
     )  # fmt: skip
     # Latitude: 31 bits from -900000000 on (X.691 11.5.6).
     latitude = f"{(470654321 + 900000000) << 1:08x}"
-    assert done.stdout.split() == ["02f00000000705", f"02f000000007{latitude}"]
+    # CurvatureValue of TS 102 894-2 v1.2.1: 16 bits from -30000 on (11 from -1023 on in v1.3.1); the last of 8 items.
+    bend = f"{(386 + 30000) << 8 | 7 << 5:06x}"
+    assert done.stdout.split() == ["02f00000000705", f"02f000000007{latitude}", f"02f000000007{bend}"]
+
+
+def test_an_import_of_version_1_takes_that_edition(tmp_path: Path, schema: Schema):
+    added = add.add(wish("oid-version1"), schema, tmp_path)
+    old = text.load_schema(tmp_path, editions=Path(os.devnull)).modules["x_old"]
+    assert added.imported == ("ETSI TS 102 894-2 v1.2.1",)
+    assert component(old, "Old", 1) == Reference(module="r1_cdd121", name="Curvature")
 
 
 def without(schema: Schema, oid: str) -> Schema:
