@@ -2,7 +2,7 @@
 # make ... ARGS='...' passes options on to the program that a target starts.
 
 .DEFAULT_GOAL := help
-.PHONY: help setup run codec import-check docs test test-binary test-binary-directory test-binary-file check portable fuzz truth \
+.PHONY: help setup packages run codec import-check docs test fresh test-binary test-binary-directory test-binary-file check portable fuzz truth \
 	bench bench-station bench-messages bench-v2n bench-time bench-record bench-ros2 lab meter chaos outages fleet swarm \
 	kernel ros2 clock days chronyd binary image image-test release flash lock proof clean
 
@@ -16,6 +16,9 @@ setup: ## the command .venv/bin/captain and what it needs, the messages among it
 	@.ci/codec
 	@.ci/sim
 
+packages: ## the Debian packages that run and test need, for users who are not root: sudo make packages
+	@.ci/setup packages
+
 run: setup ## two simulated stations that talk to each other, and a live table (Ctrl-C ends it)
 	@.venv/bin/captain demo $(ARGS)
 
@@ -27,6 +30,10 @@ import-check: setup-test ## do the modules of the standards in ASN1=DIR give the
 
 test: setup-test ## all tests, against the source
 	@.venv/bin/python -m tests $(ARGS)
+
+fresh: ## run and test on bare Debian 12 and 13, in new roots, with times and sizes; as root; ARGS=bookworm
+	@.ci/setup fresh
+	@.ci/fresh $(ARGS)
 
 test-binary: test-binary-directory test-binary-file ## the system tests against both forms of the binary; -j2 -O: side by side
 

@@ -1,4 +1,4 @@
-"""What all tests share: the same examples in every run, a loop whose clock jumps, and a word when a process has ended."""
+"""Fixtures and settings of all tests: an own network, the same examples in every run, a loop whose clock jumps."""
 
 import os
 import select
@@ -10,11 +10,19 @@ import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis.configuration import set_hypothesis_home_dir
 
+from tests.network import isolate
 from tests.virtual import VirtualLoop
 
 # nohup ignores SIGHUP, and a shell SIGINT of what it runs in the background: here as in what is started they end.
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 signal.signal(signal.SIGINT, signal.default_int_handler)
+
+# Parts of the tests run side by side, and other programs beside them: none takes a port of another.
+try:
+    isolate()
+    WARNING = ""
+except OSError as error:
+    WARNING = f"network namespace: {error.strerror}; ports of other programs may clash with those of the tests"
 
 set_hypothesis_home_dir("build/hypothesis")
 
@@ -27,6 +35,11 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
 )
 settings.load_profile("captain")
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    if WARNING:
+        terminalreporter.write_line(WARNING)
 
 
 @pytest.fixture

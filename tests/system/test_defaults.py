@@ -12,10 +12,11 @@ from tests.system.station import PROGRAM
 
 # Runs inside: starts a verb, is a user of its station until both types have come, then has a swarm drive around it.
 INSIDE = """
-import json, subprocess, sys, zmq
+import atexit, json, subprocess, sys, zmq
 subprocess.run(["ip", "link", "set", "lo", "up"], check=True)
 *program, verb = sys.argv[1:]
 station = subprocess.Popen([*program, verb], stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+atexit.register(station.kill)
 context = zmq.Context()
 sub = context.socket(zmq.SUB)
 sub.rcvtimeo = 5000
