@@ -32,12 +32,7 @@ static bool append(void *context, const char *text, size_t octets)
 
 typedef captain_status (*writer)(const captain_type *type, const void *value, captain_sink sink, void *context);
 
-static PyObject *new_text(const char *text, Py_ssize_t count)
-{
-    return PyUnicode_DecodeUTF8(text, count, "replace");
-}
-
-static PyObject *written(PyObject *self, PyObject *source, writer write, PyObject *(*make)(const char *, Py_ssize_t))
+static PyObject *written(PyObject *self, PyObject *source, writer write)
 {
     decoded decoded;
     buffer buffer = {0};
@@ -46,7 +41,7 @@ static PyObject *written(PyObject *self, PyObject *source, writer write, PyObjec
     PyObject *text = NULL;
     captain_report report = {.status = write(decoded.type, decoded.value, append, &buffer)};
     if (report.status == CAPTAIN_OK)
-        text = make(buffer.count > 0 ? buffer.text : "", (Py_ssize_t)buffer.count);
+        text = PyUnicode_DecodeUTF8(buffer.count > 0 ? buffer.text : "", (Py_ssize_t)buffer.count, "replace");
     else if (report.status == CAPTAIN_NO_SPACE) /* the sink had no memory */
         PyErr_NoMemory();
     else
@@ -58,17 +53,32 @@ static PyObject *written(PyObject *self, PyObject *source, writer write, PyObjec
 
 PyObject *message_to_json(PyObject *self, PyObject *source)
 {
-    return written(self, source, captain_json_write, new_text);
+    return written(self, source, captain_json_write);
 }
 
 PyObject *message_text(PyObject *self, PyObject *source)
 {
-    return written(self, source, captain_print, new_text);
+    return written(self, source, captain_print);
 }
 
 PyObject *message_leaves(PyObject *self, PyObject *source)
 {
-    return written(self, source, captain_leaves, PyBytes_FromStringAndSize);
+    decoded decoded;
+    buffer buffer = {0};
+    if (!decoded_open(&decoded, message_of(self)->message, source))
+        return NULL;
+    PyObject *pair = NULL;
+    uint32_t unknown;
+    captain_report report = {.status = captain_leaves(decoded.type, decoded.value, append, &buffer, &unknown)};
+    if (report.status == CAPTAIN_OK)
+        pair = Py_BuildValue("y#I", buffer.count > 0 ? buffer.text : "", (Py_ssize_t)buffer.count, (unsigned)unknown);
+    else if (report.status == CAPTAIN_NO_SPACE)
+        PyErr_NoMemory();
+    else
+        raise_report(DecodeError, &report);
+    free(buffer.text);
+    decoded_close(&decoded);
+    return pair;
 }
 
 /* ---------------------------------------------------------------- JSON to octets */

@@ -40,7 +40,10 @@ def add_edition(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--edition",
         metavar="E",
-        help="take it for this edition (cam-1.4.1), or for one of this type (cam); `captain decode --list` has all",
+        help="it is of this edition (cam-1.4.1), or of one of this type (cam); `captain decode --list` has all",
+    )
+    parser.add_argument(
+        "--force", action="store_true", help="with --edition: whatever edition the ITS PDU header announces (for tests)"
     )
 
 

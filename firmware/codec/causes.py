@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from drivers.message import ITS_HEADER
+from drivers.wire.editions import names
 from firmware import topics
 from firmware.codec.foreign import damaged_message_frame, message_frame
 from firmware.codec.identify import Refusal, attempt
@@ -104,10 +105,16 @@ def _trailing(case: Case) -> str:
 
 
 def _other_edition(case: Case) -> str:
-    """An edition that was not asked for decodes it."""
-    number = case.octets[1]
-    fits = [one.name for one in case.known if number in one.ids and attempt(one, case.octets).is_exact]
-    return f"it is of another edition: {' and '.join(fits)} gives its octets back" if fits else ""
+    """An edition that was not asked for, or whose protocolVersion the header does not have, decodes it."""
+    version, number = case.octets[:2]
+    fits = [one for one in case.known if number in one.ids and attempt(one, case.octets).is_exact]
+    if not fits:
+        return ""
+    told = f"{names(fits)} give{'s' * (len(fits) == 1)} its octets back"
+    if any(version in one.versions for one in fits):
+        return f"it is of another edition: {told}"
+    header = f"protocolVersion {version} does not announce {names(fits, 'or')}"
+    return f"{told}, though {header}; `captain decode --edition {fits[0].name} --force` shows it so"
 
 
 def _wrong_port(case: Case) -> str:

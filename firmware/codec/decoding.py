@@ -33,13 +33,14 @@ class Decoder:
     """Finds the edition of octets among all of the library, or among those that a user asked for.
 
     edition  as `--edition` has it. Raises RequestError where the library has no such message.
+    is_forced  `--force`: the header has no say in it.
     """
 
-    def __init__(self, library: Library, edition: str | None = None) -> None:
+    def __init__(self, library: Library, edition: str | None = None, is_forced: bool = False) -> None:
         self.known = editions(library, edition)
         self._all = editions(library, None)
         self._is_asked = edition is not None
-        self._identifier = Identifier(self.known, is_asked=edition is not None)
+        self._identifier = Identifier(self.known, edition is not None, self._all, is_forced)
 
     def find(self, octets: bytes, port: int | None = None, is_quick: bool = False) -> Identity | Unknown:
         """What octets are; is_quick leaves out which other editions give them back as well."""
@@ -53,7 +54,7 @@ class Decoder:
         found = self.find(pdu.octets, pdu.port, is_quick)
         if isinstance(found, Identity):
             return found
-        cause = causes.likeliest(causes.Case(pdu.octets, self._all, found.nearest, pdu.port))
+        cause = found.remedy or causes.likeliest(causes.Case(pdu.octets, self._all, found.nearest, pdu.port))
         raise UndecodableError(pdu, found.nearest, found.why, cause)
 
     def _is_expected(self, octets: bytes) -> bool:
@@ -71,10 +72,18 @@ def record(pdu: Pdu, found: Identity) -> str:
         "origin": pdu.origin,
         "octets": len(pdu.octets),
     }
-    head |= _way(pdu)
+    head |= _way(pdu) | doubt_record(found)
     if not found.is_exact:
         head |= {"is_exact": False, "hex": pdu.octets.hex()}
     return joined(head, "message", found.message.to_json(pdu.octets))
+
+
+def doubt_record(found: Identity) -> dict[str, object]:
+    """The members that say why the values may be wrong; none where nothing speaks against them."""
+    if not found.doubt:
+        return {}
+    told: dict[str, object] = {"warning": found.doubt}
+    return told | {"others": [message.name for message in found.others]} if found.others else told
 
 
 def error_record(error: RequestError) -> dict[str, object]:

@@ -2,76 +2,163 @@
 
 import json
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from board.describe import remedy
 from board.errors import RequestError
+from drivers.wire.editions import names, of_header
 from firmware.codec.library import Message
 from firmware.codec.reading import Object
 
 _FIELDS = "an object of the fields, as `captain decode` shows"
 
 
-def encode(one: Object, known: Sequence[Message], asked: str | None) -> tuple[Message, bytes]:
-    """The message that an object says it is, and its octets.
+class Wish(NamedTuple):
+    """What a user said of the edition.
 
-    one    {"edition": "cam-1.4.1", "message": {...}}, or with `asked` the message alone.
-    known  the messages of the library, those of `--edition` where that was given.
-    asked  what `--edition` says.
-
-    Raises RequestError that names edition, path, value and range.
+    known      the messages of the library, those of `--edition` where that was given.
+    asked      what `--edition` says; None: nothing.
+    library    all messages, whose the header may be.
+    is_forced  the header has no say.
     """
-    edition = one.value.get("edition")
-    if edition is None and "error" in one.value and "message" not in one.value:
+
+    known: Sequence[Message]
+    asked: str | None
+    library: Sequence[Message]
+    is_forced: bool = False
+
+
+class Encoded(NamedTuple):
+    """A message and its octets; warning: that no edition has its header, else empty."""
+
+    message: Message
+    octets: bytes
+    warning: str = ""
+
+
+def encode(one: Object, wish: Wish) -> Encoded:
+    """Encode the message that an object says it is.
+
+    one  {"edition": "cam-1.4.1", "message": {...}}; the message alone where `--edition` or its header says the edition.
+
+    The header selects the edition. Raises RequestError that names edition, path, value and range, and where the header
+    is that of another edition.
+    """
+    if one.value.get("edition") is None and "error" in one.value and "message" not in one.value:
         raise RequestError(
             f"{one.origin}: it did not decode, so it has no message", "encode what `captain decode` shows"
         )
-    if edition is None and asked is None:
-        raise RequestError(f'{one.origin}: it has no "edition"', _editions_by_header(one.value, known))
+    edition = one.value.get("edition")
     if edition is not None and not isinstance(edition, str):
         raise RequestError(f"{one.origin}: edition: {edition!r} is no text")
-    message = _chosen(one, edition if edition is not None else str(asked), known, asked)
-    is_alone = edition is None and "message" not in one.value
-    if not is_alone and "message" not in one.value:
-        raise RequestError(f'{one.origin}: it has no "message"', _FIELDS)
-    value = one.value if is_alone else one.value["message"]
+    edition = wish.asked if edition is None else edition
+    value = _message(one)
+    messages = _by_name(one, edition, wish) if edition is not None else _by_header(one, value, wish)
+    message, octets = _first(messages, value, one.origin)
+    told = _disagreement(message, octets, wish.library)
+    owners = of_header(wish.library, octets)
+    if told and owners and not wish.is_forced:
+        fits = [other for other in owners if other.type == message.type]
+        remedy_ = f"name {names(fits, 'or')}" if fits else "change the header"
+        raise RequestError(f"{one.origin}: {told}", f"{remedy_}, or take --force")
+    return Encoded(message, octets, f"{one.origin}: {told}" if told else "")
+
+
+def _message(one: Object) -> dict[str, object] | list[object]:
+    """The fields: the member `message`, or all where no edition is beside them."""
+    if "message" not in one.value:
+        if one.value.get("edition") is not None:
+            raise RequestError(f'{one.origin}: it has no "message"', _FIELDS)
+        return one.value
+    value = one.value["message"]
     if not isinstance(value, dict | list):
         raise RequestError(f"{one.origin}: message: {json.dumps(value)[:40]} is no object", _FIELDS)
-    return message, _octets(message, value, one.origin)
+    return value
 
 
-def disagreement(message: Message, octets: bytes, known: Sequence[Message]) -> str:
-    """How the ITS PDU header of an encoded message contradicts its edition, else empty. Receivers go by the header.
+def _by_name(one: Object, edition: str, wish: Wish) -> list[Message]:
+    """The edition that is named; of a type those that the header announces, else all."""
+    exact = [message for message in wish.known if edition.lower() == message.name]
+    if exact:
+        return exact
+    fits = [message for message in wish.known if edition.lower() == message.type]
+    if fits:
+        return _announced(fits, _message(one), wish) or fits
+    if wish.asked is not None:
+        raise RequestError(
+            f"{one.origin}: edition: {edition} is not {wish.asked}",
+            "editions are not converted into each other: leave out --edition, or change the object's",
+        )
+    known = [message.name for message in wish.known]
+    raise RequestError(f"{one.origin}: edition: {edition!r} is no message of the library", remedy(edition, known))
 
-    known  the messages of the library: what the header announces instead is looked for among them.
-    """
-    if not message.ids or len(octets) < 2:
+
+def _by_header(one: Object, value: object, wish: Wish) -> list[Message]:
+    """Those that the header announces, where nothing else says the edition."""
+    announced = _announced(wish.known, value, wish)
+    if announced:
+        return announced
+    _, number = _header(value)
+    fits = [message.name for message in wish.known if number in message.ids]
+    editions = " or ".join(fits or ["cam-1.4.1"])
+    raise RequestError(f'{one.origin}: it has no "edition"', f"say which: --edition {editions}")
+
+
+def _announced(messages: Sequence[Message], value: object, wish: Wish) -> list[Message]:
+    """Those of the header's messageID and protocolVersion; first those that have the header's names for them."""
+    version, number = _header(value)
+    if version is None or number is None or wish.is_forced:
+        return []
+    fits = of_header(messages, bytes((version, number)))
+    return sorted(fits, key=lambda message: (not _has_names(message, value), message.rank))
+
+
+def _header(value: object) -> tuple[int | None, int | None]:
+    """protocolVersion and messageID of a message in JSON, by whichever release they are spelled; None: not there."""
+    header = value.get("header") if isinstance(value, dict) else None
+    if not isinstance(header, dict):
+        return None, None
+    members = {key.lower(): number for key, number in header.items()}
+    version, number = (members.get(name) for name in ("protocolversion", "messageid"))
+    return _octet(version), _octet(number)
+
+
+def _octet(number: object) -> int | None:
+    return number if isinstance(number, int) and not isinstance(number, bool) and 0 <= number <= 255 else None
+
+
+def _has_names(message: Message, value: object) -> bool:
+    header = value["header"] if isinstance(value, dict) else {}
+    known = {field.name for field in message.type_tree().fields[0].type.fields}
+    return known.issuperset(header)
+
+
+def _first(messages: Sequence[Message], value: object, origin: str) -> tuple[Message, bytes]:
+    """The first edition that takes the fields. Raises RequestError with what the first one says."""
+    refused: RequestError | None = None
+    for message in messages:
+        try:
+            return message, _octets(message, value, origin)
+        except RequestError as error:
+            refused = refused or error
+    assert refused is not None
+    raise refused
+
+
+def _disagreement(message: Message, octets: bytes, library: Sequence[Message]) -> str:
+    """How the ITS PDU header contradicts the edition, else empty. Receivers go by the header."""
+    if not message.ids or len(octets) < 2 or of_header([message], octets):
         return ""
     version, number = octets[:2]
     if number not in message.ids:
-        names = sorted({other.type for other in known if number in other.ids})
-        said = f"announces {' or '.join(names)}" if names else "announces no message of the library"
+        types = sorted({other.type for other in library if number in other.ids})
+        said = f"announces {' or '.join(types)}" if types else "announces no message of the library"
         return f"{message.name}: header: messageID {number} {said}, {message.type} has {_numbers(message.ids)}"
-    if version not in message.versions:
-        return f"{message.name}: header: protocolVersion is {version}, this edition has {_numbers(message.versions)}"
-    return ""
+    return f"{message.name}: header: protocolVersion is {version}, this edition has {_numbers(message.versions)}"
 
 
 def _numbers(numbers: Sequence[int]) -> str:
     return " or ".join(map(str, numbers))
-
-
-def _chosen(one: Object, edition: str, known: Sequence[Message], asked: str | None) -> Message:
-    """The edition; of a type alone the preferred one."""
-    fits = [message for message in known if edition.lower() in (message.name, message.type)]
-    if fits:
-        return min(fits, key=lambda message: message.rank)
-    if asked is not None:
-        raise RequestError(
-            f"{one.origin}: edition: {edition} is not {asked}",
-            "editions are not converted into each other: leave out --edition, or change the object's",
-        )
-    names = [message.name for message in known]
-    raise RequestError(f"{one.origin}: edition: {edition!r} is no message of the library", remedy(edition, names))
 
 
 def _octets(message: Message, value: object, origin: str) -> bytes:
@@ -82,12 +169,3 @@ def _octets(message: Message, value: object, origin: str) -> bytes:
     except ValueError as error:
         path, reason = getattr(error, "path", ""), getattr(error, "reason", str(error))
         raise RequestError(f"{origin}: {message.name}: {path or 'the message'}: {reason}") from error
-
-
-def _editions_by_header(value: dict[str, object], known: Sequence[Message]) -> str:
-    """What to write, where the object looks like a message with an ITS PDU header."""
-    header = value.get("header")
-    members = {key.lower(): number for key, number in header.items()} if isinstance(header, dict) else {}
-    fits = [message.name for message in known if members.get("messageid") in message.ids]
-    names = " or ".join(fits or ["cam-1.4.1"])
-    return f"say which: --edition {names}"

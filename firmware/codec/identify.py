@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from drivers.message import ITS_HEADER
+from drivers.wire.editions import compared, leaves, names, of_header
 from firmware.codec.library import Message
 from firmware.topics import LEGACY_VAM
 
@@ -23,34 +24,44 @@ class Refusal(NamedTuple):
 
 
 class Identity(NamedTuple):
-    """What octets are.
+    """Edition of some octets.
 
     message   the edition that is preferred.
     why       in words.
     is_exact  encoding it again gives the same octets.
     exact     all editions of which that is true, the preferred one first.
+    others    editions that fit the octets as well, and read other values.
+    doubt     why the values may be wrong; empty where nothing speaks against them.
     """
 
     message: Message
     why: str
     is_exact: bool
     exact: tuple[Message, ...]
+    others: tuple[Message, ...] = ()
+    doubt: str = ""
 
 
 class Unknown(NamedTuple):
-    """No message decodes. nearest is the one that came farthest; None where none was worth a trial."""
+    """No message decodes.
+
+    nearest  the one that came farthest; None where none was tried.
+    remedy   what to do about it, where `why` already says the cause.
+    """
 
     nearest: Refusal | None
     why: str
+    remedy: str = ""
 
 
 class Group(NamedTuple):
-    """Messages that the octets may be, and what speaks for them."""
+    """Messages that the octets may be, and what speaks for them; doubt: what speaks against them."""
 
     why: str
     messages: list[Message]
     is_announced: bool = False  # by messageID: then protocolVersion has a say
     is_guess: bool = False
+    doubt: str = ""
 
 
 class Try(NamedTuple):
@@ -84,28 +95,43 @@ def _refusal(message: Message, error: ValueError | MemoryError) -> Refusal:
 class Identifier:
     """Finds the message that octets are.
 
-    known     the messages that they may be.
-    is_asked  a user has chosen these: then no header has to announce them.
+    known    the messages that they may be.
+    is_asked a user has chosen these. The header has to be theirs, or no edition's.
+    library  every message there is, whose header octets may have; without it `known`.
+    is_forced  the header has no say in what a user asked for.
 
-    Editions are preferred in this order: those that give the same octets back, those that the header's
-    protocolVersion announces, those of smaller rank. What neither the header nor, where that says nothing, the port
-    announces is a guess: it has to give the same octets back and to keep every constraint of its standard.
+    The header selects the edition: where one has its messageID and protocolVersion, no other is tried. Of several
+    those that give the same octets back are preferred, then those that know every part, then those of smaller rank.
+    What neither the header nor, where that says nothing, the port announces is a guess: it has to give the same octets
+    back and to keep every constraint of its standard.
     """
 
-    def __init__(self, known: Sequence[Message], is_asked: bool = False) -> None:
+    def __init__(
+        self,
+        known: Sequence[Message],
+        is_asked: bool = False,
+        library: Sequence[Message] = (),
+        is_forced: bool = False,
+    ) -> None:
         self._known = known
         self._is_asked = is_asked
+        self._library = library or known
+        self._is_forced = is_forced
 
     def identify(self, octets: bytes, port: int | None = None, is_quick: bool = False) -> Identity | Unknown:
         """What octets are.
 
         port      BTP port that they came by, where that is known.
-        is_quick  take the first edition that gives the same octets back: then `exact` has no other.
+        is_quick  take the first edition that gives the same octets back: then `exact` and `others` have no other.
         """
+        if self._is_asked and not self._is_forced:
+            owners = of_header(self._library, octets)
+            if owners and not of_header(self._known, octets):
+                return _of_others(owners, self._known, octets)
         refused: list[Refusal] = []
         why = f"no message has messageID {octets[1]}" if len(octets) > 1 else "it has no ITS PDU header"
         for group in self._groups(octets, port):
-            tries = list(_tries(group, octets, is_quick))
+            tries = _tries(group, octets, is_quick)
             decoded = [one for one in tries if one.refusal is None and (not group.is_guess or _is_sound(one, octets))]
             if decoded:
                 return _identity(group, tries, decoded, octets, self._port_of_others(decoded, port))
@@ -124,26 +150,57 @@ class Identifier:
     def _groups(self, octets: bytes, port: int | None) -> Iterator[Group]:
         """What the octets may be: the likeliest first, none twice."""
         if self._is_asked:
-            yield Group("it was asked for", _ranked(self._known, octets))
+            yield self._asked(octets)
             return
         number = octets[1] if len(octets) > 1 else -1
         announced = [message for message in self._known if number in message.ids]
         if number == LEGACY_VAM and not announced:
             announced = [message for message in self._known if VAM in message.ids]
-            yield Group(f"messageID {number} is that of VAM in the profile legacy", _ranked(announced, octets))
+            yield _by_version(Group(f"messageID {number} is that of VAM in the profile legacy", announced), octets)
         elif announced:
-            yield Group(f"messageID {number}", _ranked(announced, octets), is_announced=True)
+            yield _by_version(Group(f"messageID {number}", announced, is_announced=True), octets)
         by_port = [one for one in self._known if one.btp_port == port and one not in announced]
         if by_port:
             why = f"BTP port {port} carries it, though messageID is {number}"
-            yield Group(why, _ranked(by_port, octets), is_guess=bool(announced))
+            yield Group(why, _ranked(by_port, octets), is_guess=bool(announced), doubt=why)
         if any(octets[0] in message.versions for message in announced):
             return  # it has an ITS PDU header, and that does not lie
         nameless = [message for message in self._known if not message.ids]
         yield Group("a guess: its octets are no ITS PDU header", _ranked(nameless, octets), is_guess=True)
         if not announced and not by_port and len(octets) >= ITS_HEADER:
             others = [message for message in self._known if message.ids]
-            yield Group(f"a guess: no message has messageID {number}", _ranked(others, octets), is_guess=True)
+            why = f"a guess: no message has messageID {number}"
+            yield Group(why, _ranked(others, octets), is_guess=True, doubt=why)
+
+    def _asked(self, octets: bytes) -> Group:
+        """Those that a user asked for; of these, those that the header announces."""
+        why = "it was asked for"
+        if self._is_forced:
+            return Group(why, _ranked(self._known, octets))
+        announced = of_header(self._known, octets)
+        if announced or len(octets) < 2 or any(not message.ids for message in self._known):
+            return Group(why, _ranked(announced or self._known, octets))
+        doubt = f"no edition has messageID {octets[1]} and protocolVersion {octets[0]}"
+        return Group(why, _ranked(self._known, octets), doubt=doubt)
+
+
+def _of_others(owners: Sequence[Message], asked: Sequence[Message], octets: bytes) -> Unknown:
+    """Octets whose header is that of editions that were not asked for."""
+    owned = names(sorted(owners, key=lambda one: (one.type, one.rank)))
+    header = f"header: messageID {octets[1]} and protocolVersion {octets[0]}"
+    why = f"{header} are those of {owned}, not of {asked[0].name if len(asked) == 1 else asked[0].type}"
+    return Unknown(None, why, f"leave out --edition, name {owned.replace(' and ', ' or ')}, or take --force")
+
+
+def _by_version(group: Group, octets: bytes) -> Group:
+    """The group's editions that have the header's protocolVersion; where none has it all, which is doubtful."""
+    version = octets[0] if octets else -1
+    fits = [message for message in group.messages if version in message.versions]
+    if fits:
+        return group._replace(messages=_ranked(fits, octets))
+    types = " or ".join(sorted({message.type for message in group.messages}))
+    doubt = f"no edition of {types} has protocolVersion {version}"
+    return group._replace(messages=_ranked(group.messages, octets), doubt=doubt)
 
 
 def _ranked(messages: Sequence[Message], octets: bytes) -> list[Message]:
@@ -151,12 +208,19 @@ def _ranked(messages: Sequence[Message], octets: bytes) -> list[Message]:
     return sorted(messages, key=lambda message: (version not in message.versions, message.rank, message.name))
 
 
-def _tries(group: Group, octets: bytes, is_quick: bool) -> Iterator[Try]:
+def _tries(group: Group, octets: bytes, is_quick: bool) -> list[Try]:
+    """Trials in the order of preference; a quick look ends with the first that is exact and knows every part."""
+    tries: list[Try] = []
+    kind = ""
     for message in group.messages:
         one = attempt(message, octets)
-        yield one
-        if one.is_exact and is_quick:
-            return
+        tries.append(one)
+        if is_quick and one.is_exact:
+            kind = kind or message.type
+            is_last = message is group.messages[-1]
+            if message.type == kind and (is_last or leaves(message, octets)[1] == 0):
+                break
+    return tries
 
 
 def _is_sound(one: Try, octets: bytes) -> bool:
@@ -170,21 +234,27 @@ def _is_sound(one: Try, octets: bytes) -> bool:
 
 
 def _identity(group: Group, tries: Sequence[Try], decoded: Sequence[Try], octets: bytes, remark: str) -> Identity:
-    exact = tuple(one.message for one in decoded if one.is_exact)
-    message = exact[0] if exact else decoded[0].message
+    exact = [one.message for one in decoded if one.is_exact]
+    fits, others = compared(exact or [one.message for one in decoded], octets)
+    message = fits[0]
     reasons = [_announcement(message, group.why, octets[0]) if group.is_announced else group.why]
     for one in () if group.is_guess else tries:
         if one.message is message:
             break
-        reasons.append(_passed_over(one))
+        if one.message not in fits:
+            reasons.append(_passed_over(one))
+        elif one.message in fits[1:] and one.message not in others:
+            reasons.append(f"{one.message.name} does not know every part of it")
     if not exact:
         reasons.append("it is encoded to other octets than these")
     else:
-        others = ", ".join(other.name for other in exact[1:])
-        reasons.append("it gives the same octets back" + (f", as do {others}" if others else ""))
+        same = ", ".join(other.name for other in fits[1:])
+        reasons.append("it gives the same octets back" + (f", as do {same}" if same else ""))
     if remark:
         reasons.append(remark)
-    return Identity(message, "; ".join(reasons), bool(exact), exact)
+    told = [f"{names(others)} fit{'s' * (len(others) == 1)} it as well, with other values"] if others else []
+    doubt = "; ".join([group.doubt, *told] if group.doubt else told)
+    return Identity(message, "; ".join(reasons), bool(exact), tuple(fits) if exact else (), others, doubt)
 
 
 def _announcement(message: Message, number: str, version: int) -> str:

@@ -87,13 +87,14 @@ def _says(row: Row, decoder: Decoder) -> str:
     bad = f"! {row.bad} bad" if row.bad else ""
     if not row.pdu:
         return bad
-    found = decoder.find(row.pdu, is_quick=True)
+    found = decoder.find(row.pdu)
     if isinstance(found, Identity):
         try:
             said = glance(found.message, row.pdu)
         except (ValueError, MemoryError) as error:  # it decodes, and yet Python does not hold it
             said = f"! {error}"
-        return "  ".join(part for part in (said, bad) if part)
+        doubt = f"? {found.message.name}: {found.doubt}" if found.doubt else ""
+        return "  ".join(part for part in (said, bad, doubt) if part)
     return f"{bad}: {found.why if found.nearest is None else found.nearest}"
 
 

@@ -8,10 +8,12 @@ from firmware.printable import clean
 
 
 def tree(pdu: Pdu, found: Identity, width: int) -> str:
-    """A heading, why it is this edition, the fields, an empty line."""
+    """A heading, why it is this edition and what speaks against it, the fields, an empty line."""
     head = f"{found.message.name}: {found.message.standard}, {len(pdu.octets)} octets, {pdu.origin}"
     if pdu.carried:
         head += f" ({pdu.carried})"
     why = textwrap.wrap(clean(found.why), width, initial_indent="  ", subsequent_indent="  ")
+    if found.doubt:
+        why += textwrap.wrap(f"warning: {clean(found.doubt)}", width, initial_indent="  ", subsequent_indent="  ")
     fields = [clean(line) for line in found.message.text(pdu.octets).splitlines()]
     return "\n".join([clean(head), *why, *fields, ""])

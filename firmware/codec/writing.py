@@ -35,10 +35,11 @@ class Writer(Protocol):
 class Output:
     """Where a user wants messages: the stream is opened by the first one, so that nothing is left without any."""
 
-    def __init__(self, form: str, path: str | None, edition: str | None) -> None:
+    def __init__(self, form: str, path: str | None, edition: str | None, is_forced: bool = False) -> None:
         self._form = form
         self._path = path
         self._edition = edition
+        self._is_forced = is_forced
         self._stream: BinaryIO | None = None
         self._writer: Writer | None = None
 
@@ -73,7 +74,7 @@ class Output:
     def _kind(self, stream: BinaryIO) -> Writer:
         match self._form:
             case "json":
-                return Json(stream, Decoder(load(), self._edition))
+                return Json(stream, Decoder(load(), self._edition, self._is_forced))
             case "pcap":
                 return Pcap(stream)
             case "binary":
@@ -176,7 +177,7 @@ def output(arguments: argparse.Namespace, default: str) -> Iterator[Output]:
         raise RequestError(
             f"{arguments.output}: {suffix} is no form that is written", f"say --to, or take {', '.join(SUFFIXES)}"
         )
-    out = Output(form or default, arguments.output, arguments.edition)
+    out = Output(form or default, arguments.output, arguments.edition, arguments.force)
     try:
         yield out
     finally:

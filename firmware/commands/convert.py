@@ -5,7 +5,7 @@ import argparse
 from firmware.codec import library, writing
 from firmware.codec.arguments import FORMS_HELP, add_edition, add_input, each
 from firmware.codec.decoding import Decoder
-from firmware.codec.encoding import disagreement, encode
+from firmware.codec.encoding import Wish, encode
 from firmware.codec.foreign import message_frame
 from firmware.codec.reading import Object, Pdu, pdu_of, port_of, when_ns
 from firmware.user.failures import Failures
@@ -44,7 +44,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def main(arguments: argparse.Namespace) -> int:
     failures = Failures()
-    conversion = Conversion(arguments.edition, failures)
+    conversion = Conversion(arguments.edition, failures, arguments.force)
     with writing.output(arguments, "hex") as out:
 
         def convert(item: Pdu | Object) -> None:
@@ -59,13 +59,15 @@ def main(arguments: argparse.Namespace) -> int:
 class Conversion:
     """Octets of whatever a user gave; the message library is loaded when an item needs it.
 
-    edition   as `--edition` has it: then every message has to be of it.
-    failures  is warned of messages whose header is of another edition.
+    edition    as `--edition` has it: then every message has to be of it.
+    failures   is warned of messages whose header no edition has.
+    is_forced  `--force`: the header has no say in it.
     """
 
-    def __init__(self, edition: str | None, failures: Failures) -> None:
+    def __init__(self, edition: str | None, failures: Failures, is_forced: bool = False) -> None:
         self._edition = edition
         self._failures = failures
+        self._is_forced = is_forced
         self._decoder: Decoder | None = None
 
     def octets(self, item: Pdu | Object) -> Pdu:
@@ -79,12 +81,13 @@ class Conversion:
         """Octets come before fields: they are exact."""
         if "hex" in one.value or "base64" in one.value:
             return pdu_of(one)
-        message, octets = encode(one, self._codec().known, self._edition)
-        if told := disagreement(message, octets, library.load().all()):
-            self._failures.warn(f"{one.origin}: {told}")
-        return Pdu(octets, one.origin, port_of(one), when_ns(one))
+        known = self._codec().known
+        made = encode(one, Wish(known, self._edition, library.load().all(), self._is_forced))
+        if made.warning:
+            self._failures.warn(made.warning)
+        return Pdu(made.octets, one.origin, port_of(one), when_ns(one))
 
     def _codec(self) -> Decoder:
         if self._decoder is None:
-            self._decoder = Decoder(library.load(), self._edition)
+            self._decoder = Decoder(library.load(), self._edition, self._is_forced)
         return self._decoder

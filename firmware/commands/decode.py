@@ -16,7 +16,9 @@ DESCRIPTION = f"""\
 Decodes messages and shows their fields with units and meanings. Type and
 edition are found by the ITS PDU header, by the BTP port of a capture and by
 trial: an edition fits that gives the same octets back. It is said which one was
-taken and why; --edition decides otherwise.
+taken and why. The header selects the edition: octets whose header announces
+another than --edition names are refused, unless --force. Where editions of one
+protocolVersion read other values, a warning names them.
 
 {FORMS_HELP}"""
 EPILOG = """\
@@ -36,6 +38,8 @@ JSON, one object a line:
         of a capture
   is_exact (false), hex
         where the message is encoded to other octets than were decoded
+  warning, others (editions that read other values)
+        where the values may be wrong
   error (reason, cause, edition, path, bit), hex
         in place of `message` where it does not decode
 
@@ -55,7 +59,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(arguments: argparse.Namespace) -> int:
-    decoder = Decoder(library.load(), arguments.edition)
+    decoder = Decoder(library.load(), arguments.edition, arguments.force)
     if arguments.list:
         _list(decoder.known, arguments.json)
         return 0

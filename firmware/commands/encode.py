@@ -5,15 +5,16 @@ import argparse
 from board.errors import RequestError
 from firmware.codec import library, writing
 from firmware.codec.arguments import add_edition, each
-from firmware.codec.encoding import disagreement, encode
+from firmware.codec.encoding import Wish, encode
 from firmware.codec.reading import Object, Pdu, port_of, when_ns
 from firmware.user.failures import Failures
 
 DESCRIPTION = """\
 Encodes messages: JSON objects {"edition": "cam-1.4.1", "message": {...}} as
 `captain decode --json` prints them, one after the other, on one line or many.
-With --edition the object may be the message alone. An ITS PDU header that is
-not that of the edition is encoded, with a warning: receivers go by the header.
+With --edition, or where its ITS PDU header announces the edition, the object may
+be the message alone. A header of another edition than the one named is refused,
+unless --force: receivers go by the header.
 
 WHAT is a file, a folder of files, or the object itself; - or nothing is
 standard input. The octets come out as hexadecimal digits, a message a line,
@@ -49,14 +50,15 @@ def main(arguments: argparse.Namespace) -> int:
     codec = library.load()
     known = library.editions(codec, arguments.edition)
     failures = Failures()
+    wish = Wish(known, arguments.edition, codec.all(), arguments.force)
 
     def write(item: Pdu | Object) -> None:
         if isinstance(item, Pdu):
             raise RequestError(f"{item.origin}: it is octets already, not JSON")
-        message, octets = encode(item, known, arguments.edition)
-        if told := disagreement(message, octets, codec.all()):
-            failures.warn(f"{item.origin}: {told}")
-        out.write(Pdu(octets, item.origin, port_of(item), when_ns(item)))
+        made = encode(item, wish)
+        if made.warning:
+            failures.warn(made.warning)
+        out.write(Pdu(made.octets, item.origin, port_of(item), when_ns(item)))
 
     with writing.output(arguments, "hex") as out:
         return each(arguments, write, failures=failures)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from firmware.codec import bits, library
 from firmware.codec.arguments import FORMS_HELP, add_edition, add_input, each, print_json
-from firmware.codec.decoding import Decoder, UndecodableError
+from firmware.codec.decoding import Decoder, UndecodableError, doubt_record
 from firmware.codec.library import Message
 from firmware.codec.reading import Pdu, pdu_of
 from firmware.printable import clean
@@ -21,13 +21,15 @@ cause.
 EPILOG = """\
 examples:
   captain explain 02029b260aa393e6005a6f0d...
-  captain explain --edition cam-1.4.1 cam.bin
+  captain explain --edition cam-1.4.1 --force cam.bin
         as this edition, whatever the header says
   captain explain --json cam.bin | jq 'select(.path | endswith("speedValue"))'
 JSON, one object a line:
   origin, edition, bit, width, path, name, value, bits, clause
         of each row; names in parentheses are no fields, but what the encoding
         says of them
+  warning
+        where the values may be wrong
   origin, octets, hex, error (reason, cause, edition, path, bit)
         where the message does not decode
 
@@ -48,7 +50,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(arguments: argparse.Namespace) -> int:
-    decoder = Decoder(library.load(), arguments.edition)
+    decoder = Decoder(library.load(), arguments.edition, arguments.force)
     return each(arguments, lambda item: _explain(pdu_of(item), decoder, arguments.json), arguments.json)
 
 
@@ -58,20 +60,21 @@ def _explain(pdu: Pdu, decoder: Decoder, is_json: bool) -> None:
         found = decoder.identify(pdu)
     except UndecodableError as error:
         if error.nearest is not None:
-            _show(pdu, error.nearest.message, f"as far as it decodes: {error.nearest}", is_json)
+            _show(pdu, error.nearest.message, [f"as far as it decodes: {error.nearest}"], {}, is_json)
         raise
-    _show(pdu, found.message, found.why, is_json)
+    notes = [found.why, f"warning: {found.doubt}"] if found.doubt else [found.why]
+    _show(pdu, found.message, notes, doubt_record(found), is_json)
 
 
-def _show(pdu: Pdu, message: Message, note: str, is_json: bool) -> None:
+def _show(pdu: Pdu, message: Message, notes: list[str], doubt: dict[str, object], is_json: bool) -> None:
     rows = list(bits.rows(pdu.octets, message.explain(pdu.octets)))
     if is_json:
         for row in rows:
-            told = row._asdict() | {"origin": pdu.origin, "edition": message.name}
+            told = row._asdict() | {"origin": pdu.origin, "edition": message.name} | doubt
             print_json({key: value for key, value in told.items() if key != "depth"})
         return
     title = f"{message.name}: {message.standard}, {len(pdu.octets)} octets, {pdu.origin}"
-    print("\n".join([*plain(Table(title, HEADS, _cells(rows), [note]), WIDEST), ""]), flush=True)
+    print("\n".join([*plain(Table(title, HEADS, _cells(rows), notes), WIDEST), ""]), flush=True)
 
 
 def _cells(rows: Sequence[bits.Row]) -> list[tuple[str, ...]]:

@@ -9,7 +9,7 @@ from typing import TypeAlias
 
 from board.errors import RequestError, UsageError
 from firmware.codec import fields, library, showing
-from firmware.codec.decoding import Decoder, UndecodableError, joined, refusal_record
+from firmware.codec.decoding import Decoder, UndecodableError, doubt_record, joined, refusal_record
 from firmware.codec.field_names import FieldNames
 from firmware.codec.library import NoLibraryError, load
 from firmware.codec.live import Live
@@ -57,7 +57,7 @@ JSON, one object a line:
   received (Unix time in s), rssi_dbm, data_rate (500 kbit/s), traffic_class,
   hop_limit, source_mac, security, latitude, longitude (degrees)
         of the interface, as RawRxMessage has them; absent without one
-  edition, message
+  edition, message, warning and others where the values may be wrong
         with --decode; `captain encode` takes them
   edition, fields (path: value with unit)
         with --fields
@@ -193,10 +193,11 @@ def _decoded(message: Message, decoder: Decoder, names: list[str] | None) -> str
     """The same with `edition` and `message` or `fields`, or with `error`."""
     head = described(message)
     try:
-        found = decoder.identify(_pdu(message), is_quick=True).message
+        identity = decoder.identify(_pdu(message))
     except UndecodableError as error:
         return json.dumps(head | {"error": refusal_record(error)})
-    head["edition"] = found.name
+    found = identity.message
+    head |= {"edition": found.name} | doubt_record(identity)
     if names:
         return json.dumps(head | {"fields": fields.chosen(found.explain(message.pdu), names)})
     return joined(head, "message", found.to_json(message.pdu))
@@ -213,12 +214,13 @@ def _full(message: Message, decoder: Decoder) -> str:
 def _line(message: Message, decoder: Decoder, names: list[str]) -> str:
     pdu = _pdu(message)
     try:
-        found = decoder.identify(pdu, is_quick=True).message
+        found = decoder.identify(pdu)
     except UndecodableError as error:
         return _refused(error)
-    values = fields.brief(fields.chosen(found.explain(pdu.octets), names), names)
-    told = "  ".join(f"{path}={value}" for path, value in values.items())
-    return clean(f"{pdu.origin}: {told or 'it has none of these'}")
+    values = fields.brief(fields.chosen(found.message.explain(pdu.octets), names), names)
+    told = [f"{path}={value}" for path, value in values.items()] or ["it has none of these"]
+    told += [f"(warning: {found.doubt})"] if found.doubt else []
+    return clean(f"{pdu.origin}: {'  '.join(told)}")
 
 
 def _refused(error: UndecodableError) -> str:

@@ -8,7 +8,7 @@ from board.errors import ProtocolError, RequestError
 from drivers.wire import frame as ethernet
 from drivers.wire.geonet_header import HeaderType
 from firmware.codec import capture, layers
-from firmware.codec.encoding import encode
+from firmware.codec.encoding import Wish, encode
 from firmware.codec.library import load
 from firmware.codec.pcapng import Direction
 from firmware.codec.reading import Item, Object, Pdu, Reader, pdu_of, port_of, when_ns
@@ -93,5 +93,5 @@ def _encoded(one: Object) -> Pdu:
     if "hex" in one.value or "base64" in one.value:
         return pdu_of(one)
     known = sorted(load().all(), key=lambda message: (message.type, message.rank))
-    _, octets = encode(one, known, None)
+    octets = encode(one, Wish(known, None, known)).octets
     return Pdu(octets, one.origin, port_of(one), when_ns(one))

@@ -50,6 +50,8 @@ class Message:
     is_experimental: bool = False
     mask: int = 0xFF
     strict: int = 0xFF
+    offset: int = 0
+    unknown: int = 0
 
     @property
     def type(self) -> str:
@@ -86,6 +88,10 @@ class Message:
 
     def from_json(self, text: str) -> bytes:
         return self.encode(json.loads(text))
+
+    def leaves(self, octets: bytes) -> tuple[bytes, int]:
+        """offset: added to each number, as in an edition that counts from another value."""
+        return bytes((octet + self.offset) % 256 for octet in octets[HEADER:]), self.unknown
 
     def validate(self, value: object) -> None:
         assert isinstance(value, bytes)

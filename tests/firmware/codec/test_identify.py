@@ -39,10 +39,47 @@ def test_an_edition_of_the_announced_version_comes_before_one_of_smaller_rank():
 
 
 def test_an_edition_that_is_passed_over_is_named_with_the_reason():
-    found = identity(octets(OLD, 150, version=1))
+    found = identity(octets(NEW, 5, 1))
+    assert found.message is NEW
+    assert "ball-1.2 does not decode (the message: bit 56: 1 octets follow)" in found.why
+
+
+def test_octets_that_an_edition_of_another_version_takes_are_not_shown_as_that():
+    found = unknown(octets(OLD, 150, version=1))
+    assert found.nearest is not None
+    assert str(found.nearest) == "body.size: bit 48: out of range: 150 is not in 0..100"
+    assert found.nearest.message is OLD
+
+
+def test_a_version_that_no_edition_has_is_decoded_and_doubted():
+    found = identity(octets(OLD, 7, version=9))
     assert found.message is SAME
-    assert "messageID 66 announces it, though protocolVersion 1 is not of this edition" in found.why
-    assert "ball-1.1 does not decode (body.size: bit 48: out of range: 150 is not in 0..100)" in found.why
+    assert "messageID 66 announces it, though protocolVersion 9 is not of this edition" in found.why
+    assert found.doubt == "no edition of ball has protocolVersion 9"
+
+
+OTHER = Message("ball-3.1", ids=(66,), versions=(2,), fields={"size": 200}, rank=5, offset=1)
+
+
+def test_editions_that_read_the_same_values_are_not_doubted():
+    found = identity(octets(OLD, 7, version=2))
+    assert (found.exact, found.others, found.doubt) == ((SAME, OLD), (), "")
+
+
+def test_an_edition_that_reads_other_values_is_named():
+    found = identity(octets(OLD, 7, version=2), [*ALL, OTHER])
+    assert found.message is SAME
+    assert found.others == (OTHER,)
+    assert found.doubt == "ball-3.1 fits it as well, with other values"
+
+
+def test_an_edition_that_knows_every_part_comes_before_one_of_smaller_rank_that_does_not():
+    partial = Message("ball-0.9", ids=(66,), versions=(2,), fields={"size": 200}, rank=0, offset=1, unknown=1)
+    for is_quick in (False, True):
+        found = Identifier([partial, SAME]).identify(octets(SAME, 7), is_quick=is_quick)
+        assert isinstance(found, Identity)
+        assert (found.message, found.doubt) == (SAME, "")
+    assert "ball-0.9 does not know every part of it" in identity(octets(SAME, 7), [partial, SAME]).why
 
 
 def test_an_edition_that_gives_other_octets_back_comes_after_one_that_gives_the_same():
@@ -63,6 +100,24 @@ def test_octets_that_are_encoded_otherwise_still_decode_and_it_is_said():
 def test_a_user_who_asks_for_an_edition_gets_it_whatever_the_header_says():
     found = identity(octets(DOOR, 1, number=5), [OLD], is_asked=True)
     assert (found.message, found.why) == (OLD, "it was asked for; it gives the same octets back")
+
+
+def test_octets_whose_header_is_that_of_another_edition_than_was_asked_for_are_refused():
+    found = Identifier([NEW], True, ALL).identify(octets(OLD, 7, version=1))
+    assert isinstance(found, Unknown)
+    assert found.why == "header: messageID 66 and protocolVersion 1 are those of ball-1.1, not of ball-2.1"
+    assert found.remedy == "leave out --edition, name ball-1.1, or take --force"
+
+
+def test_the_header_selects_among_the_editions_that_were_asked_for():
+    late = Message("ball-0.1", ids=(66,), versions=(3,), fields={"size": 200}, rank=0)
+    assert identity(octets(OLD, 7, version=1), [late, OLD], is_asked=True).message is OLD
+
+
+def test_with_force_the_header_has_no_say():
+    found = Identifier([SAME], True, ALL, is_forced=True).identify(octets(OLD, 7, version=1))
+    assert isinstance(found, Identity)
+    assert (found.message, found.doubt) == (SAME, "")
 
 
 def test_the_port_says_it_where_the_header_announces_nothing():

@@ -210,18 +210,48 @@ def test_with_an_edition_the_object_may_be_the_message_alone(captain):
 @pytest.mark.parametrize(
     ("head", "words"),
     [
-        ({"messageID": 66}, "door-1.1: header: messageID 66 announces ball, door has 67"),
         ({"messageID": 9}, "door-1.1: header: messageID 9 announces no message of the library, door has 67"),
         ({"protocolVersion": 7}, "door-1.1: header: protocolVersion is 7, this edition has 2"),
     ],
 )
 @pytest.mark.parametrize("command", [["encode", "--edition", "door"], ["encode"], ["convert"]])
-def test_a_header_that_is_not_of_the_edition_is_encoded_with_a_warning(captain, command, head, words):
+def test_encode_of_a_header_that_no_edition_has_warns(captain, command, head, words):
     one = json.loads(changed(depth=3))
     one["message"]["header"] |= head
     assert captain(*command, json.dumps(one)) == 0
     assert captain.out.strip()[12:] == DOOR_PDU.hex()[12:]
     assert captain.err == f"captain: warning: the argument: {words}\n"
+
+
+@pytest.mark.parametrize("command", [["encode", "--edition", "ball-1.2"], ["encode"], ["convert"]])
+def test_encode_of_a_header_of_another_edition_is_refused_without_force(captain, command):
+    header = {"protocolVersion": 1, "messageID": 66, "stationID": 1337}
+    one = json.dumps({"edition": "ball-1.2", "message": {"header": header, "body": {"size": 7}}})
+    assert captain(*command, one) == 1
+    assert captain.err == (
+        "captain: the argument: ball-1.2: header: protocolVersion is 1, this edition has 2\n"
+        "  (name ball-1.1, or take --force)\n"
+    )
+    assert captain(*command, "--force", one) == 0
+    assert captain.out == octets(OLD, 7, version=1).hex() + "\n"
+
+
+def test_encode_of_a_header_of_another_type_is_refused(captain):
+    one = json.loads(changed(depth=3))
+    one["message"]["header"]["messageID"] = 66
+    assert captain("encode", json.dumps(one)) == 1
+    assert "door-1.1: header: messageID 66 announces ball, door has 67\n  (change the header" in captain.err
+
+
+@pytest.mark.parametrize("named", [{}, {"edition": "ball"}])
+def test_encode_without_an_exact_edition_takes_that_of_the_header(captain, named):
+    message = {"header": {"protocolVersion": 1, "messageID": 66, "stationID": 1337}, "body": {"size": 7}}
+    one = {**named, "message": message} if named else message
+    assert captain("encode", json.dumps(one)) == 0
+    assert captain.out == octets(OLD, 7, version=1).hex() + "\n"
+    message["body"]["size"] = 150
+    assert captain("encode", json.dumps(one)) == 1
+    assert "ball-1.1: body.size: out of range: 150 is not in 0..100" in captain.err
 
 
 def test_what_is_no_hexadecimal_is_told_with_the_option_that_there_is(captain):
@@ -270,7 +300,8 @@ def test_octets_come_before_fields(captain):
 def test_convert_refuses_what_is_not_of_the_edition_that_was_asked_for(captain):
     assert captain("convert", "--edition", "ball", BALL_PDU.hex(), DOOR_PDU.hex()) == 1
     assert captain.out == BALL_PDU.hex() + "\n"
-    assert "captain: the argument: ball" in captain.err
+    header = "header: messageID 67 and protocolVersion 2 are those of door-1.1, not of ball"
+    assert f"captain: the argument: {header}\n" in captain.err
 
 
 def test_the_form_of_the_input_may_be_said(captain):

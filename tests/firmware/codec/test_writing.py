@@ -22,7 +22,7 @@ def written(pdus: list[Pdu], path: Path, form: str | None = None) -> bytes:
     parser = argparse.ArgumentParser()
     writing.add_output(parser)
     words = ["-o", str(path), *(["--to", form] if form else [])]
-    asked = argparse.Namespace(edition=None, **vars(parser.parse_args(words)))
+    asked = argparse.Namespace(edition=None, force=False, **vars(parser.parse_args(words)))
     with writing.output(asked, "hex") as out:
         for pdu in pdus:
             out.write(pdu)

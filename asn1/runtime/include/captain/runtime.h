@@ -253,8 +253,8 @@ typedef bool (*captain_sink)(void *context, const char *text, size_t octets);
 
 /* Octets that stand for the values alone, in the order of the encoding and without names: numbers, places of set bits, indices of
  * items and alternatives, counts, octets. Two editions that read one encoding as the same values give the same octets here. Their
- * form may change. */
-captain_status captain_leaves(const captain_type *type, const void *value, captain_sink sink, void *context);
+ * form may change. unknown: the number of additions, alternatives, items and open types that the type does not know. */
+captain_status captain_leaves(const captain_type *type, const void *value, captain_sink sink, void *context, uint32_t *unknown);
 
 /* Indented tree, one field a line, with names of special values, and all others in their unit: "speedValue: 0 (standstill)",
  * "speedValue: 2028 (20.28 m/s)" (exact: the places are those of the factor), "generationDeltaTime: 37862 ms". */
