@@ -43,6 +43,8 @@ NAMED = (
     ("slots", "reset", "lines"),
 )
 
+UNKNOWN = "?"  # in place of a slot's place that cannot be read
+
 Tables = Mapping[str, object]
 T = TypeVar("T")
 
@@ -74,22 +76,31 @@ def load(board: str) -> Board:
 
     Raises ConfigurationError that names every mistake with file and key path.
     """
+    found, wrong = examine(board)
+    if wrong:
+        raise ConfigurationError("\n".join(wrong))
+    return found
+
+
+def examine(board: str) -> tuple[Board, list[str]]:
+    """What can be read of a board, and every mistake. Raises ConfigurationError for a file that cannot be read."""
     path = path_of(board)
     if path.parent == BOARDS and not path.exists():
         known = ", ".join(sorted(entry.stem for entry in BOARDS.glob("*.toml")))
         raise ConfigurationError(f"board {board!r} is not known", f"one of {known}, or the path of a board file")
     tables = describe.load(path)
+    wrong: list[str] = []
     try:
         read = describe.read(Board, tables, str(path))
     except ConfigurationError as error:
-        more = [f"{path}: {text}" for text in mistakes(_sound(tables), tables)]
-        raise ConfigurationError("\n".join([error.message, *more])) from error
-    if wrong := [f"{path}: {text}" for text in mistakes(read, tables)]:
-        raise ConfigurationError("\n".join(wrong))
-    return read
+        read, wrong = _sound(tables), error.message.split("\n")
+    wrong += [f"{path}: {text}" for text in mistakes(read, tables)]
+    for name, slot in _of(tables, "slots").items():  # what is declared with a mistake is declared
+        read.slots.setdefault(name, SlotDescription(usb=_value(slot, "usb") or UNKNOWN))
+    return read, wrong
 
 
-def _sound(tables: Tables) -> Hardware:
+def _sound(tables: Tables) -> Board:
     """What can be read of a file with mistakes: so that those that only several tables can tell come with the rest."""
     parts: dict[str, Any] = {
         part: {name: one for name, table in _of(tables, part).items() if (one := _part(kind, table)) is not None}
@@ -97,7 +108,8 @@ def _sound(tables: Tables) -> Hardware:
     }
     for key, kind in (("identity", IdentityDescription), ("pulse", PulseDescription)):
         parts[key] = _part(kind, tables.get(key))
-    return Hardware("", **parts)
+    interfaces = {name: table for name, table in _of(tables, "interfaces").items() if isinstance(table, dict)}
+    return Board("", **parts, interfaces=interfaces)
 
 
 def _part(kind: type[T], table: object) -> T | None:

@@ -3,20 +3,22 @@
 import copy
 import os
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, fields, is_dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from board import describe
 from board.address import mac_address
 from board.errors import ConfigurationError
 from drivers import DRIVERS
-from drivers.message import NO_MAC
 from firmware import bearers, board_file, consistency, receivers
 from firmware.board_file import Board
 from firmware.tables import QueueOptions, Tables
+
+T = TypeVar("T")
 
 # A driver of a USB module looks where its slot is, unless one of its options tells it to look elsewhere.
 ELSEWHERE = {"usb", "port", "i2c"}
@@ -74,40 +76,91 @@ def load(
 
     Raises ConfigurationError that names every mistake with file and key path.
     """
+    found, errors = examine(path, overrides, board, defaults)
+    if len(errors) == 1:
+        raise errors[0]
+    if errors or found is None:
+        raise ConfigurationError("\n".join(f"{one.message}; {one.hint}" if one.hint else one.message for one in errors))
+    return found
+
+
+def examine(
+    path: str | None, overrides: Sequence[str] = (), board: str | None = None, defaults: str | None = None
+) -> tuple[Config | None, list[ConfigurationError]]:
+    """What can be read of a configuration, and every mistake. None where captain.toml or the board cannot be read.
+
+    With mistakes, tables have defaults in place of what is wrong, and interfaces are those without a mistake.
+    """
+    errors: list[ConfigurationError] = []
     chosen = ("none" if path else "sim") if board is None else board
-    there = board_file.load(chosen)
-    wanted = describe.load(Path(path)) if path else {}
+    at_board = str(board_file.path_of(chosen))
+    there = _collect(errors, lambda: _board(chosen, errors))
+    wanted = _collect(errors, lambda: describe.load(Path(path))) if path else {}
+    if wanted is None:
+        return None, errors
     if defaults:
-        wanted = _completed(wanted, describe.load(defaults))
-    present = copy.deepcopy(there.interfaces)  # overrides are written into it
+        wanted = _completed(wanted, _collect(errors, lambda: describe.load(defaults)) or {})
+    present = copy.deepcopy(there.interfaces) if there else {}  # overrides are written into it
     merged: dict[str, Any] = {"interfaces": present} | wanted
     if isinstance(wanted.get("interfaces"), dict):
         merged["interfaces"] = _laid_over(present, wanted["interfaces"])
     for text in overrides:
-        describe.override(merged, text)
-    where = path or ("--set" if overrides else str(board_file.path_of(chosen)))
-    mistakes: list[str] = []
-    # Each table by itself: a mistake in one must not hide those of another, nor what several make together.
+        merged = _collect(errors, partial(_overridden, merged, text)) or merged
+    where = path or ("--set" if overrides else at_board)
+    tables = _tables(merged, where, errors)
+    if there is None:
+        return None, errors  # which interfaces and slots it has is not known
+    written = tables.interfaces
+    sources = {name: _source(name, wanted, overrides, at_board, where) for name in written}
+    read = [_collect(errors, partial(_interface, name, written[name], there, sources[name])) for name in written]
+    # What has a zero is told below; as a path it would end whoever looks at it.
+    sound = [one for one in read if one is not None and not any(_zeros(written[one.name]))]
+    mac = mac_address(tables.station.mac) if tables.station.mac else _made_mac(tables)
+    more = consistency.mistakes(merged, there.slots)
+    if isinstance(merged["interfaces"], dict):
+        declared = {name: written.get(name, {}) for name in merged["interfaces"]}
+        more += bearers.mistakes(declared, sound, mac)
+        more += receivers.mistakes(tables.time, there.pulse, declared, sound, mac)
+    errors += [ConfigurationError(f"{where}: {text}") for text in more]
+    told = "\n".join(error.message for error in errors)
+    errors += [ConfigurationError(f"{where}: {key}: {ZERO}") for key in _zeros(merged) if f": {key}: " not in told]
+    return Config(tables, tuple(sound), there, mac), errors
+
+
+def _board(chosen: str, errors: list[ConfigurationError]) -> Board:
+    found, wrong = board_file.examine(chosen)
+    errors += map(ConfigurationError, wrong)
+    return found
+
+
+def _overridden(table: dict[str, Any], text: str) -> dict[str, Any]:
+    """A table with an override; the one given stays as it is."""
+    changed = copy.deepcopy(table)
+    describe.override(changed, text)
+    return changed
+
+
+def _tables(merged: Mapping[str, Any], where: str, errors: list[ConfigurationError]) -> Tables:
+    """Each table by itself: a mistake in one must not hide those of another, nor what several make together."""
     tables = Tables()
     for key, value in merged.items():
-        part = _collect(mistakes, lambda key=key, value=value: describe.read(Tables, {key: value}, where))
+        part = _collect(errors, partial(describe.read, Tables, {key: value}, where))
         if part is not None:
             tables = replace(tables, **{key: getattr(part, key)})
-    interfaces = []
-    for name, options in tables.interfaces.items():
-        source = _source(name, wanted, overrides, str(board_file.path_of(chosen)), where)
-        read = _collect(mistakes, lambda name=name, options=options, at=source: _interface(name, options, there, at))
-        interfaces.append(read)
-    mistakes += [f"{where}: {text}" for text in consistency.mistakes(tables, there.slots)]
-    mac = _collect(mistakes, lambda: _mac(tables, where))
-    sound = [one for one in interfaces if one is not None]
-    mistakes += [f"{where}: {text}" for text in bearers.mistakes(tables.interfaces, sound, mac or NO_MAC)]
-    clocked = receivers.mistakes(tables.time, there.pulse, tables.interfaces, sound, mac or NO_MAC)
-    mistakes += [f"{where}: {text}" for text in clocked]
-    mistakes += [f"{where}: {path}: {ZERO}" for path in _zeros(merged) if f": {path}: " not in "\n".join(mistakes)]
-    if mistakes:
-        raise ConfigurationError("\n".join(mistakes))
-    return Config(tables, tuple(interfaces), there, mac)
+        elif key in Tables.__dataclass_fields__:
+            tables = replace(tables, **{key: _readable(getattr(tables, key), value)})
+    return tables
+
+
+def _readable(default: Any, value: Any) -> Any:
+    """What can be read of a table with mistakes, each key by itself; of interfaces, those that are tables."""
+    if isinstance(default, dict) and isinstance(value, dict):
+        return {name: table for name, table in value.items() if isinstance(table, dict)}
+    for key, said in value.items() if is_dataclass(default) and isinstance(value, dict) else ():
+        with suppress(ConfigurationError):
+            read = describe.read(type(default), {key: said}, "")
+            default = replace(default, **{key: getattr(read, key)})
+    return default
 
 
 def _zeros(value: object, path: str = "") -> Iterator[str]:
@@ -126,7 +179,8 @@ def _source(name: str, wanted: Mapping[str, Any], overrides: Sequence[str], boar
     """The file that a mistake in an interface is to be looked for in."""
     above = wanted.get("interfaces")
     is_above = isinstance(above, dict) and name in above
-    is_above = is_above or any(f"{text.partition('=')[0]}.".startswith(f"interfaces.{name}.") for text in overrides)
+    keys = [text.partition("=")[0].strip() for text in overrides]
+    is_above = is_above or any(key == "interfaces" or f"{key}.".startswith(f"interfaces.{name}.") for key in keys)
     return where if is_above else board
 
 
@@ -148,11 +202,11 @@ def _laid_over(there: Mapping[str, Any], wanted: Mapping[str, Any]) -> dict[str,
     return merged
 
 
-def _collect(mistakes: list[str], read: Any) -> Any:
+def _collect(errors: list[ConfigurationError], read: Callable[[], T]) -> T | None:
     try:
         return read()
     except ConfigurationError as error:
-        mistakes.append(str(error))
+        errors.append(error)
         return None
 
 
@@ -161,33 +215,25 @@ def _interface(name: str, table: Mapping[str, Any], board: Board, where: str) ->
     own = {key: value for key, value in table.items() if key not in common}
     slot = board.slots.get(str(common.get("slot")))
     place = f"{where}: interfaces.{name}"
-    mistakes: list[str] = []
-    queue = _collect(mistakes, lambda: describe.read(QueueOptions, common, place))
+    errors: list[ConfigurationError] = []
+    queue = _collect(errors, lambda: describe.read(QueueOptions, common, place))
     word = table.get("driver")
     driver = DRIVERS.get(word) if isinstance(word, str) else None
     if driver is not None:
         if slot is not None and "usb" in driver.Options.__dataclass_fields__ and not own.keys() & ELSEWHERE:
             own["usb"] = slot.usb
-        options = _collect(mistakes, lambda: describe.read(driver.Options, own, place))
+        options = _collect(errors, lambda: describe.read(driver.Options, own, place))
     elif isinstance(word, str):
-        mistakes.append(f"{place}.driver: {word!r} is no driver; one of {', '.join(sorted(DRIVERS))}")
-    if mistakes:
-        raise ConfigurationError("\n".join(mistakes))
+        what = f"{place}.driver: {word!r} is no driver; one of {', '.join(sorted(DRIVERS))}"
+        errors.append(ConfigurationError(what))
+    if errors or queue is None:
+        raise ConfigurationError("\n".join(error.message for error in errors))
     return InterfaceConfig(name, queue, options)
 
 
-def _mac(tables: Tables, where: str) -> bytes:
-    station = tables.station
-    if not station.mac:
-        return _made_mac(f"{station.name}/{tables.endpoint.from_users}")
-    try:
-        return mac_address(station.mac)
-    except ConfigurationError as error:
-        raise ConfigurationError(f"{where}: station.mac: {error.message}; {error.hint}") from error
-
-
-def _made_mac(who: str) -> bytes:
+def _made_mac(tables: Tables) -> bytes:
     """A locally administered address of this host and who runs on it: stations on one host need one each."""
+    who = f"{tables.station.name}/{tables.endpoint.from_users}"
     try:
         machine = Path("/etc/machine-id").read_text().strip()
     except OSError:

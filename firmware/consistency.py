@@ -10,48 +10,76 @@ from board.describe import remedy
 from board.errors import ConfigurationError
 from board.toml import show
 from drivers.mqtt_broker import Broker, broker
-from firmware.tables import MOST_NAME, EndpointOptions, PayloadMatch, PolicyRow, Tables, TypeConfig
+from firmware.tables import MOST_NAME, EndpointOptions
 from firmware.topics import ROWS
 
 # Interface processes appear as an interface of this name.
 IPC = "ipc"
 ALL = "0.0.0.0"  # each address of this host
 SERIAL = {"uart": "device", "sim8202g": "port", "zed_f9p": "port"}  # driver = its option that is a serial port
+SOCKETS = ("from_users", "to_users", "pull", "report")
 # Where messages are dropped that no interface has: an interface so called would share their counters.
-PLACES = frozenset({"from_users", "to_users", "pull", "report", "router"})
+PLACES = frozenset({*SOCKETS, "router"})
+
+Table = Mapping[str, Any]
+Interfaces = Mapping[str, Table]
 
 
-def mistakes(tables: Tables, slots: Collection[str]) -> list[str]:
+def mistakes(tables: Table, slots: Collection[str]) -> list[str]:
     """Each as `key.path: what is wrong; what to do`.
 
-    slots  names of those that the board has.
+    tables  as they are written, so that a mistake in one hides none of another; what is of another kind than its key
+            holds is told where it is read.
+    slots   names of those that the board has.
     """
+    found = [*_types(tables), *_endpoint(_table(tables, "endpoint"))]
+    if not isinstance(tables.get("interfaces", {}), dict):
+        return found  # which interfaces there are is not known
+    interfaces = {name: _table(tables["interfaces"], name) for name in tables.get("interfaces", {})}
+    has_ipc = any(_table(tables, "endpoint").get(key) for key in ("ipc_in", "ipc_out"))
     return [
-        *_interfaces(tables),
-        *_slots(tables, slots),
-        *_clients(tables),
-        *_serial_ports(tables),
-        *_usb_places(tables),
-        *_listeners(tables),
-        *_policy(tables),
-        *_types(tables.types),
-        *_endpoint(tables.endpoint),
+        *_interfaces(interfaces, has_ipc),
+        *_slots(interfaces, slots),
+        *_clients(interfaces),
+        *_serial_ports(interfaces),
+        *_usb_places(interfaces),
+        *_listeners(interfaces),
+        *_policy(tables, {*interfaces, IPC} if has_ipc else set(interfaces)),
+        *found,
     ]
 
 
-def _interfaces(tables: Tables) -> Iterator[str]:
-    for name in tables.interfaces:
+def _table(tables: Table, key: str) -> Table:
+    """A table in a table; empty where there is none, or something else."""
+    found = tables.get(key)
+    return found if isinstance(found, dict) else {}
+
+
+def _rows(table: Table, key: str) -> list[Table]:
+    """An array of tables; an item that is something else is an empty one, so that the others keep their numbers."""
+    found = table.get(key)
+    return [row if isinstance(row, dict) else {} for row in found] if isinstance(found, list) else []
+
+
+def _words(table: Table, key: str) -> list[str]:
+    """An array of texts; one that was written without its brackets is told, and still names something."""
+    found = table.get(key)
+    return [word for word in (found if isinstance(found, list) else [found]) if isinstance(word, str)]
+
+
+def _interfaces(interfaces: Interfaces, has_ipc: bool) -> Iterator[str]:
+    for name in interfaces:
         if name in PLACES or name in {"", "*"}:
             yield f"interfaces: {name!r} cannot be an interface's name: it means something else"
         elif not name.isprintable() or len(name) > MOST_NAME:
             yield f"interfaces: {show(name)} cannot be an interface's name: at most {MOST_NAME} letters that print"
-    if IPC in tables.interfaces and (tables.endpoint.ipc_in or tables.endpoint.ipc_out):
+    if IPC in interfaces and has_ipc:
         yield f"interfaces.{IPC}: is the name of the interface processes of endpoint.ipc_in and ipc_out"
 
 
-def _slots(tables: Tables, known: Collection[str]) -> Iterator[str]:
+def _slots(interfaces: Interfaces, known: Collection[str]) -> Iterator[str]:
     """Each interface in a slot that there is, and alone: two could not agree on its power."""
-    slots = _texts(tables, lambda options: "slot")
+    slots = _texts(interfaces, lambda options: "slot")
     for name, slot in slots.items():
         if slot not in known:
             yield f"interfaces.{name}.slot: the board has no slot {slot!r}; {remedy(slot, known)}"
@@ -59,10 +87,10 @@ def _slots(tables: Tables, known: Collection[str]) -> Iterator[str]:
         yield f"interfaces.{name}.slot: {slots[name]!r} is that of {first} already; a slot has one interface"
 
 
-def _clients(tables: Tables) -> Iterator[str]:
+def _clients(interfaces: Interfaces) -> Iterator[str]:
     """Each interface at a broker is a client of its own: of two with one name the broker throws out the first."""
     clients: dict[str, tuple[Broker, str]] = {}
-    for name, options in tables.interfaces.items():
+    for name, options in interfaces.items():
         if options.get("driver") == "mqtt":
             with suppress(ConfigurationError):  # what is no URL is told where it is read
                 where = broker(str(options.get("url")))
@@ -72,26 +100,26 @@ def _clients(tables: Tables) -> Iterator[str]:
         yield f"interfaces.{name}.client_id: {clients[name][1]!r} is {what}; give each its own"
 
 
-def _serial_ports(tables: Tables) -> Iterator[str]:
+def _serial_ports(interfaces: Interfaces) -> Iterator[str]:
     """Each interface at a serial port of its own: of two each would get a part of what comes."""
-    ports = _texts(tables, serial_option)
+    ports = _texts(interfaces, serial_option)
     for name, first in _second({name: os.path.realpath(port) for name, port in ports.items() if "\0" not in port}):
-        key = serial_option(tables.interfaces[name])
+        key = serial_option(interfaces[name])
         what = f"is that of {first} already; a port has one interface"
         yield f"interfaces.{name}.{key}: {show(ports[name])} {what}"
 
 
-def _usb_places(tables: Tables) -> Iterator[str]:
+def _usb_places(interfaces: Interfaces) -> Iterator[str]:
     """Each interface at a module of its own."""
-    places = _texts(tables, lambda options: "" if options.get("kind") == "static" else "usb")
+    places = _texts(interfaces, lambda options: "" if options.get("kind") == "static" else "usb")
     for name, first in _second(places):
         yield f"interfaces.{name}.usb: {show(places[name])} is that of {first} already; a module has one interface"
 
 
-def _listeners(tables: Tables) -> Iterator[str]:
+def _listeners(interfaces: Interfaces) -> Iterator[str]:
     """Each interface at an address of its own: the second could not listen. Groups are shared, but with none of all."""
     taken: list[tuple[Address, bool, str]] = []
-    for name, options in tables.interfaces.items():
+    for name, options in interfaces.items():
         for key in ("listen", "group") if options.get("driver") == "udp" else ():
             is_group = key == "group"
             try:
@@ -113,9 +141,9 @@ def serial_option(options: Mapping[str, Any]) -> str:
     return "" if options.get("kind") == "static" else SERIAL.get(str(options.get("driver")), "")
 
 
-def _texts(tables: Tables, key: Callable[[Mapping[str, Any]], str]) -> dict[str, str]:
+def _texts(interfaces: Interfaces, key: Callable[[Mapping[str, Any]], str]) -> dict[str, str]:
     """What interfaces have written under a key, where that is a text."""
-    found = {name: options.get(key(options)) for name, options in tables.interfaces.items()}
+    found = {name: options.get(key(options)) for name, options in interfaces.items()}
     return {name: text for name, text in found.items() if text and isinstance(text, str)}
 
 
@@ -127,61 +155,49 @@ def _second(taken: Mapping[str, object]) -> Iterator[tuple[str, str]]:
             yield name, whose
 
 
-def _policy(tables: Tables) -> Iterator[str]:
-    own = {row.number: row.name for row in tables.types}
-    names = {row.name for row in ROWS if row.number not in own} | set(own.values())
-    interfaces = set(tables.interfaces)
-    if tables.endpoint.ipc_in or tables.endpoint.ipc_out:
-        interfaces.add(IPC)
-    for index, row in enumerate(tables.policy):
+def _policy(tables: Table, interfaces: set[str]) -> Iterator[str]:
+    types = _known_types(tables)
+    for index, row in enumerate(_rows(tables, "policy")):
         where = f"policy[{index}]"
         for key, name in _unknown_interfaces(row, interfaces):
             yield f"{where}.{key}: {name!r} is no interface; one of {', '.join(sorted(interfaces)) or 'none'}"
-        for name in row.match.type:
-            if name not in names:
-                yield f"{where}.match.type: {name!r} is no type; one of {', '.join(sorted(names))}"
-        least, most = row.match.size.min, row.match.size.max
-        if least is not None and most is not None and least > most:
-            yield f"{where}.match.size: min {least} is more than max {most}; no message is so long"
-        for place, payload in enumerate(row.match.payload):
-            yield from _payload(payload, f"{where}.match.payload[{place}]")
+        for name in _words(_table(row, "match"), "type"):
+            if types is not None and name not in types:
+                yield f"{where}.match.type: {name!r} is no type; one of {', '.join(sorted(types))}"
 
 
-def _unknown_interfaces(row: PolicyRow, known: set[str]) -> Iterator[tuple[str, str]]:
+def _known_types(tables: Table) -> set[str] | None:
+    """Names that a row may have; None where a row of [[types]] has none that can be read: it may be any."""
+    rows = _rows(tables, "types")
+    names = {name for row in rows if isinstance(name := row.get("name"), str)}
+    if "types" in tables and (not isinstance(tables["types"], list) or len(names) < len(rows)):
+        return None
+    numbers = [row.get("number") for row in rows]
+    return {row.name for row in ROWS if row.number not in numbers} | names | {name.lower() for name in names}
+
+
+def _unknown_interfaces(row: Table, known: set[str]) -> Iterator[tuple[str, str]]:
     """Keys and names in a row that are no interface's; "*" is each where a message leaves, none where one is asked."""
-    match = row.match
-    leaves = {"interfaces": row.interfaces, "fallback": row.fallback}
-    asked = {"match.link_up": match.link_up, "match.link_down": match.link_down}
-    for key, near in (("neighbours", match.neighbours), ("no_neighbours", match.no_neighbours)):
-        asked |= {f"match.{key}.interface": (near.interface,)} if near else {}
+    match = _table(row, "match")
+    leaves = {key: _words(row, key) for key in ("interfaces", "fallback")}
+    asked = {f"match.{key}": _words(match, key) for key in ("link_up", "link_down")}
+    for key in ("neighbours", "no_neighbours"):
+        asked[f"match.{key}.interface"] = _words(_table(match, key), "interface")
     for names, more in ((leaves, {"*"}), (asked, set[str]())):
         yield from ((key, name) for key, given in names.items() for name in given if name not in known | more)
 
 
-def _payload(payload: PayloadMatch, where: str) -> Iterator[str]:
-    try:
-        value, mask = bytes.fromhex(payload.value), bytes.fromhex(payload.mask)
-    except ValueError:
-        yield f"{where}: value {payload.value!r} and mask {payload.mask!r} must be hexadecimal octets"
-        return
-    if not value:
-        yield f"{where}: value is empty; give the octets to compare"
-    elif mask and len(mask) != len(value):
-        yield f"{where}: mask has {len(mask)} octets and value {len(value)}; they must be as many"
-
-
-def _types(types: tuple[TypeConfig, ...]) -> Iterator[str]:
-    numbers = [row.number for row in types]
+def _types(tables: Table) -> Iterator[str]:
+    numbers = [number for row in _rows(tables, "types") if type(number := row.get("number")) is int]
     for number in sorted({number for number in numbers if numbers.count(number) > 1}):
         yield f"types: number {number} stands {numbers.count(number)} times; once is enough"
-    for name in (row.name for row in types):
-        if not name.replace("_", "a").isalnum() or name != name.lower() or not name.isascii():
-            yield f"types: name {name!r} must be lower-case letters, digits and _"
 
 
-def _endpoint(endpoint: EndpointOptions) -> Iterator[str]:
-    ports = [endpoint.from_users, endpoint.to_users, endpoint.pull, endpoint.report]
+def _endpoint(endpoint: Table) -> Iterator[str]:
+    written = [endpoint.get(key, getattr(EndpointOptions, key)) for key in SOCKETS]
+    ports = [port for port in written if type(port) is int]
     for port in sorted({port for port in ports if port and ports.count(port) > 1}):
         yield f"endpoint: port {port} is given to two sockets; each needs its own"
-    if endpoint.ipc_in and endpoint.ipc_in == endpoint.ipc_out:
-        yield f"endpoint: ipc_in and ipc_out are both {endpoint.ipc_in!r}; each needs its own"
+    ipc_in = endpoint.get("ipc_in")
+    if ipc_in and isinstance(ipc_in, str) and ipc_in == endpoint.get("ipc_out"):
+        yield f"endpoint: ipc_in and ipc_out are both {ipc_in!r}; each needs its own"

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
-from board.address import check_socket_path
+from board.address import check_socket_path, mac_address
 from board.describe import Check, Range
 from board.errors import ConfigurationError
 from board.toml import show
@@ -21,6 +21,16 @@ def _station_name(text: str) -> None:
         raise ConfigurationError(f"{show(text)} has {len(text)} letters", f"give at most {MOST_NAME}")
     if not text.strip() or not text.isprintable():
         raise ConfigurationError(f"{show(text)} must have letters and nothing that does not print", "correct it")
+
+
+def _mac(text: str) -> None:
+    if text:
+        mac_address(text)
+
+
+def _type_name(text: str) -> None:
+    if not text.replace("_", "a").isalnum() or text != text.lower() or not text.isascii():
+        raise ConfigurationError(f"{show(text)} must be lower-case letters, digits and _", "it stands in v2x.<name>.")
 
 
 def _ipc(address: str) -> None:
@@ -62,7 +72,7 @@ class StationOptions:
     type: Annotated[int, Range(0, 31)] = 0
     is_mobile: bool = True
     profile: Literal["standard", "legacy"] = "standard"
-    mac: str = ""
+    mac: Annotated[str, Check(_mac)] = ""
     position: Place | None = None
 
 
@@ -154,7 +164,7 @@ class TypeConfig:
     """[[types]]: a further or changed row of the table of message types."""
 
     number: Octet
-    name: str
+    name: Annotated[str, Check(_type_name)]
     btp_port: Port | None = None
     priority: Priority = 3
     lifetime_s: Seconds = 1.0
@@ -168,6 +178,10 @@ class Span:
     min: int | None = None
     max: int | None = None
 
+    def __post_init__(self) -> None:
+        if self.min is not None and self.max is not None and self.min > self.max:
+            raise ConfigurationError(f"min {self.min} is more than max {self.max}", "no message is so long")
+
 
 @dataclass(frozen=True)
 class PayloadMatch:
@@ -176,6 +190,17 @@ class PayloadMatch:
     offset: Annotated[int, Range(0, 1499)]
     value: str
     mask: str = ""
+
+    def __post_init__(self) -> None:
+        try:
+            value, mask = bytes.fromhex(self.value), bytes.fromhex(self.mask)
+        except ValueError as error:
+            what = f"value {self.value!r} and mask {self.mask!r} must be hexadecimal octets"
+            raise ConfigurationError(what) from error
+        if not value:
+            raise ConfigurationError("value is empty", "give the octets to compare")
+        if mask and len(mask) != len(value):
+            raise ConfigurationError(f"mask has {len(mask)} octets and value {len(value)}", "they must be as many")
 
 
 @dataclass(frozen=True)

@@ -34,8 +34,8 @@ def look_at_station(given: StationFiles, notes: list[Note]) -> None:
         path.write_bytes(octets)
         path.chmod(0o600)
     with chdir(given.scratch):
-        found = _loaded(given, notes)
-        if found is not None:
+        found = _examined(given, notes)
+        if found is not None:  # beside its mistakes, so that all are told at once
             _look_at_endpoint(found, given, notes)
             look_at_devices(found, given, notes)
             look_at_datagrams(found, given, notes)
@@ -43,7 +43,7 @@ def look_at_station(given: StationFiles, notes: list[Note]) -> None:
             look_at_files(found, given, notes)
 
 
-def _loaded(given: StationFiles, notes: list[Note]) -> config.Config | None:
+def _examined(given: StationFiles, notes: list[Note]) -> config.Config | None:
     board = f"./{BOARD}" if BOARD in given.files else given.board
     own = OWN if OWN in given.files else None
     try:
@@ -51,11 +51,9 @@ def _loaded(given: StationFiles, notes: list[Note]) -> config.Config | None:
     except ConfigurationError as error:
         notes += [_of_line(line, error.hint, given) for line in error.message.split("\n")]
         board = given.board  # so that what captain.toml has wrong is told as well
-    try:
-        return config.load(own or given.defaults, (), board, given.defaults if own else None)
-    except ConfigurationError as error:
-        notes += [_of_line(line, error.hint, given) for line in error.message.split("\n")]
-        return None
+    found, errors = config.examine(own or given.defaults, (), board, given.defaults if own else None)
+    notes += [_of_line(line, error.hint, given) for error in errors for line in error.message.split("\n")]
+    return found
 
 
 def _of_line(line: str, hint: str, given: StationFiles) -> Note:
@@ -73,7 +71,8 @@ def _of_line(line: str, hint: str, given: StationFiles) -> Note:
 def _look_at_endpoint(found: config.Config, given: StationFiles, notes: list[Note]) -> None:
     """Where the station would not start, or nobody would reach it. What the owner has not written is the image's."""
     endpoint = found.tables.endpoint
-    said = tomllib.loads(given.files.get(OWN, b"").decode()).get("endpoint", {})
+    said = tomllib.loads(given.files.get(OWN, b"").decode()).get("endpoint")
+    said = said if isinstance(said, dict) else {}
     ways = [(name, _port(getattr(endpoint, name))) for name in PORTS]
     ways += [
         ("address", _address(endpoint.address, given.own.partition("/")[0])),
@@ -81,7 +80,8 @@ def _look_at_endpoint(found: config.Config, given: StationFiles, notes: list[Not
     ]
     ways += [(name, _socket(getattr(endpoint, name))) for name in SOCKETS]
     for name, trouble in ways:
-        if name in said and trouble is not None:
+        # One that cannot be read is told already.
+        if name in said and said[name] == getattr(endpoint, name) and trouble is not None:
             say, what, remedy = trouble
             notes.append(say(given.at(OWN, f"endpoint.{name}"), f"endpoint.{name}: {what}", remedy))
 

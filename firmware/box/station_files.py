@@ -25,7 +25,9 @@ Trouble = tuple[str, str, str]  # option, what is wrong with it, remedy
 def look_at_files(found: config.Config, given: StationFiles, notes: list[Note]) -> None:
     """Certificates and keys as the client of a broker will load them; what no interface names is told."""
     there = [name for name in given.files if is_kept(name)]
-    used: set[str] = set()
+    sound = {one.name for one in found.interfaces}
+    others = [table for name, table in found.tables.interfaces.items() if name not in sound]
+    used = {os.path.normpath(text) for table in others for text in table.values() if isinstance(text, str)}
     for one in found.interfaces:
         place = f"interfaces.{one.name}"
         files = _files(one.options)

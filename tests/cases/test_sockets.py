@@ -56,7 +56,7 @@ def test_a_long_abstract_or_relative_name_is_refused_too(start):
 
 def test_both_paths_are_reported_at_once_with_any_other_mistake():
     long = path_of(MOST + 1)
-    lines = mistakes(f"endpoint.ipc_in=ipc://{long}", f"endpoint.ipc_out=ipc://{long}", "endpoint.pull=70000")
+    lines = mistakes(f"endpoint.ipc_in=ipc://{long}", f"endpoint.ipc_out=ipc://{long}y", "endpoint.pull=70000")
     assert [line.split(": ")[1] for line in lines] == ["endpoint.pull", "endpoint.ipc_in", "endpoint.ipc_out"]
 
 

@@ -106,7 +106,8 @@ def test_two_types_of_one_number_are_a_mistake(folder: Path) -> None:
 
 @pytest.mark.parametrize("name", ["", "Cam", "my test", "my.test", "é", "_-"])
 def test_a_types_name_that_no_envelope_can_carry_is_a_mistake(folder: Path, name: str) -> None:
-    assert f"name '{name}' must be" in mistake(folder, f"[[types]]\nnumber = 200\nname = '{name}'\n")
+    said = mistake(folder, f"[[types]]\nnumber = 200\nname = '{name}'\n")
+    assert said.startswith(f'types[0].name: "{name}" must be')
 
 
 def test_two_sockets_on_one_port_are_a_mistake(folder: Path) -> None:
