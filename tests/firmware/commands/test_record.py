@@ -15,7 +15,7 @@ from firmware import cli
 from firmware.commands import record
 from firmware.lab.laboratory import vectors
 from firmware.recorder import mcap_recording
-from firmware.user import reception
+from firmware.user import client, reception
 from firmware.user.mcap import Mcap
 from firmware.user.received import Message
 from tests.firmware.commands.fake import FakeStation
@@ -195,7 +195,8 @@ def test_what_is_not_known_of_a_place_is_no_number():
     assert all(math.isnan(one) for one in struct.unpack_from("<dddd", cdr, 48))
 
 
-def test_without_a_station_no_file_is_left(tmp_path, capsys):
+def test_without_a_station_no_file_is_left(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(client, "ANSWER_S", 0.1)
     assert cli.main(["record", "--mcap", str(tmp_path / "a"), "--station", "127.0.0.1:9"]) == 1
     assert not (tmp_path / "a").exists()
     with FakeStation() as station:
