@@ -4,7 +4,7 @@
 .DEFAULT_GOAL := help
 .PHONY: help setup packages run codec import-check docs test fresh test-binary test-binary-directory test-binary-file check portable fuzz truth \
 	bench bench-station bench-messages bench-v2n bench-time bench-record bench-ros2 lab meter chaos outages fleet swarm \
-	kernel ros2 clock days chronyd binary image image-test release flash lock proof clean
+	kernel ros2 clock days chronyd binary image image-test programs programs-test release flash lock proof clean
 
 PYTEST := .venv/bin/python -m pytest
 
@@ -137,7 +137,14 @@ binary: setup-freeze setup ## one file to copy by hand and one directory for the
 image: setup-image ## the card of a Raspberry Pi 4, build/captain-VERSION-arm64.img, looked through; ARGS='build --upgrade', ARGS=twice
 	@.ci/image $(ARGS)
 
-release: setup-image setup-freeze ## all that is handed out, in build/release: card, update, binaries, Debian packages, checksums
+programs: setup-image ## captain as one file and as Debian package, for Debian 12 and later, amd64 and arm64, in build/programs
+	@.ci/image programs $(ARGS)
+
+programs-test: setup-image ## those in new Debian 12 and 13 roots: installed by apt, run, looked at; ARGS=--short for Debian 12 alone
+	@.ci/image programs
+	@.venv/bin/python -m tests.programs $(ARGS)
+
+release: setup-image ## all that is handed out, in build/release: card, update, binaries, Debian packages, checksums
 	@.ci/image release $(ARGS)
 
 image-test: setup-image ## the card in QEMU, part by part, looked at from outside; ARGS='--only start ports', ARGS=--short

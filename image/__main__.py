@@ -1,4 +1,4 @@
-"""make image, make release, make flash: builds the card, looks it through, hands it out, writes it."""
+"""make image, programs, release, flash: builds the card and programs, looks it through, hands it out, writes it."""
 
 import argparse
 import errno
@@ -6,7 +6,7 @@ import sys
 import time
 from pathlib import Path
 
-from image import build, description, figures, flash, keys, release, step, twice, verify
+from image import build, description, figures, flash, keys, programs, release, step, twice, verify
 from image.errors import ImageError
 
 HINTS = {
@@ -20,7 +20,14 @@ HINTS = {
 
 def main() -> int:
     arguments = _parser().parse_args()
-    verbs = {"build": _build, "verify": _verify, "twice": _twice, "release": _release, "flash": _flash}
+    verbs = {
+        "build": _build,
+        "verify": _verify,
+        "twice": _twice,
+        "programs": _programs,
+        "release": _release,
+        "flash": _flash,
+    }
     try:
         return verbs[arguments.verb](arguments, description.read(arguments.description))
     except ImageError as error:
@@ -49,6 +56,8 @@ def _parser() -> argparse.ArgumentParser:
     making.add_argument("--upgrade", action="store_true", help="with the newest packages")
     verbs.add_parser("verify", help="look the card that was made through once more")
     verbs.add_parser("twice", help="make it once more from the same packages, and tell what is not the same")
+    programs_alone = verbs.add_parser("programs", help="make programs and Debian packages alone, in build/programs")
+    programs_alone.add_argument("--upgrade", action="store_true", help="with the newest packages")
     verbs.add_parser("release", help="make all that is handed out, in build/release")
     writing = verbs.add_parser("flash", help="write the card that was made")
     writing.add_argument("device", type=Path, help="/dev/sdX or /dev/mmcblkX: all that is on it is lost")
@@ -89,6 +98,13 @@ def _twice(arguments: argparse.Namespace, described: description.Description) ->
     return 1 if any(row.differing and not row.is_left_out for row in rows) else 0
 
 
+def _programs(arguments: argparse.Namespace, described: description.Description) -> int:
+    to = arguments.to.parent / "programs"
+    rows = release.make_programs(described, arguments.to, to, arguments.upgrade)
+    print(*rows, to / programs.SUMS, sep="\n")
+    return 0 if all(row.is_ok for row in rows) else 1
+
+
 def _release(arguments: argparse.Namespace, described: description.Description) -> int:
     made = build.Build(described, arguments.to)
     card = made.card()
@@ -97,7 +113,7 @@ def _release(arguments: argparse.Namespace, described: description.Description) 
     to = made.steps.folder.parent / "release"
     rows = list(release.make(made, card, to))
     print(*rows, sep="\n")
-    print(to / release.SUMS)
+    print(to / programs.SUMS)
     if made.keys.kind == keys.DEVELOPMENT:
         what = f"boxes take any update that is signed by this machine; for others, {keys.KEY} and {keys.CERTIFICATE}"
         print(f"image: signed by the development key: {what} name a key of your own", file=sys.stderr)

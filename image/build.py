@@ -2,7 +2,6 @@
 
 import inspect
 import json
-import platform
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
@@ -13,6 +12,7 @@ from image import (
     checksum,
     device_tree,
     disk,
+    freezing,
     frozen,
     initrd,
     kernel,
@@ -23,13 +23,12 @@ from image import (
     state,
 )
 from image.description import Description
-from image.packages import Archive, Package, paths, read_list, write_list
+from image.packages import Archive, Package, native_architecture, paths, read_list, write_list
 from image.program import run
 from image.project import PROJECT, chrony, epoch, version
 from image.step import Steps, key
 
 HERE = Path(__file__).parent
-FROZEN = HERE / "frozen.py"
 BUILT = PROJECT / "build/image"
 KEYS = "keys"
 GROUPS = ("userland", "unpacked", "freezer", "here", "tools")
@@ -55,7 +54,7 @@ class Build:
         date = epoch()  # refused before anything is made
         self.steps = Steps(folder)
         self._archive = Archive(folder / "archive", description.base)
-        self._native = Archive(folder / "native", description.base, _native_architecture())
+        self._native = Archive(folder / "native", description.base, native_architecture())
         self._files = self.steps.folder / "archive/archives"
         self._native_files = self.steps.folder / "native/archives"
         self.keys = keys.chosen(self.steps.folder / KEYS, date)
@@ -74,9 +73,7 @@ class Build:
             emulated = pool.submit(self._userland, lists["userland"])
             unpacked = self._unpacked(lists["unpacked"])
             early = self._early(unpacked)
-            freezer = self._freezer(lists["freezer"], lists["here"])
-            messages = self._messages(freezer)
-            program = self._program(freezer, self._foreign(freezer), messages)
+            program = self._program(lists["freezer"], lists["here"])
         return self._parts(tools, emulated.result(), unpacked, early, program)
 
     def assemble(self, parts: Path, target: Path) -> None:
@@ -152,39 +149,9 @@ class Build:
             lambda folder: initrd.make(kernel.Kernel(unpacked / "tree"), modules, folder / "initrd"),
         )
 
-    def _freezer(self, packages: list[Package], same_here: list[Package]) -> Path:
-        """The roots that captain is frozen in, of the image's processor and of this one."""
-        python, ours = frozen.own_python(), platform.machine()
-
-        def make(folder: Path) -> None:
-            frozen.unpack(paths(self._files, packages), folder / "root", frozen.PROCESSOR, python)
-            frozen.unpack(paths(self._native_files, same_here), folder / "here", ours, python)
-
-        return self.steps.made("freezer", [str(packages), str(same_here), PROJECT / frozen.LOCK, FROZEN], make)
-
-    def _foreign(self, freezer: Path) -> Path:
-        """What of captain is not ours, frozen: as long as our modules import the same, it stays."""
-        names = frozen.imports(freezer / "root")
-        return self.steps.made(
-            "foreign",
-            [key(freezer), *names, frozen.SPEC, HERE / "translated.py", FROZEN],
-            lambda folder: frozen.freeze(freezer / "here", freezer / "root", names, folder / "captain"),
-        )
-
-    def _messages(self, freezer: Path) -> Path:
-        return self.steps.made(
-            "messages",
-            [key(freezer), *frozen.messages_inputs(), FROZEN],
-            lambda folder: frozen.compile_messages(freezer / "root", frozen.own_python(), folder),
-        )
-
-    def _program(self, freezer: Path, foreign: Path, messages: Path) -> Path:
-        module = next(messages.glob("*.so"))
-        return self.steps.made(
-            "program",
-            [key(freezer), key(foreign), key(messages), *frozen.inputs(), FROZEN],
-            lambda folder: frozen.join(freezer / "here", foreign / "captain", module, folder / "captain"),
-        )
+    def _program(self, packages: list[Package], same_here: list[Package]) -> Path:
+        made = freezing.Freezing(self.steps, frozen.AARCH64)
+        return made.program(freezing.Chosen(packages, self._files), freezing.Chosen(same_here, self._native_files))
 
     def _parts(self, tools: Path, userland: Path, unpacked: Path, early: Path, program: Path) -> Path:
         """File systems of the partitions."""
@@ -268,7 +235,3 @@ def planned(description: Description, folder: Path) -> Card:
         beside / f"{name}.sha256",
         {},
     )
-
-
-def _native_architecture() -> str:
-    return run(["dpkg", "--print-architecture"]).strip()

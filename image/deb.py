@@ -83,7 +83,12 @@ def c_library(folder: Path) -> str:
             found |= set(re.findall(r"Name: GLIBC_([0-9.]+)", run(["readelf", "--version-info", "--wide", path])))
     if not found:
         raise ImageError(f"{folder}: has no program")
-    return max(found, key=lambda version: tuple(map(int, version.split("."))))
+    return max(found, key=numbers)
+
+
+def numbers(version: str) -> tuple[int, ...]:
+    """Of a version of the C library, for comparison."""
+    return tuple(map(int, version.split(".")))
 
 
 def _lay_out(program: Path, documents: Mapping[str, bytes], root: Path) -> None:

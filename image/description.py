@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Literal
@@ -133,6 +133,14 @@ class Packages:
 
 
 @dataclass(frozen=True)
+class Release:
+    """[release]: programs for other machines. suite: oldest Debian they run on; packages: what freezes them there."""
+
+    suite: values.Suite
+    packages: values.Packages
+
+
+@dataclass(frozen=True)
 class Description:
     """The whole of image.toml."""
 
@@ -145,6 +153,12 @@ class Description:
     console: Console
     disk: Disk
     packages: Packages
+    release: Release
+
+    @property
+    def released(self) -> Base:
+        """Where packages of the release's suite come from: the same archive; those beside are of the card's suite."""
+        return replace(self.base, suite=self.release.suite, beside=())
 
     @property
     def compatible(self) -> str:

@@ -1,7 +1,8 @@
-"""captain for the image, by the image's own Python, in roots of their own that are never started.
+"""Freezes captain by a Debian release's own Python, in roots that are never started.
 
-There are two, of the same packages: `here` is of this machine's processor and is run, `root` is of the image's, and
-what is compiled comes from it. Nothing of this is emulated but a look at the outcome.
+There are two roots of the same packages: `here` is of this machine's processor and is run, `root` is of the program's
+processor, and compiled files are taken from it. They are one root if the processors are the same. Only a look at the
+outcome is emulated.
 """
 
 import os
@@ -9,6 +10,7 @@ import shutil
 import sys
 from collections.abc import Iterable
 from pathlib import Path
+from typing import NamedTuple
 
 from image import bytecode, foreign, layers, licences, translated
 from image.errors import ImageError
@@ -18,22 +20,46 @@ from image.project import PROJECT
 SPEC = PROJECT / "firmware/captain.spec"
 OPTIONS = ("--noconfirm", "--log-level", "ERROR")
 LOCK = ".ci/locks/freeze.txt"
-TRIPLE = "aarch64-linux-gnu"
-TOOLS = layers.Tools(f"{TRIPLE}-objcopy", f"{TRIPLE}-strip")
-PROCESSOR = "aarch64"
 PLATFORMS = ("manylinux_2_28", "manylinux_2_17", "manylinux2014")
-LOADER = "PyInstaller/bootloader/Linux-64bit-arm/run"
 EPOCH = "315532800"  # 1980: PyInstaller's archives begin there
 RADIO = "drivers/sim/radio/libsim_v2xcast.so"
 BUILT_RADIO = "build/sim/libsim_v2xcast.so"  # by .ci/sim
 WORK = "build"  # in the root
 OWNERS = "build/owners"  # which package a file is of
 
+# dpkg-deb -x would put a folder in place of the link /lib.
+_EXTRACT = 'dpkg-deb --fsys-tarfile "$1" | tar -x --keep-directory-symlink -C "$2"'
 # The machine's own /dev and /proc are seen in there, and gone with the process: no mount outlives it.
 _INSIDE = """\
 root=$1; shift; mount --rbind /dev "$root/dev" && mount -t proc proc "$root/proc" && exec chroot "$root" \
 /usr/bin/env -i PATH=/usr/bin HOME=/tmp LC_ALL=C.UTF-8 PYTHONHASHSEED=0 PYTHONPATH=/build/site "$@"
 """
+
+
+class Processor(NamedTuple):
+    """A processor that captain is made for.
+
+    name    as Linux calls it: aarch64.
+    debian  as Debian calls it: arm64.
+    loader  PyInstaller's start of a program, in its wheel.
+    """
+
+    name: str
+    debian: str
+    loader: str
+
+    @property
+    def triple(self) -> str:
+        """First part of the names of its compiler and binutils."""
+        return f"{self.name}-linux-gnu"
+
+    @property
+    def tools(self) -> layers.Tools:
+        return layers.Tools(f"{self.triple}-objcopy", f"{self.triple}-strip")
+
+
+AARCH64 = Processor("aarch64", "arm64", "PyInstaller/bootloader/Linux-64bit-arm/run")
+X86_64 = Processor("x86_64", "amd64", "PyInstaller/bootloader/Linux-64bit-intel/run")
 
 
 def inputs() -> list[Path]:
@@ -58,22 +84,30 @@ def unpack(packages: Iterable[Path], root: Path, processor: str, python: Path) -
     processor  as Linux calls it: aarch64.
     python     of the project's environment, with pip.
     """
+    lay_out(packages, root)
+    interpreter = sorted(path.name for path in (root / "usr/bin").glob("python3.[0-9]*") if path.name[9:].isdecimal())
+    if len(interpreter) != 1:
+        raise ImageError(f"packages to freeze with: {interpreter or 'no Python'}", "name one Python: python3.13")
+    (root / "usr/bin/python3").unlink(missing_ok=True)
+    (root / "usr/bin/python3").symlink_to(interpreter[0])
+    _fetch_wheels(root / WORK / "site", version(root), processor, python)
+
+
+def lay_out(packages: Iterable[Path], root: Path) -> None:
+    """Files of packages, in a root whose /bin, /sbin and /lib are those of /usr, and which package each is of.
+
+    Packages of Debian 12 have files in /lib itself: these go where Debian 13 has them. Raises ImageError.
+    """
     for folder in ("usr/bin", "usr/sbin", "usr/lib", "usr/lib64", "dev", "proc", "tmp", WORK):
         (root / folder).mkdir(parents=True, exist_ok=True)
     for link in ("bin", "sbin", "lib", "lib64"):
         (root / link).symlink_to(f"usr/{link}")
     owners = []
     for package in packages:
-        run(["dpkg-deb", "-x", package, root])
+        run(["sh", "-c", _EXTRACT, "sh", package, root])
         name = package.name.split("_")[0]
         owners += [f"{name}: {line.split()[5]}\n" for line in run(["dpkg-deb", "-c", package]).splitlines()]
     (root / OWNERS).write_text("".join(owners))
-    interpreter = sorted(path.name for path in (root / "usr/bin").glob("python3.[0-9]*") if path.name[9:].isdecimal())
-    if len(interpreter) != 1:
-        raise ImageError(f"packages.freeze: has {interpreter or 'no Python'}", "name one: python3.13")
-    (root / "usr/bin/python3").unlink(missing_ok=True)
-    (root / "usr/bin/python3").symlink_to(interpreter[0])
-    _fetch_wheels(root / WORK / "site", version(root), processor, python)
 
 
 def version(root: Path) -> str:
@@ -86,8 +120,8 @@ def imports(root: Path) -> list[str]:
     return foreign.imports(PROJECT, [root / f"usr/lib/python{version(root)}", root / WORK / "site"])
 
 
-def freeze(here: Path, root: Path, names: Iterable[str], target: Path) -> None:
-    """What is not ours, as a directory of the image's processor. Raises ImageError."""
+def freeze(here: Path, root: Path, processor: Processor, names: Iterable[str], target: Path) -> None:
+    """What is not ours, as a directory of the root's processor. Raises ImageError."""
     place = cleared(here / WORK / "foreign")
     shutil.copy(SPEC, place)
     (place / "__main__.py").write_text(foreign.script(names))
@@ -97,21 +131,21 @@ def freeze(here: Path, root: Path, names: Iterable[str], target: Path) -> None:
     run_inside(here, [*settings, *words, "--distpath", inside, inside / SPEC.name])
     site = root / WORK / "site"
     libraries = translated.Libraries(
-        [*site.glob("*.libs"), root / f"usr/lib/{TRIPLE}", root / "usr/lib"], (root / OWNERS).read_text()
+        [*site.glob("*.libs"), root / f"usr/lib/{processor.triple}", root / "usr/lib"], (root / OWNERS).read_text()
     )
     others = [site, root / "usr/lib"]
-    translated.translate(place / "captain-dir", others, libraries, site / LOADER, TOOLS, target)
+    translated.translate(place / "captain-dir", others, libraries, site / processor.loader, processor.tools, target)
     look = cleared(root / WORK / "look")
     shutil.copytree(target, look / "captain", symlinks=True)
     run_inside(root, [Path("/") / look.relative_to(root) / "captain/captain"])  # imports it all, in emulation
 
 
-def compile_messages(root: Path, python: Path, target: Path) -> Path:
+def compile_messages(root: Path, processor: Processor, python: Path, target: Path) -> Path:
     """The module of all messages, by the cross compiler with the other Python's headers. Raises ImageError.
 
     python  of the project's environment, with what the messages are generated by.
     """
-    headers = _headers(root)
+    headers = _headers(root, processor)
     flags = [
         # Before this Python's own; as a system's, whose warnings are not ours.
         f"-isystem {headers}/python{version(root)} -isystem {headers}",
@@ -121,26 +155,26 @@ def compile_messages(root: Path, python: Path, target: Path) -> Path:
     run(
         [python, "-m", "asn1", "generate", "--all", "--form", "python", "--to", target],
         folder=PROJECT,
-        environment={"CC": f"{TRIPLE}-gcc", "CFLAGS": " ".join(flags)},
+        environment={"CC": f"{processor.triple}-gcc", "CFLAGS": " ".join(flags)},
     )
     made = sorted(target.glob(f"{foreign.MESSAGES}*.so"))
     if not made:
         raise ImageError(f"{target}: captain-asn1 has made no module")
-    suffix = f".cpython-{version(root).replace('.', '')}-{TRIPLE}.so"
+    suffix = f".cpython-{version(root).replace('.', '')}-{processor.triple}.so"
     return made[0].rename(target / f"{foreign.MESSAGES}{suffix}")
 
 
-def join(here: Path, frozen: Path, messages: Path, target: Path) -> None:
+def join(here: Path, processor: Processor, frozen: Path, messages: Path, target: Path) -> None:
     """captain as a directory. frozen: what freeze() made. Raises ImageError."""
     place = cleared(here / WORK / "ours")
     for name in (*bytecode.FOLDERS, ".ci"):
         shutil.copytree(PROJECT / name, place / name, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copy(bytecode.__file__, place / "bytecode.py")
-    run(["sh", ".ci/sim"], folder=place, environment={"CC": f"{TRIPLE}-gcc"})
+    run(["sh", ".ci/sim"], folder=place, environment={"CC": f"{processor.triple}-gcc"})
     inside = Path("/") / place.relative_to(here)
     run_inside(here, ["/usr/bin/python3", inside / "bytecode.py", inside, inside / "compiled"])
     beside = layers.files(place, {messages.name: messages, RADIO: place / BUILT_RADIO})
-    layers.directory(frozen, bytecode.read(place / "compiled"), beside, TOOLS, target)
+    layers.directory(frozen, bytecode.read(place / "compiled"), beside, processor.tools, target)
 
 
 def documents(root: Path, program: Path) -> dict[str, bytes]:
@@ -170,11 +204,11 @@ def _fetch_wheels(site: Path, version: str, processor: str, python: Path) -> Non
     run([python, "-m", "pip", "install", *words, "--target", site, *target, *platforms, "-r", LOCK], folder=PROJECT)
 
 
-def _headers(root: Path) -> Path:
+def _headers(root: Path, processor: Processor) -> Path:
     """Python's alone: the cross compiler has a C library of its own, and the root's is another release's."""
     headers = root / WORK / "headers"
     shutil.rmtree(headers, ignore_errors=True)
-    for name in (f"python{version(root)}", f"{TRIPLE}/python{version(root)}"):
+    for name in (f"python{version(root)}", f"{processor.triple}/python{version(root)}"):
         shutil.copytree(root / "usr/include" / name, headers / name)
     return headers
 

@@ -1,13 +1,11 @@
 """What is to be read about captain, and the licences of all that its frozen program carries."""
 
-import platform
 import re
 import tarfile
 from collections.abc import Iterable
 from pathlib import Path
 
 from image import archives, layers
-from image.program import run
 from image.project import PROJECT
 
 OWN = {"LICENSE": "copyright", "README.md": "README.md", "CHANGELOG.md": "CHANGELOG.md"}
@@ -40,17 +38,6 @@ def of_libraries(program: Path, owners: str) -> list[str]:
     names = {path.name for path in (program / layers.INSIDE).glob("lib*.so*")}
     rows = [line.partition(": ") for line in owners.splitlines()]
     return sorted({package.split(":")[0] for package, _, path in rows if path.rsplit("/", 1)[-1] in names})
-
-
-def of_this_machine(program: Path, python: Path) -> list[Path]:
-    """Copyright files of what a program frozen on this Debian has from it: libraries, and the interpreter."""
-    names = sorted(path.name for path in (program / layers.INSIDE).glob("lib*.so*"))
-    patterns = [f"*/{platform.machine()}-linux-gnu/{name}" for name in names]
-    # It fails where one is of no package, such as those that came in a wheel.
-    owners = run(["sh", "-c", 'dpkg-query --search "$@" 2>/dev/null || :', "sh", *patterns])
-    notices = [Path(f"/usr/share/doc/{name}/copyright") for name in of_libraries(program, owners)]
-    library = Path(run([python, "-c", "import sysconfig; print(sysconfig.get_path('stdlib'))"]).strip())
-    return [path for path in (*notices, library / "LICENSE.txt") if path.exists()]
 
 
 def pack(tree: Path, target: Path) -> None:

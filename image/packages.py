@@ -54,9 +54,8 @@ class Archive:
         sites = _sites()
         for mends in self._base.mends:
             if mends not in sites and self._architecture == self._base.architecture:  # once of a build
-                print(
-                    f"image: this machine's apt has no archive {mends}: the card gets no mends of it", file=sys.stderr
-                )
+                what = f"{self._base.suite} gets no mends of it"
+                print(f"image: this machine's apt has no archive {mends}: {what}", file=sys.stderr)
         (self._folder / "sources.list").write_text(sources(self._base, sites))
         (self._folder / "conf").write_text(_CONF.format(folder=self._folder, architecture=self._architecture))
         self._apt("apt-get", "-qq", "update")
@@ -136,6 +135,11 @@ def paths(folder: Path, packages: Iterable[Package]) -> list[Path]:
             raise ImageError(f"{path}: is another one than was listed", "remove it; python -m image build --upgrade")
         found.append(path)
     return found
+
+
+def native_architecture() -> str:
+    """This machine's, as Debian calls it: amd64."""
+    return run(["dpkg", "--print-architecture"]).strip()
 
 
 def write_list(path: Path, packages: Sequence[Package]) -> None:

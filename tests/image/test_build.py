@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from image import build, initrd, packages, project
+from image import build, freezing, frozen, initrd, packages, project
 from image.description import read
 from image.errors import ImageError
 from image.packages import Package
@@ -134,6 +134,7 @@ def test_a_step_is_made_again_when_the_code_that_makes_it_has_changed(tmp_path: 
     made.description = read(project.PROJECT / "image/image.toml")
     asked = made.steps = Asked(tmp_path)  # type: ignore[assignment]
     monkeypatch.setattr(build, "key", str)
+    monkeypatch.setattr(freezing, "key", str)
     monkeypatch.setattr("image.frozen.own_python", lambda: tmp_path)
     monkeypatch.setattr("image.frozen.imports", lambda folder: [])
     monkeypatch.setattr("image.frozen.inputs", list)
@@ -142,8 +143,8 @@ def test_a_step_is_made_again_when_the_code_that_makes_it_has_changed(tmp_path: 
     (tmp_path / "messages/x.so").touch()
     made._userland([])
     made._unpacked([])
-    made._foreign(made._freezer([], []))
-    made._program(tmp_path, tmp_path, made._messages(tmp_path))
+    chosen = freezing.Chosen([], tmp_path)
+    freezing.Freezing(asked, frozen.AARCH64).program(chosen, chosen)  # type: ignore[arg-type]
     assert any("mmdebstrap" in str(words) for words in asked.inputs["userland"])
     assert build.HERE / "kernel.py" in asked.inputs["kernel"]
     for name in ("freezer", "foreign", "messages", "program"):

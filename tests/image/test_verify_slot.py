@@ -90,7 +90,7 @@ def test_a_slot_without_licences_and_one_that_is_too_large_are_told():
     assert troubles({"usr/share/doc/captain/licences/zmq": None}) == {
         "licences of what captain carries": "there is no usr/share/doc/captain/licences"
     }
-    assert troubles({"usr/lib/captain/_internal/x": bytes(31_000_000)})["the size of captain"].endswith("at most 30")
+    assert troubles({"usr/lib/captain/_internal/x": bytes(37_000_000)})["the size of captain"].endswith("at most 36")
 
 
 # -- what the description decides

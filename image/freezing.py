@@ -1,0 +1,87 @@
+"""captain of one Debian release for one processor, step by step, each kept."""
+
+import platform
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from image import frozen
+from image.packages import Package, paths
+from image.project import PROJECT
+from image.step import Steps, key
+
+HERE = Path(__file__).parent
+FROZEN = HERE / "frozen.py"
+
+
+class Chosen(NamedTuple):
+    """Packages of one processor. files: the folder of their files."""
+
+    packages: list[Package]
+    files: Path
+
+
+class Freezing:
+    """Steps in a build's folder. Everything raises ImageError.
+
+    within  folder of these steps in it; empty: the folder itself.
+    """
+
+    def __init__(self, steps: Steps, processor: frozen.Processor, within: str = "") -> None:
+        self._steps = steps
+        self._processor = processor
+        self._within = f"{within}/" if within else ""
+
+    def program(self, there: Chosen, here: Chosen) -> Path:
+        """The step whose folder `captain` is the program as a directory.
+
+        there  packages of the program's processor; here: the same of this machine's.
+        """
+        freezer = self.freezer(there, here)
+        return self.joined(freezer, self.foreign(freezer), self.messages(freezer))
+
+    def freezer(self, there: Chosen, here: Chosen) -> Path:
+        """The two roots, root and here; where the processor is this machine's, here is a link to root."""
+        python, ours = frozen.own_python(), platform.machine()
+
+        def make(folder: Path) -> None:
+            frozen.unpack(paths(there.files, there.packages), folder / "root", self._processor.name, python)
+            if ours == self._processor.name:
+                (folder / "here").symlink_to("root")
+            else:
+                frozen.unpack(paths(here.files, here.packages), folder / "here", ours, python)
+
+        return self._made("freezer", [str(there.packages), str(here.packages), PROJECT / frozen.LOCK], make)
+
+    def foreign(self, freezer: Path) -> Path:
+        """What of captain is not ours, frozen: as long as our modules import the same, it stays."""
+        names = frozen.imports(freezer / "root")
+        return self._made(
+            "foreign",
+            [key(freezer), *names, frozen.SPEC, HERE / "translated.py"],
+            lambda folder: frozen.freeze(
+                freezer / "here", freezer / "root", self._processor, names, folder / "captain"
+            ),
+        )
+
+    def messages(self, freezer: Path) -> Path:
+        """The module of all messages."""
+        return self._made(
+            "messages",
+            [key(freezer), *frozen.messages_inputs()],
+            lambda folder: frozen.compile_messages(freezer / "root", self._processor, frozen.own_python(), folder),
+        )
+
+    def joined(self, freezer: Path, foreign: Path, messages: Path) -> Path:
+        """The program."""
+        module = next(messages.glob("*.so"))
+        return self._made(
+            "program",
+            [key(freezer), key(foreign), key(messages), *frozen.inputs()],
+            lambda folder: frozen.join(
+                freezer / "here", self._processor, foreign / "captain", module, folder / "captain"
+            ),
+        )
+
+    def _made(self, name: str, inputs: list[str | Path], make: Callable[[Path], object]) -> Path:
+        return self._steps.made(f"{self._within}{name}", [*inputs, FROZEN], make)
