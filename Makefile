@@ -140,7 +140,7 @@ image: setup-image ## the card of a Raspberry Pi 4, build/captain-VERSION-arm64.
 programs: setup-image ## captain as one file and as Debian package, for Debian 12 and later, amd64 and arm64, in build/programs
 	@.ci/image programs $(ARGS)
 
-programs-test: setup-image ## those in new Debian 12 and 13 roots: installed by apt, run, looked at; ARGS=--short for Debian 12 alone
+programs-test: setup-image ## the same in new Debian 12 and 13 roots: installed by apt, run, measured; ARGS=--short for Debian 12 alone
 	@.ci/image programs
 	@.venv/bin/python -m tests.programs $(ARGS)
 
