@@ -7,6 +7,8 @@ from typing import Any
 
 from board import describe
 from board.errors import BlockedError, ConfigurationError
+from drivers.wire.editions import compared, of_header
+from drivers.wire.editions import names as names_of
 from drivers.wire.v2n_description import ProfileDescription
 from drivers.wire.v2n_message import Codec, Edition
 
@@ -61,19 +63,26 @@ class MessageLibrary:
         self._messages = sorted((message for message in messages if message.ids), key=lambda message: message.rank)
 
     def decodings(self, pdu: bytes) -> Iterator[tuple[Edition, dict[str, Any]]]:
-        """Editions of its protocolVersion come first, then those of a lower rank."""
-        announced = [message for message in self._messages if pdu[1] in message.ids]
-        failed: ValueError | None = ValueError(f"messageID {pdu[1]} is of no message of the library")
-        for at, message in enumerate(sorted(announced, key=lambda message: pdu[0] not in message.versions)):
+        """Editions that the header announces, by preference; where it announces none, all of its messageID.
+
+        Those that give the same octets back, if there are any. Raises ValueError where two of them read other values.
+        """
+        messages = of_header(self._messages, pdu) or [one for one in self._messages if pdu[1] in one.ids]
+        decoded, failed = {}, ValueError(f"messageID {pdu[1]} is of no message of the library")
+        for message in reversed(messages):
             try:
-                value = message.decode(pdu)
+                decoded[message] = message.encode(message.view(pdu)) == pdu
             except ValueError as error:
-                failed = error if at == 0 else failed
-            else:
-                failed = None
-                yield message, value
-        if failed:
+                failed = error
+        if not decoded:
             raise failed
+        fits = [message for message in messages if message in decoded]
+        exact = [message for message in fits if decoded[message]]
+        ordered, others = compared(exact or fits, pdu)
+        if others:
+            raise ValueError(f"{names_of([ordered[0], *others])} read different values in it")
+        for message in ordered:
+            yield message, message.decode(pdu)
 
     def editions(self, kind: str) -> Sequence[Edition]:
         number = int(kind) if kind.isdecimal() and len(kind) <= 3 else None

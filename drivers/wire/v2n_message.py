@@ -78,6 +78,11 @@ class Edition(Protocol):
     @property
     def name(self) -> str: ...
     @property
+    def type(self) -> str: ...
+    @property
+    def rank(self) -> int: ...
+    def leaves(self, octets: bytes, /) -> tuple[bytes, int]: ...
+    @property
     def ids(self) -> Sequence[int]: ...
     @property
     def versions(self) -> Sequence[int]: ...
@@ -90,7 +95,10 @@ class Codec(Protocol):
     """The message library, where a payload needs it."""
 
     def decodings(self, pdu: bytes) -> Iterator[tuple[Edition, dict[str, Any]]]:
-        """The editions that a PDU can be of, likely ones first, and its value in each. Raises ValueError for none."""
+        """The editions that a PDU can be of, likely ones first, and its value in each.
+
+        Raises ValueError for none, and for several that read different values.
+        """
 
     def editions(self, kind: str) -> Sequence[Edition]:
         """Those of a type, by its name or messageID, the preferred one first; none where it is not known."""

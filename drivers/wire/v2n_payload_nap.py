@@ -6,6 +6,7 @@ to send    the member `cam` alone, whose header is made here; or header and `cam
 Members and units: README and examples of nap-it/vanetza-nap.
 """
 
+import contextlib
 import json
 import math
 from collections.abc import Callable, Sequence
@@ -13,6 +14,7 @@ from typing import Any
 
 from board.errors import RequestError
 from drivers.reason import Reason
+from drivers.wire.editions import of_header
 from drivers.wire.v2n_message import Codec, Edition, RefusedError, Sending
 from drivers.wire.v2n_payload_json import member, read_object, refuse, shown
 from drivers.wire.v2n_payload_si import ConversionError, to_json
@@ -35,7 +37,7 @@ class NapReceived:
         self._codec = codec
 
     def write(self, sending: Sending) -> bytes:
-        fields = _decoded(self._codec, sending)
+        _, fields = _decoded(self._codec, sending)
         header = fields["header"]
         return _dump(
             {
@@ -70,9 +72,24 @@ class NapToSend:
         self._codec = codec
 
     def write(self, sending: Sending) -> bytes:
-        fields = _decoded(self._codec, sending)
+        edition, fields = _decoded(self._codec, sending)
         body = {name: value for name, value in fields.items() if name != "header"}
-        return _dump(next(iter(body.values())) if len(body) == 1 else body)
+        whole = next(iter(body.values())) if len(body) == 1 else body
+        if other := self._taken_for(edition, sending, whole):
+            what = f"{sending.kind}: {edition.name} without its header is taken for {other}, whose values differ"
+            raise RequestError(what, 'take a payload with a header: "nap", or octets')
+        return _dump(whole)
+
+    def _taken_for(self, edition: Edition, sending: Sending, body: dict[str, Any]) -> str:
+        """The preferred edition of another protocolVersion that has the same names; empty: none."""
+        editions = self._codec.editions(sending.kind)
+        for other in editions[: [one.name for one in editions].index(edition.name)]:
+            if set(other.versions) & set(edition.versions):
+                continue
+            with contextlib.suppress(ConversionError):
+                self._value(other, editions, sending.kind, body)
+                return other.name
+        return ""
 
     def read(self, kind: str, payload: bytes) -> tuple[bytes, str]:
         given = read_object(payload)
@@ -103,7 +120,7 @@ def _version(edition: Edition, editions: Sequence[Edition]) -> int:
     return max(own or edition.versions)
 
 
-def _decoded(codec: Codec, sending: Sending) -> dict[str, Any]:
+def _decoded(codec: Codec, sending: Sending) -> tuple[Edition, dict[str, Any]]:
     """Header and body as JSON, in the first edition that has a name for all of it. Raises RequestError."""
     first: ValueError | None = None
     try:
@@ -113,27 +130,38 @@ def _decoded(codec: Codec, sending: Sending) -> dict[str, Any]:
             except ConversionError as error:
                 first = first or error
             else:
-                return found
+                return edition, found
     except ValueError as error:
         first = first or error
     raise RequestError(f"{sending.kind} is not to be had as JSON: {first}") from first
 
 
 def _encoded(codec: Codec, kind: str, convert: Callable[[Edition], Any]) -> bytes:
-    """The PDU, in the first edition that it fits. Raises RefusedError with what came closest to fit."""
+    """The PDU, in the first edition that it fits. Raises RefusedError with what came closest to fit.
+
+    The header selects the edition. What has all names of an edition and a value out of its range is not tried with
+    editions of other protocolVersions: there the same number means something else.
+    """
     editions = codec.editions(kind)
     if not editions:
         refuse("", f"{shown(kind)} is no type that the message library has")
-    closest, farthest = "", -1.0
+    closest, farthest = "", -2.0
+    named: set[int] = set()
     for edition in editions:
+        if named and not named & set(edition.versions):
+            continue
         after = math.inf
         try:
             value = convert(edition)
-            return edition.encode(value)
+            pdu = edition.encode(value)
+            if of_header([edition], pdu) or not of_header(editions, pdu):
+                return pdu
+            why, after = f"header: protocolVersion {pdu[0]} is not of this edition", -1.0
         except ConversionError as error:
             why, after = str(error), error.after
         except ValueError as error:  # it has all names, and a value is out of range or missing
             why = str(error)
+            named = named or set(edition.versions)
         if after > farthest:
             closest, farthest = f"{edition.name}: {why}", after
     raise RefusedError(Reason.PAYLOAD, closest)

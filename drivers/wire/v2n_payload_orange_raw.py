@@ -1,5 +1,9 @@
 """message_format "json/raw" of Orange's its-client, for CAM: names in snake_case, and the integers of the ASN.1.
 
+The numbers of a CAM of V1.3.2 (protocolVersion 1) are those of its data dictionary, TS 102 894-2 V1.2.1; the schema has
+those of V1.3.1 and later. CurvatureValue is converted: 1/30,000 there, 1/10,000 of 1/m in the schema. LanePosition is
+counted from the other side, and refused.
+
 Source: schema/cam/cam_schema_2-4-0.json of its-client. Not there, and refused by path: causes of an incident, lanes
 that are closed, data of public transport; and every type but CAM.
 """
@@ -16,6 +20,11 @@ KINDS_OF_MESSAGES = ("cam",)
 _WORDS = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
 _NAMES = {"roadworksSubCauseCode": "road_works_sub_cause_code"}
 _SEQUENCES = {"semiMajor": ("semi_major", "semi_minor", "semi_major_orientation")}  # by how the first member begins
+# CurvatureValue of TS 102 894-2 V1.2.1: -30,000..30,000, and 30,001 for unavailable; three are one of the schema.
+_FINE, _FINE_UNAVAILABLE, _FINE_IN_ONE = -30_000, 30_001, 3
+_RIGHT_MOST, _LEFT_MOST, _UNAVAILABLE = -1023, 1022, 1023  # of the schema; the first two mean "or more"
+_FROM_OUTSIDE = ("outermostDrivingLane", 1)  # LanePosition of V1.2.1
+
 _LEFT_OUT = frozenset({"CauseCode", "CauseCodeV2", "ClosedLanes", "PtActivation"})
 
 
@@ -57,7 +66,9 @@ def _members(kind: Type, path: str) -> dict[str, Field]:
 
 def _written(kind: Type, value: Any, path: str) -> Any:
     match kind.kind:
-        case "INTEGER" | "BOOLEAN":
+        case "INTEGER":
+            return _coarse(value) if _is_fine(kind, path) else value
+        case "BOOLEAN":
             return value
         case "ENUMERATED":
             return dict(kind.names).get(value, value)
@@ -88,7 +99,8 @@ def _written(kind: Type, value: Any, path: str) -> Any:
 def _read(kind: Type, value: Any, path: str) -> Any:
     match kind.kind:
         case "INTEGER":
-            return _want(value, int, path)
+            number = _want(value, int, path)
+            return _fine(number, path) if _is_fine(kind, path) else number
         case "BOOLEAN":
             return _want(value, bool, path)
         case "ENUMERATED":
@@ -112,6 +124,28 @@ def _read(kind: Type, value: Any, path: str) -> Any:
         case "BIT STRING" if kind.names:
             return _bits(kind, _want(value, dict, path), path)
     raise ConversionError(path, 'has no form in "json/raw"; take "asn1/uper"')
+
+
+def _is_fine(kind: Type, path: str) -> bool:
+    """Is it the curvature of V1.2.1? Raises ConversionError for a number of V1.2.1 that is not converted."""
+    if _FROM_OUTSIDE in kind.names:
+        raise ConversionError(path, "CAM V1.3.2 counts lanes from the other side than the schema does")
+    return kind.name == "CurvatureValue" and kind.low == _FINE
+
+
+def _coarse(value: int) -> int:
+    """The curvature of V1.2.1 in the unit of the schema, to the nearest."""
+    if value == _FINE_UNAVAILABLE:
+        return _UNAVAILABLE
+    return max(_RIGHT_MOST, min(_LEFT_MOST, round(value / _FINE_IN_ONE)))
+
+
+def _fine(value: int, path: str) -> int:
+    if value == _UNAVAILABLE:
+        return _FINE_UNAVAILABLE
+    if not _RIGHT_MOST <= value <= _LEFT_MOST:
+        raise ConversionError(path, f"{value} is not in {_RIGHT_MOST}..{_UNAVAILABLE}")
+    return value * _FINE_IN_ONE
 
 
 def _bits(kind: Type, value: dict[str, Any], path: str) -> tuple[bytes, int]:

@@ -1,11 +1,13 @@
 """Vanetza-NAP's JSON, through the message library: members and headers, both ways."""
 
+import copy
 import json
 from typing import Any
 
 import captain_messages
 import pytest
 
+from board.errors import RequestError
 from drivers.reason import Reason
 from drivers.wire.v2n import Delivery, RefusedError
 from drivers.wire.v2n_description import ProfileDescription, PublishRow, SubscribeRow
@@ -113,6 +115,48 @@ def test_a_version_that_receivers_take_for_another_edition_is_avoided():
     (pdu,) = [pdu for kind, pdu in VECTORS if kind == "cpm"][:1]
     body = NapToSend(1, LIBRARY).write(Sending("cpm", 1, pdu, HERE, NOW_MS))
     assert station().receive(Delivery("vanetza/in/cpm", body)).pdu[0] == 1
+
+
+# CAM V1.3.2 of a made value, curvature 386; V1.4.1 reads -74.
+VERSION_1 = bytes.fromhex("010200000001c41e005a97ac450dd00a399ffffffc23b7743e00d2afc14dfe3fe9ed0733b590303600")
+
+
+def test_a_cam_of_protocol_version_1_is_shown_as_cam_1_3_2_and_comes_back():
+    payload = station().publications("cam", 2001, VERSION_1, HERE, NOW_MS)[0].payload
+    fields = json.loads(payload)["fields"]
+    assert fields["header"]["protocolVersion"] == 1
+    vehicle = fields["cam"]["camParameters"]["highFrequencyContainer"]["basicVehicleContainerHighFrequency"]
+    assert vehicle["curvature"] == {"curvatureValue": 386, "curvatureConfidence": 0}
+    assert NapReceived(8, LIBRARY).read("cam", payload) == (VERSION_1, "")
+
+
+def test_a_cam_1_3_2_is_not_written_without_its_header():
+    with pytest.raises(RequestError, match=r"cam-1\.3\.2 without its header is taken for cam-1\.4\.1"):
+        NapToSend(1, LIBRARY).write(Sending("cam", 1, VERSION_1, HERE, NOW_MS))
+
+
+def test_the_header_of_the_json_selects_the_edition():
+    header = {"protocolVersion": 1, "messageID": 2, "stationID": 4711}
+    pdu = sent("cam", {"header": header, "cam": OLD_CAM})
+    value: Any = captain_messages.find("cam-1.3.2").decode(pdu)
+    assert value["header"]["protocolVersion"] == 1
+    _, vehicle = value["cam"]["camParameters"]["highFrequencyContainer"]
+    assert vehicle["curvature"]["curvatureValue"] == 1023
+
+
+def test_a_body_without_a_header_is_not_sent_as_an_older_edition_for_a_value_out_of_range():
+    body = copy.deepcopy(OLD_CAM)
+    vehicle = body["camParameters"]["highFrequencyContainer"]["basicVehicleContainerHighFrequency"]
+    vehicle["curvature"]["curvatureValue"] = 5000
+    with pytest.raises(RefusedError, match=r"cam-1\.4\.1: .*curvatureValue: out of range: 5000"):
+        sent("cam", body)
+
+
+def test_a_message_that_two_editions_read_with_different_values_is_not_written():
+    vam = bytes.fromhex("031000001267ce004137480ef6c6b49d2000004dd1c2148d5b0006ea6afffb98031010")
+    for payload in (NapReceived(8, LIBRARY), NapToSend(8, LIBRARY)):
+        with pytest.raises(RequestError, match=r"vam-2\.3\.1 and vam-2\.1\.1 read different values in it"):
+            payload.write(Sending("vam", 2018, vam, HERE, NOW_MS))
 
 
 def test_a_type_can_be_named_by_its_message_id():
