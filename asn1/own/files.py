@@ -1,4 +1,4 @@
-"""Files of a user's message: their modules, each once, with the keys that they get in the schema."""
+"""Files of a user's message: reads them, and gives their modules keys."""
 
 import difflib
 import hashlib
@@ -35,7 +35,7 @@ class Files(NamedTuple):
 
 
 def read_files(paths: Sequence[Path], name: str, pdu: str) -> Files:
-    """The modules of the files of a message. Raises ImportFault where the PDU is unreadable.
+    """Read the files of a message. Raises ImportFault where the PDU is unreadable.
 
     name  of the message.
     """
@@ -63,18 +63,18 @@ def read_files(paths: Sequence[Path], name: str, pdu: str) -> Files:
 
 
 def compare(files: Files) -> list[Problem]:
-    """Why asn1tools could not read a file. Raises ImportFault where it reads something else, MissingError."""
+    """Return why asn1tools could not read a file. Raises ImportFault where it reads something else, MissingError."""
     notes = [crosscheck(words, file, reading.modules) for words, file, reading in files.texts]
     return [note for note in notes if note]
 
 
 def key(name: str, number: int) -> str:
-    """Of a module of a message: x_<name>, x1_<name>, ...: no two messages have one in common."""
+    """Return the key of a module: x_<name>, x1_<name>, ..., so that two messages share none."""
     return f"x{number or ''}_" + re.sub(r"[.-]", "_", name)
 
 
 def no_type(paths: Sequence[Path], pdu: str) -> str | None:
-    """Why a type cannot be the PDU; of files that have mistakes `add` tells them all."""
+    """Say why a type cannot be the PDU; None for files with mistakes, of which `add` reports all."""
     modules: list[syntax.Module] = []
     for path in paths:
         try:
@@ -88,12 +88,12 @@ def no_type(paths: Sequence[Path], pdu: str) -> str | None:
 
 
 def module_with(pdu: str, modules: Sequence[syntax.Module]) -> syntax.Module | None:
-    """The first module that defines a type."""
+    """Return the first module that defines a type."""
     return next((one for one in modules if isinstance(one.assignments.get(pdu), syntax.TypeAssignment)), None)
 
 
 def no_pdu(pdu: str, files: Sequence[str], modules: Sequence[syntax.Module]) -> str:
-    """Says that no module defines a type, and which ones they define."""
+    """Say that no module defines a type, and which ones they define."""
     known = [
         name for module in modules for name, one in module.assignments.items() if isinstance(one, syntax.TypeAssignment)
     ]

@@ -22,7 +22,7 @@ _BELOW: dict[tuple[Arc, ...], dict[str, int]] = {
 
 
 def arcs(oid: str) -> tuple[Arc, ...]:
-    """Numbers of `{ itu-t(0) ... version(2) }`, in the spacing of the schema; a name of unknown number stays a name."""
+    """Return the numbers of `{ itu-t(0) ... version(2) }`; a name of unknown number stays a name."""
     found: list[Arc] = []
     for word in words(oid):
         number = re.search(r"\d+(?=\)?$)", word if "(" in word or word.isdecimal() else "")
@@ -32,18 +32,18 @@ def arcs(oid: str) -> tuple[Arc, ...]:
 
 
 def words(oid: str) -> list[str]:
-    """Its parts as written: "version(2)"."""
+    """Return its parts as written: "version(2)"."""
     return oid.strip("{} ").split()
 
 
 def behind(oid: str, common: int) -> str:
-    """Its parts from an arc on, the last one at least: "version(2)"."""
+    """Return its parts from an arc on, the last one at least: "version(2)"."""
     parts = words(oid)
     return " ".join(parts[min(common, len(parts) - 1) :]) if parts else "no object identifier"
 
 
 def shared(oids: list[tuple[Arc, ...]]) -> int:
-    """How many arcs several identifiers begin with together."""
+    """Count the arcs that several identifiers begin with together."""
     same = [len(set(column)) == 1 for column in zip(*oids, strict=False)]
     return same.index(False) if False in same else len(same)
 

@@ -1,4 +1,4 @@
-"""Edition that an import means: by object identifier and version, whatever else was added before.
+"""Edition of an import, chosen by object identifier and version.
 
 Modules of other messages of users are no candidates, so that no message changes when another one is added, replaced or
 removed.
@@ -64,7 +64,7 @@ def of_standards(modules: Iterable[Module]) -> list[Candidate]:
 
 
 def choose(wanted: syntax.Import, candidates: Sequence[Candidate], others: Iterable[Module] = ()) -> Choice:
-    """The module that an import means.
+    """Choose the module of an import.
 
     candidates  the user's own before those of the standards
     others      modules of other messages, for the hint

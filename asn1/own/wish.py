@@ -1,4 +1,4 @@
-"""Wish of a user for a message of their own, checked before any file is read."""
+"""Wish of a user for a message, checked before files are read."""
 
 import re
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Messages of other standards and XML: recognised, so that an error can name them. Nothing of them is decoded."""
+"""Foreign input: names messages of SAE J2735 and XML, decodes neither."""
 
 import re
 from collections.abc import Iterable
@@ -53,7 +53,7 @@ _MOST_LINES = 1000  # in front of the root element: a licence in a comment
 
 
 def message_frame(octets: bytes) -> str | None:
-    """What octets are, where they are a MessageFrame of SAE J2735 in UPER from the first octet to the last."""
+    """Name a MessageFrame of SAE J2735 in UPER that fills the octets; None for others."""
     found = _message_frame(octets)
     if found is None or found.size != len(octets):
         return None
@@ -61,7 +61,7 @@ def message_frame(octets: bytes) -> str | None:
 
 
 def damaged_message_frame(octets: bytes) -> str | None:
-    """The same of one that is cut off, or that other octets follow."""
+    """Name one that is truncated, or that other octets follow; None for others."""
     found = _message_frame(octets)
     if found is None:
         return None
@@ -79,7 +79,7 @@ class _MessageFrame(NamedTuple):
 
 
 def _message_frame(octets: bytes) -> _MessageFrame | None:
-    """An extension bit, which is 0, 15 bits of messageId, and an open type with its length (X.691 11.9.3, 11.2)."""
+    """Parse an extension bit (0), 15 bits of messageId, and an open type with its length (X.691 11.9.3, 11.2)."""
     if len(octets) < 4 or octets[0] or octets[1] not in J2735 or octets[2] >= 0xC0:
         return None
     length, begin = (octets[2], 3) if octets[2] < 0x80 else (int.from_bytes(octets[2:4]) & 0x3FFF, 4)
@@ -96,7 +96,7 @@ def is_whole_xml(text: str) -> bool:
 
 
 def xml(lines: Iterable[str]) -> str:
-    """What a text in XML is: XER (ITU-T X.693) or not, its root element says."""
+    """Name a text in XML, which may be XER (ITU-T X.693), by its root element."""
     text = "".join(islice(lines, _MOST_LINES))
     at = 0
     while found := _NO_ELEMENT.match(text, at):

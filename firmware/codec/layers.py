@@ -85,7 +85,7 @@ def open_packet(packet: bytes) -> Carried | NoMessage:
 
 
 def link_of(octets: bytes) -> int | None:
-    """The LINKTYPE_ of octets that may be a frame or a PDU: of frames with GeoNetworking and of all with radiotap.
+    """Return the LINKTYPE_ of a frame with GeoNetworking or radiotap; None for a PDU and for other frames.
 
     But for Ethernet no frame begins like an ITS PDU, whose protocolVersion is small and whose messageID is not 0.
     """

@@ -1,0 +1,68 @@
+"""Foreign input is named by its own words, and nothing else is taken for it."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from firmware.codec import foreign
+
+
+def frame(message_id: int, size: int) -> bytes:
+    """A MessageFrame with so many octets inside (X.691 11.9.3: lengths below 128 have one octet, others two)."""
+    length = bytes([size]) if size < 128 else (0x8000 | size).to_bytes(2)
+    return message_id.to_bytes(2) + length + bytes(size)
+
+
+@pytest.mark.parametrize("size", [1, 127, 128, 16383])
+@pytest.mark.parametrize(
+    ("message_id", "name"),
+    [
+        (18, "MapData (MAP)"),
+        (20, "BasicSafetyMessage (BSM)"),
+        (41, "SensorDataSharingMessage (SDSM)"),
+        (243, "TestMessage03"),
+    ],
+)
+def test_a_message_frame_of_any_length_is_named(message_id: int, name: str, size: int):
+    told = foreign.message_frame(frame(message_id, size))
+    assert told == (
+        f"it is a MessageFrame of SAE J2735: messageId {message_id}, {name}; captain decodes messages of ETSI ITS only"
+    )
+
+
+@pytest.mark.parametrize("change", [frame(20, 30) + b"\0", frame(20, 30)[:-1]])
+def test_a_message_frame_of_another_length_is_only_a_likely_cause(change: bytes):
+    assert foreign.message_frame(change) is None
+    told = foreign.damaged_message_frame(change)
+    assert told is not None
+    assert told.endswith(f"with 33 octets (messageId 20, BasicSafetyMessage (BSM)), and has {len(change)}")
+
+
+@pytest.mark.parametrize(
+    "octets",
+    [
+        b"",
+        b"\0\x14\x01",
+        frame(2, 30),  # an id of no message
+        b"\x02" + frame(20, 30)[1:],  # protocolVersion 2
+        b"\x80" + frame(20, 30)[1:],  # extended
+        b"\0\x14\xc1" + bytes(16384),  # in fragments
+    ],
+)
+def test_octets_that_are_no_message_frame_are_not_named(octets: bytes):
+    assert foreign.message_frame(octets) is None
+    assert foreign.damaged_message_frame(octets) is None
+
+
+@given(st.binary(max_size=60))
+def test_no_octets_with_a_protocol_version_are_a_message_frame(octets: bytes):
+    assert foreign.message_frame(b"\x01" + octets) is None
+    named = foreign.message_frame(b"\0" + octets)
+    assert named is None or octets[0] in foreign.J2735
+
+
+@given(st.text(max_size=80))
+def test_any_text_in_xml_has_a_root_element_or_none(text: str):
+    told = foreign.xml([f"<{text}"])
+    assert "root element" in told
+    foreign.is_whole_xml(f"<{text}")
