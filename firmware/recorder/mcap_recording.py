@@ -52,12 +52,15 @@ class Recording:
         self._metadata: dict[str, int] = {}
         self._flushed = time.monotonic()
         self._unknown: Counter[str] = Counter()
+        self._doubtful: Counter[str] = Counter()
 
     def add(self, message: Message) -> None:
         """A message, by the time of its reception."""
         received_ns = max(0, message.raw.received_ns) if message.raw is not None else time.time_ns()
-        found = self._decoder.find(message.pdu, is_quick=True)
+        found = self._decoder.find(message.pdu)
         if isinstance(found, Identity) and found.message.name in self._types:
+            if found.doubt:
+                self._doubtful[f"{found.message.name}: {found.doubt}"] += 1
             topic = self._topic(found.message)
             self._mcap.add(topic.channel, received_ns, topic.write(found.message.decode(message.pdu)))
             sequence, edition, name = self._mcap.counts[topic.channel], found.message.name, topic.name
@@ -100,4 +103,5 @@ class Recording:
         """How many of which, in words."""
         words = [f"{self._mcap.counts[topic.channel]} {edition}" for edition, topic in sorted(self._topics.items())]
         words += [f"{count} {name} that no edition takes, as octets" for name, count in sorted(self._unknown.items())]
+        words += [f"{count} doubtful {doubt}" for doubt, count in sorted(self._doubtful.items())]
         return ", ".join(words) or "no message came"

@@ -36,8 +36,8 @@ class Topic:
 
 
 class Bench:
-    def __init__(self) -> None:
-        kind = KINDS["cam"]
+    def __init__(self, name: str = "cam") -> None:
+        kind = KINDS[name]
         self.lines: list[str] = []
         self.sent: list[tuple[bytes, dict[str, object], str]] = []
         self.has_station = True
@@ -70,6 +70,28 @@ def test_a_received_message_is_published_as_it_is_and_noted(bench):
     assert note is not None
     assert (note.sequence, note.pdu, note.edition) == (1, CAM, "cam-1.4.1")
     assert (bench.channel.counts.received, bench.channel.counts.published) == (1, 1)
+
+
+VERSION_1 = bytes.fromhex(
+    "010200000001c41e005a97ac450dd00a399ffffffc23b7743e00d2afc14dfe3fe9ed0733b590303600"
+)  # CAM V1.3.2 of a made value, curvature 386; V1.4.1 reads -74
+
+
+def test_a_received_message_of_another_edition_is_not_published_and_its_edition_is_named(bench):
+    assert bench.channel.receive(Arrival("cam", VERSION_1, None)) is None
+    assert bench.channel.publisher.said == []
+    assert bench.channel.counts.not_published == {"edition": 1}
+    (line,) = bench.lines
+    assert "header.protocol_version: 1 is that of cam-1.3.2, not of cam-1.4.1" in line
+
+
+def test_a_received_message_that_another_edition_reads_otherwise_is_published_and_doubted():
+    bench = Bench("vam")
+    vam = bytes.fromhex("031000001267ce004137480ef6c6b49d2000004dd1c2148d5b0006ea6afffb98031010")
+    assert bench.channel.receive(Arrival("vam", vam, None)) is not None
+    assert bench.channel.counts.doubtful == 1
+    (line,) = bench.lines
+    assert "published as vam-2.1.1: vam-2.3.1 read other values in 0310" in line
 
 
 def test_nothing_is_noted_while_nobody_wants_to_know_but_the_sequence_goes_on(bench):

@@ -193,6 +193,26 @@ def test_a_type_without_a_topic_is_decoded_as_well(services):
     assert decoded(services, DENM, "denm-2.2.1").edition == "denm-2.2.1"
 
 
+# CAM V1.3.2 of a made value, curvature 386; V1.4.1 reads -74.
+VERSION_1 = bytes.fromhex("010200000001c41e005a97ac450dd00a399ffffffc23b7743e00d2afc14dfe3fe9ed0733b590303600")
+
+
+def test_the_header_selects_the_edition_of_a_service(services):
+    found = decoded(services, VERSION_1)
+    assert (found.success, found.edition, found.reason) == (True, "cam-1.3.2", "")
+    assert '"curvatureValue":386' in found.json
+    assert encoded(services, type="cam-1.3.2", json=found.json).pdu == VERSION_1
+    for refused in (decoded(services, VERSION_1, "cam"), encoded(services, json=found.json)):
+        assert not refused.success
+        assert "header.protocol_version: 1 is that of cam-1.3.2, not of cam-1.4.1" in refused.reason
+
+
+def test_a_service_names_the_edition_that_reads_other_values(services):
+    vam = bytes.fromhex("031000001267ce004137480ef6c6b49d2000004dd1c2148d5b0006ea6afffb98031010")
+    found = decoded(services, vam, "vam-2.3.1")
+    assert (found.success, found.reason) == (True, "warning: vam-2.1.1 read other values in it")
+
+
 @pytest.mark.parametrize("name", ["cam", "cam-1.4.1", "cam_msgs/msg/CAM"])
 def test_a_type_may_be_named_in_three_ways(services, name):
     assert encoded(services, type=name, cdr=HEAD + CAM).pdu == CAM

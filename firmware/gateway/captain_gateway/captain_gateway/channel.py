@@ -78,7 +78,7 @@ class Channel:
             made = self._made(arrival.pdu)
         except RefusedError as error:
             self.counts.not_published[error.cause] += 1
-            if error.cause == "undecodable":
+            if error.cause in ("undecodable", "edition"):
                 self.counts.why_not_published = f"{error}: {arrival.pdu[:16].hex()}..."
                 self._complain("received", error.cause, f"not published: {error}")
             return None
@@ -86,6 +86,7 @@ class Channel:
         self.publisher.publish(self._listed(made.cdr, arrival, published_ns))
         self.counts.published += 1
         self.counts.left_out += bool(made.left_out)
+        self._doubt(arrival.pdu)
         self._sequence += 1
         if self.metadata is None or not self.metadata.get_subscription_count():
             return None
@@ -97,6 +98,7 @@ class Channel:
         settings = self.receiving
         if not settings.active:
             raise RefusedError("inactive", "receive.active is false")
+        self.edition.check_header(pdu)
         try:
             why = filters.refusal(pdu, self.edition, settings, self._around.place)
             if why is None and settings.max_age_s:
@@ -107,6 +109,13 @@ class Channel:
         if why is not None:
             raise RefusedError(why, why)
         return self.edition.to_cdr(pdu)
+
+    def _doubt(self, pdu: bytes) -> None:
+        """Say which editions of the same header read other values."""
+        if others := self.edition.others(pdu):
+            self.counts.doubtful += 1
+            text = f"published as {self.edition.name}: {' and '.join(others)} read other values in {pdu[:16].hex()}..."
+            self._complain("received", "doubtful", text)
 
     def _listed(self, cdr: bytes, arrival: Arrival, published_ns: int) -> bytes:
         """As the topic carries it; a list is stamped with the time of its reception, where that is known."""

@@ -58,6 +58,8 @@ class Edition:
         if kind.editions and _type(self.name) not in map(_type, kind.editions):
             raise GatewayError(f"{kind.name}.edition: {self.name} is no edition of {_type(kind.editions[0])}")
         self.profile = profile
+        # Editions whose header some octets may have instead, or as well.
+        self._rivals = [one for one in library.all() if one.name != self.name and set(one.ids) & set(self.message.ids)]
         self.position = self._reader(next((pair for pair in kind.position if self._has(*pair)), ()))
         self.generated = self._reader(next(((path,) for path in kind.generated if self._has(path)), ()))
         self.key = self._reader(tuple(path for path in kind.key if self._has(path)))
@@ -94,6 +96,33 @@ class Edition:
                 return original
         return pdu
 
+    def check_header(self, pdu: bytes) -> None:
+        """Raise RefusedError for the header of another edition: the same octets mean other values there."""
+        owners = [] if pdu[0] in self.message.versions else self._of_header(pdu)
+        if owners:
+            named = " or ".join(one.name for one in owners)
+            raise RefusedError("edition", f"header.protocol_version: {pdu[0]} is that of {named}, not of {self.name}")
+
+    def others(self, pdu: bytes) -> tuple[str, ...]:
+        """Return editions of the same header that give the octets back and read other values in them.
+
+        One of the same type that knows fewer parts of the message is none: its sender could not have said them. The
+        station's own programs compare likewise: drivers/wire/editions.py.
+        """
+        rivals = self._of_header(pdu)
+        if not rivals or pdu[0] not in self.message.versions:
+            return ()
+        values, unknown = _leaves(self.message, pdu)
+        found = [(one, _leaves(one, pdu)) for one in rivals if _is_exact(one, pdu)]
+        return tuple(
+            one.name
+            for one, (other, more) in found
+            if other != values and not (one.type == self.message.type and more > unknown)
+        )
+
+    def _of_header(self, pdu: bytes) -> list[Any]:
+        return [one for one in self._rivals if pdu[1] in one.ids and pdu[0] in one.versions]
+
     def check(self, pdu: bytes) -> None:
         """Raise RefusedError for what a station would take for another message, or not at all."""
         if len(pdu) < ITS_HEADER:
@@ -103,7 +132,9 @@ class Edition:
             raise RefusedError("header", f"header.message_id: {pdu[1]} is not that of {self.message.type}: {expected}")
         if pdu[0] not in self.message.versions:
             expected = " or ".join(map(str, self.message.versions))
-            raise RefusedError("header", f"header.protocol_version: {pdu[0]} is not that of {self.name}: {expected}")
+            owners = " or ".join(one.name for one in self._of_header(pdu))
+            told = f"header.protocol_version: {pdu[0]} is not that of {self.name}: {expected}"
+            raise RefusedError("header", f"{told}; it is that of {owners}" if owners else told)
         if len(pdu) > MAX_PDU:
             raise RefusedError("too-long", f"the message has {len(pdu)} octets; a station takes {MAX_PDU}")
 
@@ -120,6 +151,10 @@ class Edition:
             return bool(self.message.encode(self.message.view(pdu)) == pdu)
         except (ValueError, MemoryError):
             return None
+
+    def unknown_parts(self, pdu: bytes) -> int:
+        """How many parts of a message this edition does not know."""
+        return _leaves(self.message, pdu)[1]
 
     def _is_made_of(self, cdr: bytes, original: bytes) -> bool:
         try:
@@ -167,6 +202,22 @@ class Kept:
         """The newest of all, MOST_TRIED at most: those of the station that was heard last come first."""
         recent = list(self._stations.values())[-MOST_TRIED:][::-1]
         return [pdu for own in recent for pdu in list(own)[::-1]][:MOST_TRIED]
+
+
+def _leaves(message: Any, pdu: bytes) -> tuple[bytes, int]:
+    """The values without names and the number of unknown parts; those of no other edition where it cannot."""
+    try:
+        values, unknown = message.leaves(pdu)
+    except (ValueError, MemoryError):
+        return message.name.encode(), len(pdu)
+    return values, unknown
+
+
+def _is_exact(message: Any, pdu: bytes) -> bool:
+    try:
+        return bool(message.encode(message.view(pdu)) == pdu)
+    except (ValueError, MemoryError):
+        return False
 
 
 def _is_broken(error: BaseException) -> bool:

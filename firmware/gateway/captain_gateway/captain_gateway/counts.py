@@ -14,6 +14,7 @@ class Counts:
     published: int = 0
     not_published: Counter[str] = field(default_factory=Counter)
     left_out: int = 0
+    doubtful: int = 0  # published, and another edition of the same header reads other values
     why_not_published: str = ""
     taken: int = 0
     sent: int = 0

@@ -26,8 +26,8 @@ class Routing(Generic[One]):
     def find(self, pdu: bytes) -> One | None:
         """Whose a message of at least 6 octets is; None where nobody has its messageID.
 
-        Of several editions the first that announces its protocolVersion and gives the same octets back; else the first
-        that decodes; else the first, which then says why it does not.
+        Of several editions those that announce its protocolVersion; of these the first that gives the same octets back
+        and knows every part, else one that gives them back, else one that decodes; else the first, which says why.
         """
         candidates = self._by_id[pdu[1]]
         if len(candidates) < 2:
@@ -35,10 +35,11 @@ class Routing(Generic[One]):
         announced = [one for one in candidates if pdu[0] in one.edition.message.versions] or candidates
         if len(announced) == 1:
             return announced[0]
-        decoded = None
+        exact, decoded = None, None
         for one in announced:
             is_exact = one.edition.is_exact(pdu)
-            if is_exact:
+            if is_exact and one.edition.unknown_parts(pdu) == 0:
                 return one
+            exact = exact or (one if is_exact else None)
             decoded = decoded or (one if is_exact is not None else None)
-        return decoded or announced[0]
+        return exact or decoded or announced[0]

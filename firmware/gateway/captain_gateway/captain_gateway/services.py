@@ -28,6 +28,7 @@ class Services:
         try:
             edition = self.edition(request.type)
             pdu = edition.message.from_json(request.json) if request.json else edition.from_cdr(bytes(request.cdr))
+            edition.check_header(pdu)
             response.edition = edition.name
             response.pdu = pdu
             response.success = True
@@ -40,10 +41,14 @@ class Services:
         pdu = bytes(request.pdu)
         try:
             edition = self.edition(request.type) if request.type else self._by_header(pdu)
+            if edition.message.ids and len(pdu) >= ITS_HEADER:
+                edition.check_header(pdu)
             response.cdr, left_out = edition.message.to_cdr(pdu, self._profile)
             response.json = edition.message.to_json(pdu)
             response.left_out = [part.path for part in left_out]
             response.edition, response.type = edition.name, edition.ros_type
+            if others := edition.others(pdu) if edition.message.ids and len(pdu) >= ITS_HEADER else ():
+                response.reason = f"warning: {' and '.join(others)} read other values in it"
             response.success = True
         except (GatewayError, RefusedError, ValueError, MemoryError) as error:
             response.reason = str(error)
@@ -66,11 +71,14 @@ class Services:
         if len(pdu) < ITS_HEADER:
             raise GatewayError(f"{len(pdu)} octets are no message: its header alone has {ITS_HEADER}")
         found = self._routing.find(pdu)
-        if found is not None:
+        if found is not None and pdu[0] in found.edition.message.versions:
             return found.edition
-        for edition in self._all():
-            if pdu[1] in edition.message.ids:
+        fits = [edition for edition in self._all() if pdu[1] in edition.message.ids]
+        for edition in fits:
+            if pdu[0] in edition.message.versions:
                 return edition
+        if found is not None or fits:
+            return found.edition if found is not None else fits[0]
         raise GatewayError(f"no message has messageID {pdu[1]}; name its type")
 
     def _all(self) -> Iterable[Edition]:

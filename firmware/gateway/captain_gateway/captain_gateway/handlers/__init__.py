@@ -1,9 +1,9 @@
 """The handlers, by name: a new one is a file beside this one and a line here."""
 
-from .cam import CAM, CAM_TS
+from .cam import CAM, CAM_TS, CAM_V1
 from .charging import EV_RSR, EVCSN, TISTPG
 from .cpm import CPM, CPM_TR
-from .denm import DENM, DENM_TS
+from .denm import DENM, DENM_TS, DENM_V1
 from .imzm import IMZM
 from .ivim import IVIM
 from .kind import Kind
@@ -20,6 +20,6 @@ KINDS: dict[str, Kind] = {
     kind.name: kind
     for kind in (
         CAM, CAM_TS, DENM, DENM_TS, CPM, CPM_TR, VAM, IVIM, MAPEM, SPATEM, SREM, SSEM, RTCMEM, POI, IMZM, EVCSN, EV_RSR,
-        TISTPG, MCM,
+        TISTPG, MCM, CAM_V1, DENM_V1,
     )
 }  # fmt: skip
