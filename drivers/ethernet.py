@@ -16,7 +16,7 @@ from board.netlink import Device, DeviceWatch
 from drivers.access_category import BEACON, NEW_SOCKET, prioritize_frames
 from drivers.contract import BUSY, NOW, Can, Capabilities, Host, Sent, Shared
 from drivers.geolink import GEONETWORKING_METADATA, MAX_PAYLOAD, GeoLink
-from drivers.intake import Intake, enlarge, refused
+from drivers.intake import Intake, enlarge, not_permitted, refused
 from drivers.lanes import ALL, NONE, NOT_FOR_OTHERS, SOL_PACKET, fan_out, in_packet, keep
 from drivers.message import NO_MAC, Request
 from drivers.reason import Reason
@@ -87,8 +87,7 @@ class Ethernet:
             try:
                 self._open(opening)
             except PermissionError as error:
-                hint = "run as root, or give the program CAP_NET_RAW: setcap cap_net_raw+ep <program>"
-                raise InterfaceError(f"{self._options.device}: raw sockets are not permitted", hint) from error
+                raise not_permitted(self._options.device) from error
             except OSError as error:
                 raise refused(self._options.device, error) from error
             self._opened = opening.pop_all()

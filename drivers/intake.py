@@ -23,6 +23,12 @@ MSG_TRUNC: Final = int(socket.MSG_TRUNC)  # an enum's & takes a microsecond
 BATCH = 32
 SLICE = 8
 
+# Not setcap: with it the one-file binary refuses to start, and a script gets nothing (tests/system/test_rights.py).
+RAW_SOCKETS = (
+    "run it as root, or with CAP_NET_RAW: AmbientCapabilities=CAP_NET_RAW of its service, or "
+    "setpriv --inh-caps=+net_raw --ambient-caps=+net_raw"
+)
+
 Deliver = Callable[[bytes, int], None]
 
 
@@ -148,3 +154,8 @@ def enlarge(receiver: socket.socket, octets: int) -> str:
 def refused(what: str, error: OSError, hint: str = "") -> InterfaceError:
     """The InterfaceError of a system call's failure."""
     return InterfaceError(f"{what}: {(error.strerror or str(error)).lower()}", hint)
+
+
+def not_permitted(device: str) -> InterfaceError:
+    """That of a raw socket for a user without the right to one."""
+    return InterfaceError(f"{device}: raw sockets are not permitted", RAW_SOCKETS)

@@ -12,6 +12,7 @@ import zmq
 
 from board.address import Address
 from board.errors import ProtocolError, RequestError, StationError
+from drivers.intake import not_permitted
 from drivers.message import Shape
 from drivers.wire import btp, geonet_packet
 from drivers.wire import frame as ethernet
@@ -227,8 +228,7 @@ def raw_socket(device: str, ethertype: int) -> socket.socket:
         one = socket.socket(socket.AF_PACKET, socket.SOCK_RAW, 0)
         one.bind((device, ethertype))
     except PermissionError as error:
-        hint = "run as root, or give the program CAP_NET_RAW: setcap cap_net_raw+ep <program>"
-        raise StationError(f"{device}: raw sockets are not permitted", hint) from error
+        raise not_permitted(device) from error
     except OSError as error:
         raise StationError(f"network device {device}: {error.strerror}", "`ip link` lists them") from error
     return one
