@@ -81,7 +81,7 @@ bench-ros2: setup-ros2 ## UPER to ROS 2's CDR and back beside typed messages and
 	@.venv/bin/python -m tests.bench.ros2 $(ROS2)
 	@.venv/bin/python -m tests.bench.gateway $(GATEWAY)
 
-truth: setup-test ## made values of every message, ours against every other codec; ARGS='--count 1000000'
+truth: setup-test ## made values of every message, ours against every other codec; PDUs of each edition against the others; ARGS='--count 1000000'
 	@.venv/bin/python -m tests.asn1.truth $(ARGS)
 
 lab: setup-test ## ten messages at 10 Hz for 60 s between two stations: UDP, raw Ethernet, radios, a broker, both at once

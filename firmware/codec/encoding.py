@@ -128,9 +128,16 @@ def _octet(number: object) -> int | None:
 
 
 def _has_names(message: Message, value: object) -> bool:
-    header = value["header"] if isinstance(value, dict) else {}
-    known = {field.name for field in message.type_tree().fields[0].type.fields}
-    return known.issuperset(header)
+    """Has the header of a message in JSON, where it is there, no other names than those of the edition?"""
+    if not message.ids:
+        return True
+    header = value.get("header") if isinstance(value, dict) else None
+    return not isinstance(header, dict) or set(_names_of(message)).issuperset(header)
+
+
+def _names_of(message: Message) -> list[str]:
+    """Names of the components of the ITS PDU header: Release 2 spells two of them otherwise."""
+    return [field.name for field in message.type_tree().fields[0].type.fields]
 
 
 def _first(messages: Sequence[Message], value: object, origin: str) -> tuple[Message, bytes]:
@@ -168,4 +175,7 @@ def _octets(message: Message, value: object, origin: str) -> bytes:
         raise RequestError(f"{origin}: {message.name}: it is nested too deeply, or larger than a message") from error
     except ValueError as error:
         path, reason = getattr(error, "path", ""), getattr(error, "reason", str(error))
-        raise RequestError(f"{origin}: {message.name}: {path or 'the message'}: {reason}") from error
+        hint = ""
+        if not _has_names(message, value):
+            hint = f"the header of {message.name} has {', '.join(_names_of(message))}"
+        raise RequestError(f"{origin}: {message.name}: {path or 'the message'}: {reason}", hint) from error

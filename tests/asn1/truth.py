@@ -1,5 +1,7 @@
 """python -m tests.asn1.truth: generated values of every message, our codec against all others, and the table of it.
 
+Then PDUs of each edition, tried with every other edition that their header announces as well: confusion.py.
+
 Needs the message library (`make codec`); pycrate and tshark where they are installed.
 """
 
@@ -17,12 +19,13 @@ from typing import Any, NamedTuple
 
 from asn1 import text
 from asn1 import types as t
-from tests.asn1 import tshark
+from tests.asn1 import confusion, tshark
 from tests.asn1.disagreements import TABLE
 from tests.asn1.trial import Codec, Tally, Trial, chunks
 
 LIBRARY = Path("build/codec/python")
 CHUNK = 10_000
+CONFUSED = 1_000  # PDUs of an edition in one part: a part takes 2 s
 # Of how many values one goes to each. A value takes us 0.03 to 0.6 ms, asn1tools 0.2 to 2, pycrate 0.5 to 5 ms.
 EVERY = {"asn1tools": 20, "pycrate": 60, "tshark": 100}
 COLUMNS = "{:<25}{:>10}{:>10}{:>19}{:>17}{:>15}{:>11}{:>13}"
@@ -65,6 +68,20 @@ def run(task: Task) -> tuple[str, Tally]:
     return task.message, trial(task.message, task.every).run(task.seed, task.values)
 
 
+@functools.lru_cache(maxsize=1)
+def confused() -> confusion.Trial:
+    return confusion.Trial(schema(), library().all())
+
+
+def confuse(task: Task) -> tuple[str, confusion.Confused]:
+    return task.message, confused().run(task.message, task.values, confusion.SEED + task.seed)
+
+
+def confusions(messages: list[t.Message], count: int) -> list[Task]:
+    """count PDUs of each edition that has a header."""
+    return [Task(one.name, seed, part, ()) for one in messages if one.ids for seed, part in chunks(count, CONFUSED)]
+
+
 def tasks(messages: list[t.Message], count: int, rates: dict[str, int]) -> Iterator[Task]:
     """count values of every type of message, shared by its editions."""
     editions = Counter(one.type for one in messages)
@@ -87,9 +104,13 @@ def main(arguments: list[str] | None = None) -> int:
             parts[name] -= 1
             if not parts[name]:  # an hour is long: whoever breaks it off has seen this much
                 print(f"{time.monotonic() - began:5.0f} s {_row(name, tallies[name])}", file=sys.stderr, flush=True)
-    print("\n".join(report(tallies, rates)))
+        print("\n".join(report(tallies, rates)), flush=True)
+        found = {one.name: confusion.Confused() for one in messages if one.ids}
+        for name, one in pool.imap_unordered(confuse, confusions(messages, options.editions)):
+            found[name].add(one)
+    print("\n" + "\n".join(confusion.report(found)))
     print(f"\n{time.monotonic() - began:.0f} s with {options.processes} processes")
-    return int(any(tally.unexplained for tally in tallies.values()))
+    return int(any(tally.unexplained for tally in tallies.values()) or any(one.silent for one in found.values()))
 
 
 def report(tallies: dict[str, Tally], rates: dict[str, int]) -> Iterator[str]:
@@ -123,6 +144,9 @@ def _options(arguments: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--count", type=int, default=1_000_000, help="values of each type of message (default 1000000)")
     parser.add_argument(
         "--message", action="append", help="only this edition, as cam-1.4.1; may be given several times"
+    )
+    parser.add_argument(
+        "--editions", type=int, default=10_000, help="PDUs of each edition tried with the others (default 10000)"
     )
     parser.add_argument("--processes", type=int, default=2)
     for name, one in EVERY.items():

@@ -29,7 +29,9 @@ IS_HERE = shutil.which("tshark") is not None
 # leaves alone; its TISTPG is over another data dictionary than the one in the schema.
 MESSAGES: Final = {
     "cam-1.4.1": (2, 2),
+    "cam-1.3.2": (2, 1),
     "denm-1.3.1": (1, 2),
+    "denm-1.2.2": (1, 1),
     "spatem-2.1.1": (4, 2),
     "mapem-2.1.1": (5, 2),
     "ivim-2.1.1": (6, 2),
