@@ -53,6 +53,7 @@ class TypeRule:
     expiry_s         after which a broker forgets it (MQTT 5); as in the profile where absent.
     accept_retained  take what a broker had kept.
     schema_version   of the envelope, standard of the PDU, origin: members that the form orange has.
+                     standard may be a table by the PDU's protocolVersion, whose last row is for all others.
     """
 
     topic: str = ""
@@ -61,7 +62,7 @@ class TypeRule:
     expiry_s: int | None = None
     accept_retained: bool = False
     schema_version: str = "2.0.0"
-    standard: str = "unknown"
+    standard: str | dict[str, str] = "unknown"
     origin: str = ""
 
     def __post_init__(self) -> None:

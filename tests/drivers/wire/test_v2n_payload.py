@@ -5,6 +5,7 @@ import json
 from collections.abc import Callable
 from typing import Any
 
+import captain_messages
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -105,6 +106,18 @@ def test_the_envelope_of_orange_is_that_of_its_schemas(kind: str):
     assert base64.b64decode(sent["message"]["payload"]) == PDU
     assert found.topic.split("/")[:5] == ["5GCroCo", "inQueue", "v2x", topic, "com_car_1"]
     assert len(found.topic.split("/")[5:]) == 22
+
+
+# Preferred editions, and those of an older protocolVersion.
+ANNOUNCED = [one for one in captain_messages.all() if one.ids and (one.rank == 1 or one.release == 1)]
+
+
+@pytest.mark.parametrize("message", ANNOUNCED, ids=lambda message: message.name)
+def test_the_envelope_of_orange_names_the_standard_of_the_header(message: Any):
+    head = bytes((message.versions[-1], message.ids[0]))
+    (found,) = profile("orange").publications(message.type, 1, head + PDU[2:], HERE, NOW_MS)
+    said = json.loads(found.payload)["message"]["version"]
+    assert said == message.standard.removesuffix(" (draft)")
 
 
 def test_cams_of_orange_expire_and_maps_are_kept():
