@@ -141,7 +141,8 @@ def test_a_data_partition_that_takes_nothing_is_told(tmp_path: Path, capsys: Sai
     ("place", "code", "said"), [("pipe", 141, ""), ("/dev/full", 1, "cannot write: No space left")]
 )
 def test_what_cannot_be_printed_is_none_of_the_cards_trouble(tmp_path: Path, place: str, code: int, said: str):
-    card = write(tmp_path, {"box.toml": "".join(f"key{number} = 1\n" for number in range(3000))})
+    # More than a buffer of 8 KiB, wherever the card lies: written before the end.
+    card = write(tmp_path, {"box.toml": "".join(f"key{number:0200} = 1\n" for number in range(60))})
     if place == "pipe":
         reader, out = os.pipe()
         os.close(reader)
