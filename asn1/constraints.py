@@ -13,6 +13,8 @@ The encoding asks for bounds (X.691 10.3, clause numbers of 02/2021):
   not seen by PER at all: WITH COMPONENT, WITH COMPONENTS or a table constraint such as ({Set}) takes the marker of
   what it is applied to. So `ConstraintWrappedCpmContainers` (CPM, TS 103 324) has no extension bit though its parent
   SIZE(1..8, ...) has one. The parent's additions are gone as well: its root alone is narrowed.
+- Some peers keep the marker all the same. `Bounds.lost_marker` says where that makes a difference; forms.py lays out
+  their interpretation.
 
 A validator asks which values are allowed: unions with gaps, ALL EXCEPT, additions. With an extension marker it allows
 all that the parent allows: a value outside of the root is of a later edition.
@@ -46,12 +48,16 @@ ALPHABETS: dict[str, Ranges] = {
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """low and high of the extension root (None: MIN, MAX); gaps: what lies between and is not allowed all the same."""
+    """low and high of the extension root (None: MIN, MAX); gaps: what lies between and is not allowed all the same.
+
+    lost_marker  a constraint before the last one has a marker, and the last one has none.
+    """
 
     low: int | None
     high: int | None
     is_extensible: bool = False
     gaps: Ranges = ()
+    lost_marker: bool = False
 
     @property
     def width(self) -> int | None:
@@ -95,19 +101,21 @@ def count(values: Ranges) -> int:
 
 
 def _bounds(constraints: tuple[Constraint, ...], about: str, parent: Ranges) -> Bounds:
-    seen, allowed, is_extensible = parent, parent, False
+    seen, allowed, is_extensible, had_marker = parent, parent, False, False
     for constraint in constraints:
         root = _set(constraint.root, about)
         if root is not None:
             seen = intersection(seen, root)
         is_extensible = _is_extensible(constraint, about)
+        had_marker = had_marker or is_extensible
         strict = parent if is_extensible else _set(constraint.root, about, strict=True)
         if strict is not None and not is_extensible:
             allowed = intersection(intersection(allowed, seen if root is not None else parent), strict)
     if not seen:
         raise ValueError("the constraints leave no value")
     low, high = seen[0].low, seen[-1].high
-    return Bounds(low, high, is_extensible, () if is_extensible else _gaps(allowed, low, high))
+    gaps = () if is_extensible else _gaps(allowed, low, high)
+    return Bounds(low, high, is_extensible, gaps, had_marker and not is_extensible)
 
 
 def _gaps(allowed: Ranges, low: int | None, high: int | None) -> Ranges:

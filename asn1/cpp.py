@@ -17,7 +17,8 @@ TAKEN = frozenset({"view", "record", "visit", "index"})
 
 def generate(layout: Layout, folder: Path) -> None:
     """One header per module of the layout into a folder."""
-    for key, nodes in layout.nodes.items():
+    for key, every in layout.nodes.items():
+        nodes = [node for node in every if node.form_of is None]
         (folder / f"{key}.hpp").write_text(header(layout.schema.modules[key], nodes), encoding="utf-8")
 
 

@@ -30,9 +30,10 @@ from asn1.wording import bounds, presence, type_name, unit_of
 
 
 def write(schema: Schema, messages: Iterable[str], folder: Path, progress: Callable[[str], None]) -> None:
-    """A page <message>.md for each, and README.md that lists them."""
+    """A page <message>.md for each, and README.md that lists them. A page holds both interpretations of its message."""
     folder.mkdir(parents=True, exist_ok=True)
-    chosen = [schema.messages[name] for name in messages]
+    named = [schema.messages[name] for name in messages]
+    chosen = list(dict.fromkeys(schema.messages[one.form_of] if one.form_of else one for one in named))
     for message in chosen:
         progress(message.name)
         (folder / f"{message.name}.md").write_text(page(schema, message), encoding="utf-8")
@@ -60,6 +61,8 @@ def page(schema: Schema, message: Message) -> str:
         ("protocolVersion", _numbers(message.versions)),
         ("BTP port", str(message.btp_port) if message.btp_port else "none"),
     ]
+    forms = [one for one in schema.messages.values() if one.form_of == message.name]
+    facts += [("other interpretation", f"`{one.name}`: {one.standard}") for one in forms]
     lines = [f"# {message.name}", "", *_table(("", ""), facts), ""]
     for section in _sections(schema, message.pdu):
         lines += section_text(schema, section)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from asn1 import constraints as sets
 from asn1.constraints import Bounds
+from asn1.forms import Forms
 from asn1.memory import measure
 from asn1.nodes import STRUCTS, Field, Kind, Layout, LayoutError, Node, by_value_order, strong_components, type_name
 from asn1.types import (
@@ -63,6 +64,9 @@ def lay_out(schema: Schema, messages: Sequence[Message]) -> Layout:
         pdus[message.name] = builder.definition(message.pdu)
         pdus[message.name].is_entry = True
     builder.finish()
+    forms = Forms(builder.made, builder.taken)
+    pdus |= {message.name: forms.of(pdus[message.name]) for message in messages if message.form_of}
+    builder.made += forms.made
     nodes: dict[str, list[Node]] = {}
     for node in by_value_order(builder.made):
         nodes.setdefault(node.module, []).append(node)
@@ -257,4 +261,5 @@ class _Builder:
 
 
 def _is_small(bounds: Bounds) -> bool:
-    return bounds.low == bounds.high and not bounds.is_extensible and 1 <= (bounds.low or 0) <= SMALL_MAX
+    is_fixed = bounds.low == bounds.high and not bounds.is_extensible and not bounds.lost_marker
+    return is_fixed and 1 <= (bounds.low or 0) <= SMALL_MAX

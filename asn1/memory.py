@@ -15,7 +15,7 @@ def number_octets(node: Node) -> tuple[int, bool]:
     if node.kind is Kind.SMALL_BITS:
         return next(w for w in (1, 2, 4, 8) if node.size <= 8 * w), False
     low, high = node.bounds.low, node.bounds.high
-    if low is None or high is None or node.is_extensible:
+    if low is None or high is None or node.is_extensible or node.bounds.lost_marker:
         return 8, True
     is_signed = low < 0
     for octets in (1, 2, 4, 8):

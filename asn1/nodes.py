@@ -88,6 +88,7 @@ class Node:
     selector      OPEN: index of the field beside it that holds the identifier
     recurs        it contains itself
     is_entry      a PDU, a struct in a list, or what stands in an object set: never a part of what holds it
+    form_of       the type of which this is the other interpretation (forms.py): both have one C struct
     """
 
     kind: Kind
@@ -111,6 +112,12 @@ class Node:
     selector: int = 0
     recurs: bool = False
     is_entry: bool = False
+    form_of: "Node | None" = None
+
+    @property
+    def struct_name(self) -> str:
+        """The C type of a struct."""
+        return (self.form_of or self).c_name
 
     @property
     def size(self) -> int:

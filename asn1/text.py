@@ -59,7 +59,9 @@ def load_schema(folder: Path = SCHEMA, editions: Path = EDITIONS) -> types.Schem
 def messages_of(document: dict[str, Any]) -> Iterator[types.Message]:
     """The [[message]] tables of a TOML document."""
     standards = {module["key"]: module["standard"] for module in document.get("module", [])}
-    for table in document.get("message", []):
+    tables = {table["name"]: table for table in document.get("message", [])}
+    for own in tables.values():
+        table = tables.get(own.get("form_of", ""), {}) | own
         module, _, name = table["pdu"].partition(".")
         yield types.Message(
             name=table["name"],
@@ -72,4 +74,5 @@ def messages_of(document: dict[str, Any]) -> Iterator[types.Message]:
             btp_port=table.get("btp_port", 0),
             rank=table.get("rank", 1),
             is_experimental=table.get("experimental", False),
+            form_of=table.get("form_of", ""),
         )

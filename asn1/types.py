@@ -325,6 +325,8 @@ class Message:
     versions    protocolVersion values that announce it
     btp_port    standard BTP-B port (TS 103 248)
     rank        order of preference where several editions give the same octets back: smallest first
+    form_of     name of the message of which this is the other interpretation: the extension marker stays through
+                serial constraints (asn1/forms.py); "" of a message by X.680 50.11
     """
 
     name: str
@@ -337,6 +339,7 @@ class Message:
     btp_port: int
     rank: int
     is_experimental: bool = False
+    form_of: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -123,7 +123,7 @@ def profile_of(wanted: MqttSettings) -> Profile:
     if wanted.types and wanted.profile not in mqtt_profile.names():
         loaded.check_types(wanted.types)
     description = loaded.adapted(wanted.qos, wanted.status_topic, wanted.depths)
-    return Profile(description, identity, mqtt_profile.codec(description))
+    return Profile(description, identity, mqtt_profile.codec(description, wanted.editions))
 
 
 def check(wanted: MqttSettings) -> None:

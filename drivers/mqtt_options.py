@@ -55,6 +55,7 @@ class MqttOptions:
     bearer       interface with the modem that the connection goes by; empty: none is followed.
     status_topic  in place of the profile's: older boxes have "v2xstatus".
     depths       least and most quadkey levels, in place of the profile's: [14, 18].
+    editions     of messages that are made of JSON, in place of the preferred ones of their types: ["cpm-2.1.1-ext"].
     max_in_flight  messages that the broker has not acknowledged; what waits beyond it waits in the queue.
     """
 
@@ -80,6 +81,7 @@ class MqttOptions:
     bearer: str = ""
     status_topic: str = ""
     depths: tuple[Depth, ...] = ()
+    editions: tuple[str, ...] = ()
     max_in_flight: Annotated[int, Range(1, 1000)] = IN_FLIGHT
 
     def __post_init__(self) -> None:

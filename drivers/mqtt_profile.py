@@ -38,16 +38,29 @@ def load(name: str) -> ProfileDescription:
     return describe.read(ProfileDescription, describe.load(path), str(path))
 
 
-def codec(description: ProfileDescription) -> Codec | None:
-    """The message library, if the profile needs it. Raises BlockedError where it cannot be imported."""
+def codec(description: ProfileDescription, editions: Sequence[str] = ()) -> Codec | None:
+    """The message library, if the profile needs it.
+
+    editions  that messages made of JSON are encoded in, before all others of their type.
+
+    Raises BlockedError where it cannot be imported, ConfigurationError for editions that it does not have or that the
+    profile never encodes.
+    """
     if not description.needs_codec:
+        if editions:
+            what = f"editions: profile {description.name} carries octets as they are, and encodes nothing"
+            raise ConfigurationError(what, "leave it out, or choose a profile with JSON")
         return None
     try:
         import captain_messages
     except ImportError as error:
         what = f"profile {description.name} decodes, and the message library cannot be imported: {error}"
         raise BlockedError(what, "`make codec` builds it") from error
-    return MessageLibrary(captain_messages.all())
+    known = [message.name for message in captain_messages.all() if message.ids]
+    for name in editions:
+        if name not in known:
+            raise ConfigurationError(f"editions: unknown edition {name!r}", describe.remedy(name, known))
+    return MessageLibrary(captain_messages.all(), editions)
 
 
 def library_file() -> str:
@@ -57,10 +70,16 @@ def library_file() -> str:
 
 
 class MessageLibrary:
-    """The editions of captain_messages, chosen by the ITS PDU header."""
+    """The editions of captain_messages, chosen by the ITS PDU header.
 
-    def __init__(self, messages: Sequence[Any]) -> None:
+    chosen  names of those that are encoded first. Another interpretation of a message (form_of) is only encoded if it
+            is among them.
+    """
+
+    def __init__(self, messages: Sequence[Any], chosen: Sequence[str] = ()) -> None:
         self._messages = sorted((message for message in messages if message.ids), key=lambda message: message.rank)
+        first = [message for name in chosen for message in self._messages if message.name == name]
+        self._encoded = [*first, *(one for one in self._messages if one not in first and not one.form_of)]
 
     def decodings(self, pdu: bytes) -> Iterator[tuple[Edition, dict[str, Any]]]:
         """Editions that the header announces, by preference; where it announces none, all of its messageID.
@@ -86,4 +105,4 @@ class MessageLibrary:
 
     def editions(self, kind: str) -> Sequence[Edition]:
         number = int(kind) if kind.isdecimal() and len(kind) <= 3 else None
-        return [message for message in self._messages if message.type == kind or number in message.ids]
+        return [message for message in self._encoded if message.type == kind or number in message.ids]

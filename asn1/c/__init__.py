@@ -75,9 +75,11 @@ def _messages_header(layout: Layout) -> str:
 def _messages(layout: Layout) -> str:
     messages = sorted(layout.messages, key=lambda message: (message.type, message.rank, message.name))
     modules = sorted({layout.pdus[message.name].module for message in messages})
+    of_forms = sorted({layout.pdus[message.name].module for message in messages if message.form_of})
     lines = [
         "/* The list of the messages: made by captain-asn1. */",
         *(f"#include <captain/{key}.h>" for key in modules),
+        *(f'#include "{key}.h"' for key in of_forms),
         "",
     ]
     for index, message in enumerate(messages):
@@ -97,5 +99,7 @@ def _message(layout: Layout, message: Message, index: int) -> Iterator[str]:
         if values:
             yield f"    .{name} = (const uint8_t[]){{{', '.join(map(str, values))}}}, .{name}_count = {len(values)},"
     yield f"    .release = {message.release}, .is_experimental = {'true' if message.is_experimental else 'false'},"
+    if message.form_of:
+        yield f"    .form_of = {text(message.form_of)},"
     yield f"    .btp_port = {message.btp_port}, .rank = {message.rank}, .arena = {arena_octets(pdu)},"
     yield "};"

@@ -18,7 +18,7 @@ def decoder(node: Node) -> list[str]:
     """The function, and before it that of a list's elements where they are no structs."""
     body = _Decoder()
     lines = _item_function(node) if has_item_function(node) else []
-    body.put(f"{node.c_name} *v = to;" if node.kind in STRUCTS else f"{value_type(node)} *v = to;")
+    body.put(f"{value_type(node)} *v = to;")
     body.whole(node, "*v")
     body.flush()
     name, parameters = f"{node.c_name}_read", "captain_reader *r, size_t at, void *to"
@@ -174,14 +174,13 @@ class _Decoder(ReadValues):
     def choose(self, f: Field) -> None:
         name = f"v->u.{member(f.name)}"
         if f.is_pointer:
-            kind = f.node.c_name
             self.put(
-                f"{kind} *chosen = {_take(f.node)};",
+                f"{f.node.struct_name} *chosen = {_take(f.node)};",
                 "if (chosen == NULL)",
                 "    return CAPTAIN_FAILED;",
             )
             self.put(f"{name} = chosen;")
-            self.call(f"{kind}_read(r, at, chosen)")
+            self.call(f"{f.node.c_name}_read(r, at, chosen)")
         else:
             self.value(f.node, name)
 
@@ -279,4 +278,4 @@ class _Decoder(ReadValues):
 
 def _take(node: Node) -> str:
     """Memory for a struct, once the octets can hold one."""
-    return f"captain_take_items(r, at, 1, sizeof({node.c_name}), {minimal_bits(node, {})})"
+    return f"captain_take_items(r, at, 1, sizeof({node.struct_name}), {minimal_bits(node, {})})"

@@ -16,7 +16,7 @@ def encoder(node: Node) -> list[str]:
     """The function, and before it that of a list's elements where they are no structs."""
     body = _Encoder()
     lines = _item_function(node) if node.kind is Kind.LIST and node.item.kind not in STRUCTS else []
-    body.put(f"const {node.c_name if node.kind in STRUCTS else value_type(node)} *v = from;")
+    body.put(f"const {value_type(node)} *v = from;")
     body.whole(node, "*v")
     body.flush()
     name, parameters = f"{node.c_name}_write", "captain_writer *w, size_t at, const void *from"

@@ -10,7 +10,8 @@ _INT_MAX = (1 << 31) - 1
 
 
 def public_header(module: Module, nodes: list[Node]) -> str:
-    """captain/<module key>.h: structs, names of numbers, tables, functions."""
+    """captain/<module key>.h: structs, names of numbers, tables, functions. A form has the struct of its type."""
+    nodes = [node for node in nodes if node.form_of is None]
     guard = f"CAPTAIN_{module.key.upper()}_H"
     held = {f.node.module for n in nodes for f in n.fields if f.node.kind in STRUCTS and not f.is_pointer} - {
         module.key

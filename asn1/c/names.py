@@ -44,7 +44,7 @@ def value_type(node: Node) -> str:
         case Kind.FIXED_OCTETS:
             return "uint8_t"
         case kind if kind in STRUCTS:
-            return node.c_name
+            return node.struct_name
         case kind:
             return _STRINGS.get(kind, "captain_text")
 
@@ -87,8 +87,8 @@ def has_check(node: Node) -> bool:
 
 
 def has_public_table(node: Node) -> bool:
-    """Whether users name it; other tables are reached through the fields of these."""
-    return node.kind in STRUCTS or node.is_entry
+    """Whether users name it; other tables are reached through the fields of these, or through captain_find_message."""
+    return node.form_of is None and (node.kind in STRUCTS or node.is_entry)
 
 
 def contiguous(node: Node) -> int | None:

@@ -84,7 +84,7 @@ class Predicates:
         self.count += 1
         name = f"{node.c_name}_every_{self.count}"
         self.functions += [
-            f"static bool {name}(const {node.c_name} *v)",
+            f"static bool {name}(const {node.struct_name} *v)",
             "{",
             "    for (uint32_t i = 0; i < v->count; i++)",
             f"        if (!({condition}))",

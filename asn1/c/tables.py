@@ -99,7 +99,7 @@ def _members(node: Node) -> Iterator[tuple[str, str]]:
     if node.kind is Kind.OPEN:
         yield "selector", str(node.selector)
     if node.kind is Kind.SEQUENCE:
-        yield "additions", f"offsetof({node.c_name}, additions)" if node.is_extensible else "CAPTAIN_NOWHERE"
+        yield "additions", f"offsetof({node.struct_name}, additions)" if node.is_extensible else "CAPTAIN_NOWHERE"
     if node.root_count:
         yield "root_count", str(node.root_count)
     if node.additions:
@@ -158,8 +158,8 @@ def _field(node: Node, f: Field) -> str:
         parts.append(f".default_value = &{node.c_name}_{name}_default_")
     if f.unit is not None:
         parts.append(f".unit = {text(f.unit)}")
-    parts.append(f".offset = offsetof({node.c_name}, {path})")
-    parts.append(f".present = {f'offsetof({node.c_name}, has_{name})' if f.is_optional else 'CAPTAIN_NOWHERE'}")
+    parts.append(f".offset = offsetof({node.struct_name}, {path})")
+    parts.append(f".present = {f'offsetof({node.struct_name}, has_{name})' if f.is_optional else 'CAPTAIN_NOWHERE'}")
     if f.addition:
         parts.append(f".addition = {f.addition}")
     flags = [

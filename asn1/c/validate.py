@@ -13,7 +13,7 @@ from asn1.widths import EMPTY_MAX, is_endless
 def validator(node: Node, predicates: Predicates) -> list[str]:
     """The function; what it asks of other functions of this file stands in `predicates`."""
     body = _Validator(predicates)
-    body.put(f"const {node.c_name if node.kind in STRUCTS else value_type(node)} *v = from;")
+    body.put(f"const {value_type(node)} *v = from;")
     body.whole(node, "(*v)")
     if node.kind in (Kind.SEQUENCE, Kind.CHOICE, Kind.LIST):
         body.constraints(node, node.constraints, "(*v)")

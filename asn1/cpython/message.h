@@ -12,7 +12,7 @@ enum { SCRATCH = 8192 };
 /* A message of more octets than this is decoded, and encoded, without the GIL: letting go of it costs 0.1 us. */
 enum { LARGE = 4096 };
 
-enum { MEMBERS = 11 };
+enum { MEMBERS = 12 };
 
 typedef struct message {
     PyObject_HEAD

@@ -30,7 +30,8 @@ static PyMethodDef METHODS[] = {
 #define MEMBER(index, name) {name, T_OBJECT, (Py_ssize_t)(offsetof(message, members) + (index) * sizeof(PyObject *)), READONLY, NULL}
 static PyMemberDef ATTRIBUTES[] = {
     MEMBER(0, "name"), MEMBER(1, "type"), MEMBER(2, "release"), MEMBER(3, "standard"), MEMBER(4, "module"), MEMBER(5, "pdu"),
-    MEMBER(6, "ids"), MEMBER(7, "versions"), MEMBER(8, "btp_port"), MEMBER(9, "rank"), MEMBER(10, "is_experimental"), {0},
+    MEMBER(6, "ids"), MEMBER(7, "versions"), MEMBER(8, "btp_port"), MEMBER(9, "rank"), MEMBER(10, "is_experimental"), MEMBER(11, "form_of"),
+    {0},
 };
 
 static PyObject *message_repr(PyObject *self)
@@ -72,6 +73,7 @@ static PyObject *message_new(PyTypeObject *class, const captain_message *descrip
         PyUnicode_FromString(description->module), PyUnicode_FromString(captain_type_text(description->pdu)),
         numbers(description->ids, description->ids_count), numbers(description->versions, description->versions_count),
         PyLong_FromLong(description->btp_port), PyLong_FromLong(description->rank), PyBool_FromLong(description->is_experimental),
+        PyUnicode_InternFromString(description->form_of == NULL ? "" : description->form_of),
     };
     bool is_good = true;
     for (int index = 0; index < MEMBERS; index++) {

@@ -45,7 +45,7 @@ def text(layout: Layout, with_cdr: bool = False) -> str:
     lines = [head]
     for key in sorted(layout.nodes):
         for node in sorted(layout.nodes[key], key=lambda node: node.c_name):
-            lines.extend(_definition(node))
+            lines.extend(_definition(node) if node.form_of is None else ())
     lines.extend(_finds(layout))
     return "\n".join(lines) + "\n"
 
@@ -155,5 +155,6 @@ def _finds(layout: Layout) -> Iterator[str]:
         names.setdefault(message.type, message)
     for name in sorted(names):
         node = layout.pdus[names[name].name]
+        node = node.form_of or node
         yield f"@overload\ndef find(name: Literal[{_quoted(name)}], /) -> Message[{_value(node)}, {_seen(node)}]: ..."
     yield "@overload\ndef find(name: str, /) -> Message[Any, Any]: ..."

@@ -19,7 +19,7 @@ import json
 import zlib
 from collections.abc import Sequence
 
-from asn1.ros2 import RosError, profile_etsi_its
+from asn1.ros2 import RosError, profiles
 from asn1.ros2.model import Role, RosField, RosMessage, RosPackage
 from asn1.ros2.rihs import hash_of
 from asn1.selection import components_of
@@ -62,7 +62,7 @@ def octets(schema: Schema, packages: Sequence[RosPackage]) -> bytes:
 
 def _packages(schema: Schema, edition: Message) -> list[RosPackage]:
     try:
-        return profile_etsi_its.packages(schema, [edition])
+        return profiles.packages(schema, [edition])
     except RosError:
         return []
 

@@ -1,6 +1,7 @@
 """The profiles by name: whose names and types the messages have."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from asn1.ros2 import profile_etsi_its, profile_v2x_msgs
 from asn1.ros2.model import RosPackage
@@ -13,5 +14,14 @@ PROFILES: dict[str, Callable[[Schema, Sequence[Message]], list[RosPackage]]] = {
 
 
 def packages(schema: Schema, editions: Sequence[Message], profile: str = profile_etsi_its.NAME) -> list[RosPackage]:
-    """All packages for some editions. Raises RosError where a message cannot be said in ROS 2."""
-    return PROFILES[profile](schema, editions)
+    """All packages for some editions. Raises RosError where a message cannot be said in ROS 2.
+
+    Both interpretations of a message (Message.form_of) are of its one ROS type.
+    """
+    strict = dict.fromkeys(schema.messages[edition.form_of] if edition.form_of else edition for edition in editions)
+    return [_with_forms(package, editions) for package in PROFILES[profile](schema, list(strict))]
+
+
+def _with_forms(package: RosPackage, editions: Sequence[Message]) -> RosPackage:
+    of = {edition.name: edition.form_of or edition.name for edition in editions}
+    return replace(package, tops={name: package.tops[strict] for name, strict in of.items() if strict in package.tops})

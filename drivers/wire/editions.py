@@ -4,8 +4,17 @@ from collections.abc import Iterable, Sequence
 from typing import Protocol, TypeVar
 
 
-class Readable(Protocol):
-    """A message of one edition, in the message library. asn1/README.md describes leaves()."""
+class Announced(Protocol):
+    """A message of one edition, by the ITS PDU header."""
+
+    @property
+    def ids(self) -> Sequence[int]: ...
+    @property
+    def versions(self) -> Sequence[int]: ...
+
+
+class Readable(Announced, Protocol):
+    """A message of one edition, in the message library. asn1/README.md describes leaves() and form_of."""
 
     @property
     def name(self) -> str: ...
@@ -14,17 +23,17 @@ class Readable(Protocol):
     @property
     def rank(self) -> int: ...
     @property
-    def ids(self) -> Sequence[int]: ...
-    @property
-    def versions(self) -> Sequence[int]: ...
+    def form_of(self) -> str: ...
 
     def leaves(self, octets: bytes, /) -> tuple[bytes, int]: ...
+    def validate(self, value: object, /) -> None: ...
 
 
 One = TypeVar("One", bound=Readable)
+Known = TypeVar("Known", bound=Announced)
 
 
-def of_header(messages: Iterable[One], octets: bytes) -> list[One]:
+def of_header(messages: Iterable[Known], octets: bytes) -> list[Known]:
     """Return those whose messageID and protocolVersion the header has."""
     if len(octets) < 2:
         return []
@@ -40,6 +49,7 @@ def compared(messages: Sequence[One], octets: bytes) -> tuple[list[One], tuple[O
     Of the first one's type, an edition that knows every part of the message comes before one that does not. One that
     knows less reads no other values: a sender of that edition could not have written those parts.
     """
+    messages = _settled(messages, octets)
     if len(messages) < 2:
         return list(messages), ()
     read = {one.name: leaves(one, octets) for one in messages}
@@ -52,6 +62,36 @@ def compared(messages: Sequence[One], octets: bytes) -> tuple[list[One], tuple[O
         if read[one.name][0] != values and not (one.type == kind and read[one.name][1] > unknown)
     )
     return ordered, tuple(others)
+
+
+def are_forms(one: Readable, other: Readable) -> bool:
+    """Return whether both are interpretations of one message, and not the same one."""
+    return one.name != other.name and (one.form_of or one.name) == (other.form_of or other.name)
+
+
+def _settled(messages: Sequence[One], octets: bytes) -> list[One]:
+    """Order two interpretations of one message: the one that keeps every constraint comes first.
+
+    Where both read the same, there is nothing to choose, and only the first is left.
+    """
+    left = list(messages)
+    for one in messages:
+        for after in [other for other in left[left.index(one) + 1 :] if are_forms(one, other)] if one in left else []:
+            if leaves(one, octets) == leaves(after, octets):
+                left.remove(after)
+            elif not is_valid(one, octets) and is_valid(after, octets):
+                left.remove(after)
+                left.insert(left.index(one), after)
+    return left
+
+
+def is_valid(message: Readable, octets: bytes) -> bool:
+    """Return whether octets keep every constraint of the standard."""
+    try:
+        message.validate(octets)
+    except (ValueError, MemoryError):
+        return False
+    return True
 
 
 def leaves(message: Readable, octets: bytes) -> tuple[bytes, int]:

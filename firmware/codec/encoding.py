@@ -7,7 +7,7 @@ from typing import NamedTuple
 from board.describe import remedy
 from board.errors import RequestError
 from drivers.wire.editions import names, of_header
-from firmware.codec.library import Message
+from firmware.codec.library import Message, strict_name
 from firmware.codec.reading import Object
 
 _FIELDS = "an object of the fields, as `captain decode` shows"
@@ -58,7 +58,7 @@ def encode(one: Object, wish: Wish) -> Encoded:
     told = _disagreement(message, octets, wish.library)
     owners = of_header(wish.library, octets)
     if told and owners and not wish.is_forced:
-        fits = [other for other in owners if other.type == message.type]
+        fits = [other for other in owners if other.type == message.type and not other.form_of]
         remedy_ = f"name {names(fits, 'or')}" if fits else "change the header"
         raise RequestError(f"{one.origin}: {told}", f"{remedy_}, or take --force")
     return Encoded(message, octets, f"{one.origin}: {told}" if told else "")
@@ -79,9 +79,12 @@ def _message(one: Object) -> dict[str, object] | list[object]:
 def _by_name(one: Object, edition: str, wish: Wish) -> list[Message]:
     """The edition that is named; of a type those that the header announces, else all."""
     exact = [message for message in wish.known if edition.lower() == message.name]
+    if wish.asked is not None:  # both interpretations of a message have the same fields
+        strict = strict_name(edition.lower())
+        exact = exact or [message for message in wish.known if strict_name(message.name) == strict]
     if exact:
         return exact
-    fits = [message for message in wish.known if edition.lower() == message.type]
+    fits = [message for message in wish.known if edition.lower() == message.type and not message.form_of]
     if fits:
         return _announced(fits, _message(one), wish) or fits
     if wish.asked is not None:
@@ -94,8 +97,9 @@ def _by_name(one: Object, edition: str, wish: Wish) -> list[Message]:
 
 
 def _by_header(one: Object, value: object, wish: Wish) -> list[Message]:
-    """Those that the header announces, where nothing else says the edition."""
-    announced = _announced(wish.known, value, wish)
+    """Those that the header announces, where nothing else says the edition; another interpretation only by its name."""
+    strict = [message for message in wish.known if not message.form_of]
+    announced = _announced(strict or wish.known, value, wish)
     if announced:
         return announced
     _, number = _header(value)

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from drivers.message import ITS_HEADER
-from drivers.wire.editions import compared, leaves, names, of_header
+from drivers.wire.editions import are_forms, compared, is_valid, leaves, names, of_header
 from firmware.codec.library import Message
 from firmware.topics import LEGACY_VAM
 
@@ -186,7 +186,8 @@ class Identifier:
 
 def _of_others(owners: Sequence[Message], asked: Sequence[Message], octets: bytes) -> Unknown:
     """Octets whose header is that of editions that were not asked for."""
-    owned = names(sorted(owners, key=lambda one: (one.type, one.rank)))
+    strict = [one for one in owners if not one.form_of]
+    owned = names(sorted(strict, key=lambda one: (one.type, one.rank)))
     header = f"header: messageID {octets[1]} and protocolVersion {octets[0]}"
     why = f"{header} are those of {owned}, not of {asked[0].name if len(asked) == 1 else asked[0].type}"
     return Unknown(None, why, f"leave out --edition, name {owned.replace(' and ', ' or ')}, or take --force")
@@ -218,9 +219,15 @@ def _tries(group: Group, octets: bytes, is_quick: bool) -> list[Try]:
         if is_quick and one.is_exact:
             kind = kind or message.type
             is_last = message is group.messages[-1]
-            if message.type == kind and (is_last or leaves(message, octets)[1] == 0):
+            is_whole = is_last or (leaves(message, octets)[1] == 0 and _is_apart(message, group, octets))
+            if message.type == kind and is_whole:
                 break
     return tries
+
+
+def _is_apart(message: Message, group: Group, octets: bytes) -> bool:
+    """Whether no other interpretation of the message can come before it."""
+    return not any(are_forms(message, other) for other in group.messages) or is_valid(message, octets)
 
 
 def _is_sound(one: Try, octets: bytes) -> bool:
@@ -241,7 +248,7 @@ def _identity(group: Group, tries: Sequence[Try], decoded: Sequence[Try], octets
     for one in () if group.is_guess else tries:
         if one.message is message:
             break
-        if one.message not in fits:
+        if one.message not in fits and not (one.is_exact and are_forms(one.message, message)):
             reasons.append(_passed_over(one))
         elif one.message in fits[1:] and one.message not in others:
             reasons.append(f"{one.message.name} does not know every part of it")
@@ -250,11 +257,20 @@ def _identity(group: Group, tries: Sequence[Try], decoded: Sequence[Try], octets
     else:
         same = ", ".join(other.name for other in fits[1:])
         reasons.append("it gives the same octets back" + (f", as do {same}" if same else ""))
+    if other := _told_of_forms(message, tries):
+        reasons.append(other)
     if remark:
         reasons.append(remark)
     told = [f"{names(others)} fit{'s' * (len(others) == 1)} it as well, with other values"] if others else []
     doubt = "; ".join([group.doubt, *told] if group.doubt else told)
     return Identity(message, "; ".join(reasons), bool(exact), tuple(fits) if exact else (), others, doubt)
+
+
+def _told_of_forms(message: Message, tries: Sequence[Try]) -> str:
+    """The interpretation that comes after the message, where it is not that of these octets."""
+    behind = tries[[one.message for one in tries].index(message) + 1 :]
+    refused = [one.message.name for one in behind if one.refusal is not None and are_forms(one.message, message)]
+    return f"its other interpretation, {refused[0]}, does not decode" if refused else ""
 
 
 def _announcement(message: Message, number: str, version: int) -> str:

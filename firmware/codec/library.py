@@ -10,6 +10,8 @@ from board.describe import remedy
 from board.errors import RequestError, StationError
 from drivers.wire.v2n_type import Type
 
+FORM = "-ext"  # behind the name of a message: its other interpretation (asn1/editions.toml, form_of)
+
 
 class NoLibraryError(StationError):
     """The program was installed without the message library."""
@@ -46,7 +48,10 @@ class Step(Protocol):
 
 
 class Message(Protocol):
-    """A message of one edition of its standard."""
+    """A message of one edition of its standard.
+
+    form_of  name of the message of which it is the other interpretation; "" of none.
+    """
 
     @property
     def name(self) -> str: ...
@@ -66,6 +71,8 @@ class Message(Protocol):
     def rank(self) -> int: ...
     @property
     def is_experimental(self) -> bool: ...
+    @property
+    def form_of(self) -> str: ...
 
     def decode(self, octets: bytes, /) -> object: ...
     def view(self, octets: bytes, /) -> object: ...
@@ -96,6 +103,11 @@ def load() -> Library:
             f"the message library cannot be imported: {error}", "`make codec` builds it and puts it where this is"
         ) from error
     return cast("Library", captain_messages)
+
+
+def strict_name(edition: str) -> str:
+    """Return the name of the message of which an edition is the other interpretation, or its own: cpm-2.1.1."""
+    return edition.removesuffix(FORM)
 
 
 def editions(library: Library, asked: str | None) -> list[Message]:

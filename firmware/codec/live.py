@@ -91,6 +91,7 @@ def _says(row: Row, decoder: Decoder) -> str:
     if isinstance(found, Identity):
         try:
             said = glance(found.message, row.pdu)
+            said = f"{found.message.name}: {said}" if found.message.form_of else said
         except (ValueError, MemoryError) as error:  # it decodes, and yet Python does not hold it
             said = f"! {error}"
         doubt = f"? {found.message.name}: {found.doubt}" if found.doubt else ""

@@ -220,7 +220,8 @@ def _line(message: Message, decoder: Decoder, names: list[str]) -> str:
     values = fields.brief(fields.chosen(found.message.explain(pdu.octets), names), names)
     told = [f"{path}={value}" for path, value in values.items()] or ["it has none of these"]
     told += [f"(warning: {found.doubt})"] if found.doubt else []
-    return clean(f"{pdu.origin}: {'  '.join(told)}")
+    form = f", {found.message.name}" if found.message.form_of else ""
+    return clean(f"{pdu.origin}{form}: {'  '.join(told)}")
 
 
 def _refused(error: UndecodableError) -> str:

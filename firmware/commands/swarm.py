@@ -23,7 +23,7 @@ from firmware.replay.ends import Datagrams, Device, Station, station_lines
 from firmware.replay.reasons import count
 from firmware.swarm import tracks
 from firmware.swarm.audience import Audience, Ear, ear_of
-from firmware.swarm.messages import Writer
+from firmware.swarm.messages import CPMS, Writer
 from firmware.swarm.swarm import LATE_S, Plan, Sent, Swarm
 from firmware.swarm.vehicle import Vehicle, style
 from firmware.user import client
@@ -81,6 +81,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     more = number("messages a second", 1000.0, is_zero_allowed=True)
     parser.add_argument("--cpm", metavar="HZ", type=more, default=0.0, help="CPMs a second of each (default none)")
+    parser.add_argument("--cpm-edition", choices=CPMS, default=CPMS[0], help=f"of the CPMs (default {CPMS[0]})")
     parser.add_argument(
         "--denm", metavar="HZ", type=more, default=0.0, help="new events a second of all together (default none)"
     )
@@ -104,7 +105,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def main(arguments: argparse.Namespace) -> int:
-    writer = Writer()
+    writer = Writer(arguments.cpm_edition)
     vehicles = list(_vehicles(arguments, writer))
     plan = Plan(arguments.rate, arguments.cpm, arguments.denm, arguments.seed)
     with ExitStack() as ending:

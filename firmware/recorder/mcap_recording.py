@@ -6,7 +6,6 @@ from collections import Counter
 from typing import BinaryIO, NamedTuple
 
 from firmware import VERSION
-from firmware.codec import library as library_
 from firmware.codec import ros2
 from firmware.codec.decoding import Decoder
 from firmware.codec.identify import Identity
@@ -34,10 +33,16 @@ class Topic(NamedTuple):
 
 
 def topic_names(library: Library) -> dict[str, str]:
-    """What stands before /received, for each edition: `cam` for the preferred one, `cam_2_1_1` for others."""
+    """What stands before /received, for each edition: `cam` for the preferred one, `cam_2_1_1` for others.
+
+    Both interpretations of a message have one topic.
+    """
     preferred = {library.find(message.type).name for message in library.all()}
-    names = [message.name for message in library.all()]
-    return {name: name.partition("-")[0] if name in preferred else re.sub(r"\W", "_", name) for name in names}
+    names = {message.name: message.form_of or message.name for message in library.all()}
+    return {
+        edition: name.partition("-")[0] if name in preferred else re.sub(r"\W", "_", name)
+        for edition, name in names.items()
+    }
 
 
 class Recording:
@@ -61,7 +66,7 @@ class Recording:
         if isinstance(found, Identity) and found.message.name in self._types:
             if found.doubt:
                 self._doubtful[f"{found.message.name}: {found.doubt}"] += 1
-            topic = self._topic(found.message)
+            topic = self._topic(found.message.form_of or found.message.name)
             self._mcap.add(topic.channel, received_ns, topic.write(found.message.decode(message.pdu)))
             sequence, edition, name = self._mcap.counts[topic.channel], found.message.name, topic.name
         else:
@@ -78,8 +83,7 @@ class Recording:
         name = re.sub(r"\W", "_", message.type) or f"id_{message.message_id}"
         return name if name in self._metadata or len(self._metadata) < MOST_NAMES else "others"
 
-    def _topic(self, message: library_.Message) -> Topic:
-        edition = message.name
+    def _topic(self, edition: str) -> Topic:
         if edition not in self._topics:
             name = self._names[edition]
             about = {**QOS, "topic_type_hash": self._types.hash(edition)}

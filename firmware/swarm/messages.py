@@ -14,6 +14,7 @@ ACCIDENT = 2  # CauseCodeType
 ELLIPSE = {"semiMajorConfidence": 100, "semiMinorConfidence": 100, "semiMajorOrientation": 0}
 MOST_OBJECTS = 20
 REACH_M = 100.0  # of a vehicle's sensors
+CPMS = ("cpm-2.1.1", "cpm-2.1.1-ext")  # editions with the same fields
 _DELTA = 131_071  # DeltaLatitude, 1e-7 degree
 _VELOCITY, _COORDINATE = 16_382, 131_070
 
@@ -26,11 +27,14 @@ class Past(NamedTuple):
 
 
 class Writer:
-    """Encodes. Raises NoLibraryError where there is no message library."""
+    """Encodes. Raises NoLibraryError where there is no message library.
 
-    def __init__(self) -> None:
+    cpm  one of CPMS.
+    """
+
+    def __init__(self, cpm: str = CPMS[0]) -> None:
         library = load()
-        self._cam, self._denm, self._cpm = (library.find(name) for name in ("cam-1.4.1", "denm-1.3.1", "cpm-2.1.1"))
+        self._cam, self._denm, self._cpm = (library.find(name) for name in ("cam-1.4.1", "denm-1.3.1", cpm))
 
     def cam(
         self, station_id: int, its_ms: int, motion: Motion, acceleration: float, low: Sequence[Past] | None

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from asn1 import types as t
 from drivers.mqtt_profile import MessageLibrary
 from firmware.codec.identify import Identifier, Identity
-from tests.asn1.ranges import unfold
+from tests.asn1.ranges import read_as, unfold
 from tests.asn1.reach import components, pruned
 from tests.asn1.values import Values
 
@@ -72,7 +72,8 @@ class Trial:
     def run(self, name: str, count: int, seed: int = SEED) -> Confused:
         """PDUs of an edition that has a header."""
         message = self._schema.messages[name]
-        values = Values(pruned(self._schema, message.pdu), message.pdu, seed, knows_more=False, is_long=False)
+        read = read_as(pruned(self._schema, message.pdu), message)
+        values = Values(read, message.pdu, seed, knows_more=False, is_long=False)
         heads = [(version, number) for version in message.versions for number in message.ids]
         found = Confused()
         for at in range(count):

@@ -7,7 +7,7 @@ is explained by a constraint exactly where the same codec agrees as soon as the 
 from dataclasses import replace
 
 from asn1 import types as t
-from tests.asn1.ranges import Allowed, numbers, sizes, unfold
+from tests.asn1.ranges import Allowed, Kept, numbers, sizes, unfold
 
 
 def effective(schema: t.Schema) -> t.Schema:
@@ -38,7 +38,8 @@ class _Effective:
     def _identifier(self, class_: t.ObjectClass) -> t.Definition:
         """In messages a table constraint always follows it: no extension marker is left (X.680 50.11)."""
         base, constraints = unfold(self._schema, class_.id_type)
-        root = _values(numbers(constraints)._replace(is_extensible=False))
+        allowed = numbers(constraints)
+        root = _values(allowed if isinstance(self._schema, Kept) else allowed._replace(is_extensible=False))
         return t.Definition(_identifier_name(class_), replace(base, constraints=root))
 
     def type(self, type_: t.Type) -> t.Type:

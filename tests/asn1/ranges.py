@@ -5,6 +5,7 @@ Numbers, sizes and code points are unions of ranges; an end that is open is an i
 
 import math
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from asn1 import types as t
@@ -40,6 +41,16 @@ class Allowed(NamedTuple):
         return self.root[0][0] <= number <= self.root[-1][1]
 
 
+@dataclass(frozen=True, slots=True)
+class Kept(t.Schema):
+    """A schema in the interpretation of X.680 50.11 that some peers have: an extension marker outlives what follows it."""
+
+
+def read_as(schema: t.Schema, message: t.Message) -> t.Schema:
+    """The schema in the interpretation of a message."""
+    return Kept(schema.modules, schema.messages) if message.form_of else schema
+
+
 def unfold(schema: t.Schema, type_: t.Type) -> tuple[t.Type, tuple[t.Constraint, ...]]:
     """The type behind references and class fields, and all constraints, the innermost first."""
     constraints = type_.constraints
@@ -52,7 +63,12 @@ def unfold(schema: t.Schema, type_: t.Type) -> tuple[t.Type, tuple[t.Constraint,
                 (TABLE, *constraints),
             )
         constraints = type_.constraints + constraints
-    return type_, constraints
+    return type_, _marked_last(constraints) if isinstance(schema, Kept) else constraints
+
+
+def _marked_last(constraints: tuple[t.Constraint, ...]) -> tuple[t.Constraint, ...]:
+    """Each narrows the same root in any order, and the last one decides about the marker."""
+    return tuple(sorted(constraints, key=has_marker))
 
 
 def numbers(constraints: Iterable[t.Constraint]) -> Allowed:
@@ -115,6 +131,20 @@ def _all_of(parts: list[Allowed]) -> Allowed:
     for part in parts[1:]:
         root = _intersection(root, part.root)
     return Allowed(root, any(part.is_extensible for part in parts))
+
+
+def has_marker(constraint: t.Constraint) -> bool:
+    """Its own or that of a SIZE in it (X.680 50.4, 50.5)."""
+    return constraint.is_extensible or _set_has_marker(constraint.root)
+
+
+def _set_has_marker(elements: t.ElementSet) -> bool:
+    match elements:
+        case t.Size(within):
+            return within.is_extensible
+        case t.AnyOf(members) | t.AllOf(members):
+            return any(map(_set_has_marker, members))
+    return False
 
 
 def _union(ranges: Iterable[Ends]) -> Union:

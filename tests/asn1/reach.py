@@ -43,7 +43,8 @@ def pruned(schema: t.Schema, pdu: t.Reference) -> t.Schema:
         sets = {name: one for name, one in module.sets.items() if (key, name) in keep}
         if definitions or classes or sets:
             modules[key] = replace(module, definitions=definitions, classes=classes, sets=sets)
-    return t.Schema(modules, {name: one for name, one in schema.messages.items() if one.pdu == pdu})
+    messages = {name: one for name, one in schema.messages.items() if one.pdu == pdu}
+    return replace(schema, modules=modules, messages=messages)
 
 
 def _next(schema: t.Schema, type_: t.Type) -> Iterator[tuple[t.Reference | None, t.Type]]:

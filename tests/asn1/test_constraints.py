@@ -42,7 +42,7 @@ def test_serial_constraints_that_leave_nothing_are_an_error() -> None:
 
 def test_the_last_serial_constraint_says_what_is_extensible() -> None:
     # X.680 50.11: the parent counts without its marker
-    assert value_bounds((open_ended((0, 10)), limited((2, 5)))) == Bounds(2, 5)
+    assert value_bounds((open_ended((0, 10)), limited((2, 5)))) == Bounds(2, 5, lost_marker=True)
     assert value_bounds((limited((0, 10)), open_ended((2, 5)))) == Bounds(2, 5, is_extensible=True)
 
 
@@ -50,7 +50,12 @@ def test_the_last_serial_constraint_says_what_is_extensible() -> None:
 def test_a_constraint_that_per_does_not_see_takes_the_marker_too(last: Constraint) -> None:
     # X.691 10.3.20: ConstraintWrappedCpmContainers of TS 103 324, and identifiers of object sets
     assert size_bounds((Constraint(Size(open_ended((1, 8)))),)) == Bounds(1, 8, is_extensible=True)
-    assert size_bounds((Constraint(Size(open_ended((1, 8)))), last)) == Bounds(1, 8)
+    assert size_bounds((Constraint(Size(open_ended((1, 8)))), last)) == Bounds(1, 8, lost_marker=True)
+
+
+def test_a_marker_that_comes_back_is_not_lost() -> None:
+    assert value_bounds((open_ended((0, 10)), limited((2, 8)), open_ended((3, 5)))) == Bounds(3, 5, is_extensible=True)
+    assert not value_bounds((limited((0, 10)), limited((2, 8)))).lost_marker
 
 
 def test_a_marker_inside_and_outside_of_size_is_the_same() -> None:
@@ -85,7 +90,7 @@ def test_an_alphabet_stands_beside_a_size() -> None:
     name = Constraint(AllOf((letters, Size(open_ended((1, 64))))))
     assert size_bounds((name,)) == Bounds(1, 64, is_extensible=True)
     initial = (name, Constraint(Size(limited((1, 1)))))
-    assert size_bounds(initial) == Bounds(1, 1)
+    assert size_bounds(initial) == Bounds(1, 1, lost_marker=True)
     assert alphabet(initial, "VisibleString") == letters.within.root.ranges  # type: ignore[union-attr]
 
 

@@ -14,6 +14,7 @@ from tests.asn1.effective import effective
 from tests.asn1.imported import snippet
 from tests.asn1.older import UnsaidError, seen_by_older
 from tests.asn1.oracles import Asn1tools, Pycrate
+from tests.asn1.ranges import read_as
 from tests.asn1.reach import pruned
 from tests.asn1.reference import Encoder
 from tests.asn1.test_library import CPM_R2
@@ -70,8 +71,9 @@ def test_messages_linked_into_one_library_do_not_disturb_each_other():
     # C types of one name and different code in several libraries: a DENM decodes "successfully" as something else.
     made = []
     for name in MESSAGES:
-        pdu = schema().messages[name].pdu
-        values, encoder = Values(pruned(schema(), pdu), pdu, 9, is_long=False), Encoder(schema())
+        message = schema().messages[name]
+        pdu, read = message.pdu, read_as(pruned(schema(), message.pdu), message)
+        values, encoder = Values(read, pdu, 9, is_long=False), Encoder(read)
         for _ in range(6):
             value = values.value()
             octets = encoder.encode(pdu, value)

@@ -18,6 +18,7 @@ from tests.asn1.disagreements import Constructs, explained
 from tests.asn1.effective import effective
 from tests.asn1.older import UnsaidError, seen_by_older
 from tests.asn1.oracles import Asn1tools, Oracle, Pycrate
+from tests.asn1.ranges import read_as
 from tests.asn1.reach import pruned
 from tests.asn1.reference import Encoder
 from tests.asn1.values import Values
@@ -85,7 +86,7 @@ class Trial:
 
     def __init__(self, schema: t.Schema, message: t.Message, codec: Codec, every: Mapping[str, int]) -> None:
         self._message, self._codec, self._every = message, codec, every
-        self._schema = pruned(schema, message.pdu)
+        self._schema = read_as(pruned(schema, message.pdu), message)
         self._reference = Encoder(self._schema)
         self._constructs = Constructs(self._schema)
         self._oracles = {name: make(self._schema, message.pdu) for name, make in ORACLES.items() if name in every}

@@ -7,7 +7,7 @@ extension marker lets through is allowed: it is of a later edition.
 from typing import Any
 
 from asn1 import types as t
-from tests.asn1.ranges import unfold
+from tests.asn1.ranges import has_marker, unfold
 from tests.asn1.reach import components
 
 
@@ -40,12 +40,12 @@ class Validity:
 
     def _keeps(self, type_: t.Type, constraints: tuple[t.Constraint, ...], value: Any) -> bool:
         """X.680 50.11: what follows a marker without one of its own is applied to the root alone."""
-        last = max((i for i, one in enumerate(constraints) if not _has_marker(one)), default=-1)
+        last = max((i for i, one in enumerate(constraints) if not has_marker(one)), default=-1)
         return all(self._elements(type_, one.root, value, True) for one in constraints[: last + 1])
 
     def _constraint(self, type_: t.Type, constraint: t.Constraint, value: Any) -> bool:
         """Of a component or element: also what its own type says."""
-        return _has_marker(constraint) or self._elements(type_, constraint.root, value, False)
+        return has_marker(constraint) or self._elements(type_, constraint.root, value, False)
 
     def _elements(self, type_: t.Type, elements: t.ElementSet, value: Any, is_root: bool) -> bool:
         match elements:
@@ -90,20 +90,6 @@ class Validity:
                 if not self._constraint(base, line.constraint, held[component.name]):
                     return False
         return True
-
-
-def _has_marker(constraint: t.Constraint) -> bool:
-    """Its own or that of a SIZE in it (50.4, 50.5)."""
-    return constraint.is_extensible or _set_has_marker(constraint.root)
-
-
-def _set_has_marker(elements: t.ElementSet) -> bool:
-    match elements:
-        case t.Size(within):
-            return within.is_extensible
-        case t.AnyOf(members) | t.AllOf(members):
-            return any(map(_set_has_marker, members))
-    return False
 
 
 def _within(ranges: tuple[t.Range, ...], number: int) -> bool:

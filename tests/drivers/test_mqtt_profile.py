@@ -148,6 +148,28 @@ def test_only_a_profile_that_decodes_wants_the_message_library(
     assert "make codec" in error.value.hint
 
 
+def test_editions_that_a_station_encodes_come_first_and_other_forms_only_if_they_are_among_them():
+    usual, chosen = codec(load("nap")), codec(load("nap"), ["cpm-tr-2.1.1", "cpm-2.1.1-ext"])
+    assert usual is not None
+    assert chosen is not None
+    assert [one.name for one in usual.editions("cpm")] == ["cpm-2.1.1", "cpm-tr-2.1.1"]
+    assert [one.name for one in chosen.editions("cpm")] == ["cpm-tr-2.1.1", "cpm-2.1.1-ext", "cpm-2.1.1"]
+
+
+@pytest.mark.parametrize(
+    ("profile", "edition", "what", "hint"),
+    [
+        ("nap", "cpm-2.1.1-x", "editions: unknown edition 'cpm-2.1.1-x'", "did you mean cpm-2.1.1"),
+        ("orange", "cpm-2.1.1", "editions: profile orange carries octets as they are", "leave it out"),
+    ],
+)
+def test_editions_that_a_profile_cannot_encode_are_refused(profile: str, edition: str, what: str, hint: str):
+    with pytest.raises(ConfigurationError) as error:
+        codec(load(profile), [edition])
+    assert what in error.value.message
+    assert hint in error.value.hint
+
+
 def test_installed_and_frozen_programs_have_the_profiles():
     patterns = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["package-data"]["drivers"]
     carried = {path for pattern in patterns for path in (ROOT / "drivers").glob(pattern)}

@@ -15,6 +15,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+extern const captain_type FUZZ_TYPE; /* the header of a module has not the tables of its forms */
+
 #define ROOM ((size_t)1 << 24) /* what a decoded input may take; more is CAPTAIN_NO_MEMORY and no finding */
 #define OCTETS ((size_t)1 << 20)
 

@@ -68,7 +68,7 @@ def _step(node: Node, place: str, name: str, path: Path, flags: Set[Path]) -> St
         index = next(k for k, (number, _) in enumerate(node.rows) if str(number) == name)
         row = node.rows[index][1]
         condition = f"{dot(place)}type == &{row.c_name}_type"
-        return Step(path, place, node, index, condition, f"(*(({row.c_name} *){dot(place)}value))")
+        return Step(path, place, node, index, condition, f"(*(({row.struct_name} *){dot(place)}value))")
     index = next((k for k, f in enumerate(node.fields) if f.name == name), -1)
     if index < 0:
         raise KeyError(f"{node.c_name} has no {name}")

@@ -166,7 +166,7 @@ class Presence:
                 self.to.put(f"captain_init(&{f.node.c_name}_type, &{dot(place)}{member(f.name)});")
 
     def pointed(self, step: Step, place: Place) -> None:
-        kind, target = step.child.c_name, f"{step.place[2:-1]}"
+        kind, target = step.child.struct_name, f"{step.place[2:-1]}"
         self.to.functions.takes.append((step.child, self.least(step)))
         with self.to.block(f"if ({place.condition})" if place.condition else ""):
             made = self.to.name("made")

@@ -23,7 +23,7 @@ def reader(functions: Functions, message: str, node: Node) -> list[str]:
     body.message(message, node, "(*v)", "")
     body.finish(node)
     head = f"static size_t {functions.of(message, node)}_read(captain_cdr_reader *r, size_t at, void *to)"
-    first = [f"    {node.c_name} *v = to;", *(f"    uint32_t {index} = 0;" for index in body.indexes)]
+    first = [f"    {node.struct_name} *v = to;", *(f"    uint32_t {index} = 0;" for index in body.indexes)]
     unused = [f"    (void){word};" for word in ("v", "r") if not body.uses(word)]
     return [head, "{", *first, *unused, *body.lines, "    return at;", *body.exits, "}", ""]
 

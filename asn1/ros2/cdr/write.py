@@ -18,7 +18,7 @@ def writer(functions: Functions, message: str, node: Node) -> list[str]:
     body = _Writer(functions)
     body.message(message, node, "(*v)")
     head = f"static size_t {functions.of(message, node)}_write(captain_cdr_writer *w, size_t at, const void *from)"
-    first = f"    const {node.c_name} *v = from;"
+    first = f"    const {node.struct_name} *v = from;"
     unused = [] if body.uses("v") else ["    (void)v;"]
     return [head, "{", first, *unused, *body.lines, "    return at;", "}", ""]
 

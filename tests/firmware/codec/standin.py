@@ -52,6 +52,7 @@ class Message:
     strict: int = 0xFF
     offset: int = 0
     unknown: int = 0
+    form_of: str = ""
 
     @property
     def type(self) -> str:

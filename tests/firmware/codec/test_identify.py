@@ -194,3 +194,36 @@ def test_any_octets_are_something_or_unknown(pdu, port):
     assert type(full) is type(quick)
     if isinstance(full, Identity) and isinstance(quick, Identity):
         assert full.message is quick.message
+
+
+# Two interpretations of one message: the other one has a bound of its own, and counts from another value.
+STRICT = Message("box-1", ids=(68,), versions=(2,), fields={"size": 100}, strict=50)
+FORM = Message("box-1-ext", ids=(68,), versions=(2,), fields={"size": 200}, rank=2, form_of="box-1", offset=2)
+
+
+def test_an_interpretation_that_alone_decodes_is_taken_and_both_are_named():
+    found = identity(octets(FORM, 150), [STRICT, FORM])
+    assert (found.message, found.exact) == (FORM, (FORM,))
+    assert "box-1 does not decode" in found.why
+    found = identity(octets(STRICT, 30), [STRICT, Message("box-1-ext", (68,), (2,), {"size": 9}, 2, form_of="box-1")])
+    assert found.message is STRICT
+    assert found.why.endswith("its other interpretation, box-1-ext, does not decode")
+
+
+def test_two_interpretations_that_fit_are_both_named_in_the_order_of_their_rank():
+    found = identity(octets(STRICT, 30), [FORM, STRICT])
+    assert found.exact == (STRICT, FORM)
+    assert "it gives the same octets back, as do box-1-ext" in found.why
+    assert found.doubt == "box-1-ext fits it as well, with other values"
+
+
+@pytest.mark.parametrize("is_quick", [False, True])
+def test_of_two_interpretations_that_fit_the_one_that_keeps_every_constraint_comes_first(is_quick: bool):
+    found = Identifier([STRICT, FORM]).identify(octets(STRICT, 90), is_quick=is_quick)
+    assert isinstance(found, Identity)
+    assert found.exact == (FORM, STRICT)
+
+
+def test_an_interpretation_that_says_the_same_is_not_named():
+    same = Message("box-1-ext", ids=(68,), versions=(2,), fields={"size": 100}, rank=2, form_of="box-1")
+    assert identity(octets(STRICT, 30), [STRICT, same]).exact == (STRICT,)

@@ -5,6 +5,7 @@ import math
 import os
 import signal
 import struct
+from pathlib import Path
 
 import captain_messages
 import pytest
@@ -25,6 +26,8 @@ CAM = next(one.pdu for one in vectors() if len(one.pdu) == 41)
 NS = 1795182426_461613000
 RX = RxInfo(rssi_dbm=-71, position=Position(470585000, 154600000), source_mac=bytes.fromhex("010203040506"))
 LOCAL = (NS - 1_000_000, Position(470000000, -20000000))
+
+CASES = Path(__file__).parents[2] / "cases"
 
 
 def on_air(kind, pdu):
@@ -107,7 +110,18 @@ def test_another_edition_than_the_preferred_one_has_a_topic_of_its_own():
     assert {names[name] for name in names if name.startswith("vam-") and name != preferred} <= {
         "vam_1", "vam_2_1_1", "vam_2_3_1",
     }  # fmt: skip
-    assert len(set(names.values())) == len(names)
+    forms = [message.name for message in captain_messages.all() if message.form_of]
+    assert len(set(names.values())) == len(names) - len(forms)
+
+
+def test_both_interpretations_of_a_message_are_recorded_on_one_topic_and_told_apart(tmp_path):
+    form = bytes.fromhex((CASES / "cpm-extension-bit.hex").read_text().splitlines()[2])
+    strict = captain_messages.find("cpm-2.1.1").encode(captain_messages.find("cpm-2.1.1-ext").decode(form))
+    _, found = recorded(tmp_path / "a.mcap", ("cpm", form), ("cpm", strict))
+    assert [topic for topic, _, _ in found.channels.values()] == ["cpm/received", "cpm/received/metadata"]
+    first, of_form, second, of_strict = (octets for _, _, octets in found.messages)
+    assert first == second
+    assert (b"cpm-2.1.1-ext\0" in of_form, b"cpm-2.1.1\0" in of_strict) == (True, True)
 
 
 def test_of_no_station_nothing_is_left_but_what_was_there(tmp_path, monkeypatch, capsysbinary):

@@ -13,7 +13,7 @@ from drivers.sim.track import Point
 from drivers.wire import frame as ethernet
 from drivers.wire.geonet import GeoNetworking, Received
 from firmware.swarm import tracks
-from firmware.swarm.messages import MOST_OBJECTS, Writer
+from firmware.swarm.messages import CPMS, MOST_OBJECTS, Writer
 from firmware.swarm.swarm import Plan, Swarm
 from firmware.swarm.vehicle import Style, Vehicle
 
@@ -25,12 +25,14 @@ NOWHERE = Ego(0, Position(), is_known=False)
 class Run:
     """A swarm that has driven so many seconds, or been ended before; sent: seconds, vehicle, type, PDU and area of each."""
 
-    def __init__(self, count: int, plan: Plan, duration: float, swing: float = 5.0, ends_at: float = inf) -> None:
+    def __init__(
+        self, count: int, plan: Plan, duration: float, swing: float = 5.0, ends_at: float = inf, cpm: str = "cpm-2.1.1"
+    ) -> None:
         self.now = 50.0
         self._end = 50.0 + ends_at
         self.sent: list[tuple[float, Vehicle, str, bytes, Area | None]] = []
         self.frames: list[bytes] = []
-        writer = Writer()
+        writer = Writer(cpm)
         ways = tracks.town(CENTRE, count)
         self.vehicles = [
             Vehicle(at, 1000 + at, way, Style(10.0, swing, 20.0, at * 37.0), writer) for at, way in enumerate(ways)
@@ -102,6 +104,13 @@ def test_every_message_keeps_its_standard_and_tells_what_the_vehicle_does():
     assert 4 * 12 <= len(paths) <= 4 * 25
     assert max(map(len, paths)) >= 4
     assert len(paths[0]) == 0
+
+
+@pytest.mark.parametrize("name", CPMS)
+def test_cpms_are_of_the_edition_that_is_asked_for(name: str):
+    pdus = [pdu for _, pdu in Run(3, Plan(cam_hz=1.0, cpm_hz=1.0), 3.0, cpm=name).of("cpm")]
+    assert pdus
+    assert all(captain_messages.find(name).encode(captain_messages.find(name).decode(pdu)) == pdu for pdu in pdus)
 
 
 def test_a_path_history_leads_back_to_where_the_vehicle_was():

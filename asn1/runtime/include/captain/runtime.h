@@ -199,6 +199,9 @@ typedef struct captain_message {
     const char *type;      /* the station's word: "cam" */
     const char *standard;  /* "ETSI EN 302 637-2 v1.4.1" */
     const char *module;    /* "CAM-PDU-Descriptions" */
+    const char *form_of;   /* name of the message of which it is the other interpretation: an extension marker stays through
+                            * serial constraints. Both have one C struct; what was decoded by one form is encoded by the same.
+                            * NULL of a message by X.680 50.11 */
     const captain_type *pdu;
     const uint8_t *ids;      /* messageID values that announce it */
     const uint8_t *versions; /* protocolVersion values that announce it */

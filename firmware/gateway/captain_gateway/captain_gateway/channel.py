@@ -74,8 +74,9 @@ class Channel:
     def receive(self, arrival: Arrival) -> metadata.Note | None:
         """Publish a received message. Returns what is known of it, where somebody wants to know."""
         self.counts.received += 1
+        edition = self.edition.of(arrival.pdu)
         try:
-            made = self._made(arrival.pdu)
+            made = self._made(arrival.pdu, edition)
         except RefusedError as error:
             self.counts.not_published[error.cause] += 1
             if error.cause in ("undecodable", "edition"):
@@ -86,35 +87,33 @@ class Channel:
         self.publisher.publish(self._listed(made.cdr, arrival, published_ns))
         self.counts.published += 1
         self.counts.left_out += bool(made.left_out)
-        self._doubt(arrival.pdu)
+        self._doubt(arrival.pdu, edition)
         self._sequence += 1
         if self.metadata is None or not self.metadata.get_subscription_count():
             return None
-        return metadata.Note(
-            self._sequence, arrival.pdu, arrival.reception, self.edition.name, made.left_out, published_ns
-        )
+        return metadata.Note(self._sequence, arrival.pdu, arrival.reception, edition.name, made.left_out, published_ns)
 
-    def _made(self, pdu: bytes) -> Made:
+    def _made(self, pdu: bytes, edition: Edition) -> Made:
         settings = self.receiving
         if not settings.active:
             raise RefusedError("inactive", "receive.active is false")
         self.edition.check_header(pdu)
         try:
-            why = filters.refusal(pdu, self.edition, settings, self._around.place)
+            why = filters.refusal(pdu, edition, settings, self._around.place)
             if why is None and settings.max_age_s:
                 now = filters.its_ms(time.time(), self._around.leap_seconds)
-                why = "age" if filters.is_old(pdu, self.edition, self.kind.clock, settings.max_age_s, now) else None
+                why = "age" if filters.is_old(pdu, edition, self.kind.clock, settings.max_age_s, now) else None
         except (ValueError, MemoryError) as error:
             raise RefusedError("undecodable", str(error)) from error
         if why is not None:
             raise RefusedError(why, why)
-        return self.edition.to_cdr(pdu)
+        return edition.to_cdr(pdu)
 
-    def _doubt(self, pdu: bytes) -> None:
+    def _doubt(self, pdu: bytes, edition: Edition) -> None:
         """Say which editions of the same header read other values."""
-        if others := self.edition.others(pdu):
+        if others := edition.others(pdu):
             self.counts.doubtful += 1
-            text = f"published as {self.edition.name}: {' and '.join(others)} read other values in {pdu[:16].hex()}..."
+            text = f"published as {edition.name}: {' and '.join(others)} read other values in {pdu[:16].hex()}..."
             self._complain("received", "doubtful", text)
 
     def _listed(self, cdr: bytes, arrival: Arrival, published_ns: int) -> bytes:

@@ -44,11 +44,12 @@ class Made(NamedTuple):
 class Edition:
     """One edition of a message in one profile.
 
-    kind     whose paths are read, as far as this edition has them.
+    kind       whose paths are read, as far as this edition has them.
+    has_forms  other interpretations of the message (form_of) are received as well.
     Raises GatewayError for a name that the library does not have, of another type, or that the profile cannot say.
     """
 
-    def __init__(self, library: ModuleType, name: str, profile: str, kind: Kind) -> None:
+    def __init__(self, library: ModuleType, name: str, profile: str, kind: Kind, has_forms: bool = True) -> None:
         try:
             self.message: Any = library.find(name)
             self.ros_type: str = self.message.ros2_type(profile)
@@ -64,6 +65,14 @@ class Edition:
         self.generated = self._reader(next(((path,) for path in kind.generated if self._has(path)), ()))
         self.key = self._reader(tuple(path for path in kind.key if self._has(path)))
         self._kept = Kept()
+        others = _other_forms(library, self.message) if has_forms else []
+        self._forms = [Edition(library, other, profile, kind, has_forms=False) for other in others]
+
+    def of(self, pdu: bytes) -> "Edition":
+        """The interpretation of the message that a PDU is of; itself where it is of neither. Both have one ROS type."""
+        if not self._forms:
+            return self
+        return next((one for one in (self, *self._forms) if one.is_exact(pdu)), self)
 
     def to_cdr(self, pdu: bytes) -> Made:
         """Octets of the air as a serialised ROS message. Raises RefusedError."""
@@ -98,9 +107,8 @@ class Edition:
 
     def check_header(self, pdu: bytes) -> None:
         """Raise RefusedError for the header of another edition: the same octets mean other values there."""
-        owners = [] if pdu[0] in self.message.versions else self._of_header(pdu)
-        if owners:
-            named = " or ".join(one.name for one in owners)
+        named = "" if pdu[0] in self.message.versions else self._owners(pdu)
+        if named:
             raise RefusedError("edition", f"header.protocol_version: {pdu[0]} is that of {named}, not of {self.name}")
 
     def others(self, pdu: bytes) -> tuple[str, ...]:
@@ -123,6 +131,10 @@ class Edition:
     def _of_header(self, pdu: bytes) -> list[Any]:
         return [one for one in self._rivals if pdu[1] in one.ids and pdu[0] in one.versions]
 
+    def _owners(self, pdu: bytes) -> str:
+        """Return the names of the editions whose header a PDU has; another interpretation has that of its message."""
+        return " or ".join(one.name for one in self._of_header(pdu) if not one.form_of)
+
     def check(self, pdu: bytes) -> None:
         """Raise RefusedError for what a station would take for another message, or not at all."""
         if len(pdu) < ITS_HEADER:
@@ -132,7 +144,7 @@ class Edition:
             raise RefusedError("header", f"header.message_id: {pdu[1]} is not that of {self.message.type}: {expected}")
         if pdu[0] not in self.message.versions:
             expected = " or ".join(map(str, self.message.versions))
-            owners = " or ".join(one.name for one in self._of_header(pdu))
+            owners = self._owners(pdu)
             told = f"header.protocol_version: {pdu[0]} is not that of {self.name}: {expected}"
             raise RefusedError("header", f"{told}; it is that of {owners}" if owners else told)
         if len(pdu) > MAX_PDU:
@@ -224,6 +236,13 @@ def _is_broken(error: BaseException) -> bool:
     """Whether octets are no message of the type at all, in contrast to one with a value that is not allowed."""
     reason = str(getattr(error, "reason", ""))
     return not getattr(error, "path", "") or reason.startswith(("truncated", "octets behind"))
+
+
+def _other_forms(library: ModuleType, message: Any) -> list[str]:
+    """Names of the messages that are interpretations of the same one."""
+    strict = message.form_of or message.name
+    forms = [one.name for one in library.all() if strict in (one.name, one.form_of)]
+    return [name for name in forms if name != message.name]
 
 
 def _type(edition: str) -> str:

@@ -83,7 +83,7 @@ class Requests:
             raise RefusedError("inactive", f"{channel.kind.name}.transmit.active is false")
         if pdu:
             pdu = channel.checked(pdu)
-            channel.edition.check_body(pdu)
+            channel.edition.of(pdu).check_body(pdu)
         else:
             pdu = channel.octets(bytes(request.cdr))
         channel.counts.taken += 1

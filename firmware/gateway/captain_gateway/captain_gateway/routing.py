@@ -37,8 +37,9 @@ class Routing(Generic[One]):
             return announced[0]
         exact, decoded = None, None
         for one in announced:
-            is_exact = one.edition.is_exact(pdu)
-            if is_exact and one.edition.unknown_parts(pdu) == 0:
+            edition = one.edition.of(pdu)
+            is_exact = edition.is_exact(pdu)
+            if is_exact and edition.unknown_parts(pdu) == 0:
                 return one
             exact = exact or (one if is_exact else None)
             decoded = decoded or (one if is_exact is not None else None)

@@ -41,6 +41,7 @@ class Services:
         pdu = bytes(request.pdu)
         try:
             edition = self.edition(request.type) if request.type else self._by_header(pdu)
+            edition = edition if request.type == edition.name else edition.of(pdu)
             if edition.message.ids and len(pdu) >= ITS_HEADER:
                 edition.check_header(pdu)
             response.cdr, left_out = edition.message.to_cdr(pdu, self._profile)
