@@ -1,6 +1,8 @@
 /* Values without names: what two editions of a message have in common where they read the same octets as the same values. */
 #include "walk.h"
 
+#include <string.h>
+
 typedef struct leaves {
     captain_out out;
     uint32_t unknown; /* additions, alternatives, items and open types that this edition does not know */
@@ -10,10 +12,15 @@ static void write_value(leaves *to, const captain_type *type, const void *value,
 
 static void write_number(leaves *to, char kind, int64_t number)
 {
-    char text[9] = {kind};
-    for (unsigned i = 1; i < sizeof text; i++, number = (int64_t)((uint64_t)number >> 8))
-        text[i] = (char)(unsigned char)(number & 0xff);
-    captain_out_put(&to->out, text, sizeof text);
+    char text[1 + sizeof number] = {kind};
+    memcpy(text + 1, &number, sizeof number); /* compared within one machine */
+    captain_out *out = &to->out;
+    if (sizeof out->text - out->count > sizeof text) {
+        memcpy(out->text + out->count, text, sizeof text);
+        out->count += sizeof text;
+    } else {
+        captain_out_put(out, text, sizeof text);
+    }
 }
 
 static void write_octets(leaves *to, char kind, captain_octets octets)
