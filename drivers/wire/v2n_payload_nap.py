@@ -10,6 +10,7 @@ import contextlib
 import json
 import math
 from collections.abc import Callable, Sequence
+from itertools import takewhile
 from typing import Any
 
 from board.errors import RequestError
@@ -57,8 +58,8 @@ class NapReceived:
         if envelope.get("receiverID") == self._station:
             raise RefusedError(Reason.OWN_ECHO, f"receiverID: {self._station} is this station")
         fields = member(envelope, "fields", dict)
-        member(fields, "header", dict, "fields")
-        return _encoded(self._codec, kind, lambda edition: from_json(edition.type_tree(), fields, "fields")), ""
+        header = member(fields, "header", dict, "fields")
+        return _encoded(self._codec, kind, header, lambda edition: from_json(edition.type_tree(), fields, "fields")), ""
 
 
 class NapToSend:
@@ -83,7 +84,7 @@ class NapToSend:
     def _taken_for(self, edition: Edition, sending: Sending, body: dict[str, Any]) -> str:
         """The preferred edition of another protocolVersion that has the same names; empty: none."""
         editions = self._codec.editions(sending.kind)
-        for other in editions[: [one.name for one in editions].index(edition.name)]:
+        for other in _preferred(editions, edition):
             if set(other.versions) & set(edition.versions):
                 continue
             with contextlib.suppress(ConversionError):
@@ -94,7 +95,8 @@ class NapToSend:
     def read(self, kind: str, payload: bytes) -> tuple[bytes, str]:
         given = read_object(payload)
         editions = self._codec.editions(kind)
-        return _encoded(self._codec, kind, lambda edition: self._value(edition, editions, kind, given)), ""
+        header = given.get("header")
+        return _encoded(self._codec, kind, header, lambda edition: self._value(edition, editions, kind, given)), ""
 
     def _value(self, edition: Edition, editions: Sequence[Edition], kind: str, given: dict[str, Any]) -> Any:
         tree = edition.type_tree()
@@ -115,9 +117,14 @@ def _header(tree: Type, edition: Edition, editions: Sequence[Edition], kind: str
 
 def _version(edition: Edition, editions: Sequence[Edition]) -> int:
     """The highest protocolVersion that makes receivers take it for this edition and no preferred one."""
-    preferred = editions[: [one.name for one in editions].index(edition.name)]
+    preferred = _preferred(editions, edition)
     own = [version for version in edition.versions if all(version not in one.versions for one in preferred)]
     return max(own or edition.versions)
+
+
+def _preferred(editions: Sequence[Edition], edition: Edition) -> list[Edition]:
+    """Those before an edition."""
+    return list(takewhile(lambda one: one.name != edition.name, editions))
 
 
 def _decoded(codec: Codec, sending: Sending) -> tuple[Edition, dict[str, Any]]:
@@ -136,13 +143,14 @@ def _decoded(codec: Codec, sending: Sending) -> tuple[Edition, dict[str, Any]]:
     raise RequestError(f"{sending.kind} is not to be had as JSON: {first}") from first
 
 
-def _encoded(codec: Codec, kind: str, convert: Callable[[Edition], Any]) -> bytes:
+def _encoded(codec: Codec, kind: str, header: object, convert: Callable[[Edition], Any]) -> bytes:
     """The PDU, in the first edition that it fits. Raises RefusedError with what came closest to fit.
 
-    The header selects the edition. What has all names of an edition and a value out of its range is not tried with
-    editions of other protocolVersions: there the same number means something else.
+    header  of the JSON, which selects the editions; None: it has none. Then what has all names of an edition and a
+            value out of its range is not tried with editions of other protocolVersions: the number has another meaning.
     """
     editions = codec.editions(kind)
+    editions = of_header(editions, _numbers(header)) or editions
     if not editions:
         refuse("", f"{shown(kind)} is no type that the message library has")
     closest, farthest = "", -2.0
@@ -165,6 +173,14 @@ def _encoded(codec: Codec, kind: str, convert: Callable[[Edition], Any]) -> byte
         if after > farthest:
             closest, farthest = f"{edition.name}: {why}", after
     raise RefusedError(Reason.PAYLOAD, closest)
+
+
+def _numbers(header: object) -> bytes:
+    """protocolVersion and messageID of a header in JSON, as in a PDU; empty: it has none that fit there."""
+    if not isinstance(header, dict):
+        return b""
+    numbers = header.get("protocolVersion"), header.get("messageID", header.get("messageId"))
+    return bytes(one for one in numbers if type(one) is int and 0 <= one <= 255)
 
 
 def _dump(value: dict[str, Any]) -> bytes:

@@ -130,6 +130,44 @@ def test_a_cam_of_protocol_version_1_is_shown_as_cam_1_3_2_and_comes_back():
     assert NapReceived(8, LIBRARY).read("cam", payload) == (VERSION_1, "")
 
 
+@pytest.mark.parametrize("curvature", [-30_000, -1024, 1023, 1024, 5000, 30_000, 30_001])
+@pytest.mark.parametrize("way", [NapReceived, NapToSend])
+def test_a_cam_of_protocol_version_1_comes_back_with_curvature_beyond_the_range_of_cam_1_4_1(way: Any, curvature: int):
+    message = captain_messages.find("cam-1.3.2")
+    value: Any = message.decode(VERSION_1)
+    _, vehicle = value["cam"]["camParameters"]["highFrequencyContainer"]
+    vehicle["curvature"]["curvatureValue"] = curvature
+    pdu = message.encode(value)
+    written = json.loads(NapReceived(1, LIBRARY).write(Sending("cam", 1, pdu, HERE, NOW_MS)))
+    payload = written if way is NapReceived else written["fields"]
+    assert way(8, LIBRARY).read("cam", json.dumps(payload).encode()) == (pdu, "")
+
+
+def test_a_denm_of_protocol_version_1_comes_back_with_a_phone_number_that_denm_1_3_1_has_not():
+    message = captain_messages.find("denm-1.2.2")
+    pdu = b"\1" + [pdu for kind, pdu in VECTORS if kind == "denm"][1][1:]
+    value: Any = message.decode(pdu)
+    goods = dict.fromkeys(("elevatedTemperature", "tunnelsRestricted", "limitedQuantity"), False)
+    goods |= {"dangerousGoodsType": "explosives1", "unNumber": 0, "phoneNumber": "+43"}  # digits alone in V1.3.1
+    value["denm"]["alacarte"] = {"stationaryVehicle": {"carryingDangerousGoods": goods}}
+    pdu = message.encode(value)
+    payload = NapReceived(1, LIBRARY).write(Sending("denm", 1, pdu, HERE, NOW_MS))
+    assert NapReceived(8, LIBRARY).read("denm", payload) == (pdu, "")
+
+
+@pytest.mark.parametrize("header", [{}, {"protocolVersion": "1"}, {"protocolVersion": 256, "messageID": 2}, 5, None])
+def test_a_header_that_is_none_is_refused(header: object):
+    with pytest.raises(RefusedError):
+        sent("cam", {"header": header, "cam": OLD_CAM})
+
+
+def test_a_cpm_whose_form_is_not_encoded_is_written_without_its_header():
+    message = captain_messages.find("cpm-2.1.1-ext")
+    pdu = message.encode(captain_messages.find("cpm-2.1.1").decode(sent("cpm", CPM)))
+    pdu = bytes((2, 14)) + pdu[2:]
+    assert json.loads(NapToSend(1, LIBRARY).write(Sending("cpm", 1, pdu, HERE, NOW_MS)))["cpmContainers"]
+
+
 def test_a_cam_1_3_2_is_not_written_without_its_header():
     with pytest.raises(RequestError, match=r"cam-1\.3\.2 without its header is taken for cam-1\.4\.1"):
         NapToSend(1, LIBRARY).write(Sending("cam", 1, VERSION_1, HERE, NOW_MS))
