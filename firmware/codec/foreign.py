@@ -48,7 +48,7 @@ READ = "hexadecimal, base64, octets, JSON (JER), pcap, pcapng or MCAP"
 
 _NO_ELEMENT = re.compile(r"\s+|<\?.*?\?>|<!--.*?-->|<![^>]*>", re.DOTALL)
 _ELEMENT = re.compile(r"<([^\s<>/!?]{1,60})")
-_WHOLE = re.compile(r"\s*<([^\s<>/!?]+)[^<>]*(/>|>.*</\1\s*>)\s*", re.DOTALL)
+_WHOLE = re.compile(r"\s*<([^\s<>/!?]{1,60})[^<>]*(/>|>.*</\1\s*>)\s*", re.DOTALL)
 _MOST_LINES = 1000  # in front of the root element: a licence in a comment
 
 

@@ -66,3 +66,15 @@ def test_any_text_in_xml_has_a_root_element_or_none(text: str):
     told = foreign.xml([f"<{text}"])
     assert "root element" in told
     foreign.is_whole_xml(f"<{text}")
+
+
+@pytest.mark.parametrize("begin", ["<", "<a>", f"<{'a' * 60}>"])
+def test_a_line_of_100_kb_that_begins_an_element_is_not_a_whole_one(begin: str):
+    # Minutes where the name of an element has no bound: the time grows with its square.
+    assert not foreign.is_whole_xml(begin + "a" * 100_000)
+    assert not foreign.is_whole_xml(begin + "</a" * 33_000)
+
+
+@pytest.mark.parametrize("text", ["<a/>", "<a>1</a>", ' <a b="c">\n<d/>\n</a > '])
+def test_an_element_from_its_first_to_its_last_tag_is_a_whole_one(text: str):
+    assert foreign.is_whole_xml(text)
