@@ -11,7 +11,8 @@ from image.project import PROJECT
 from image.step import Steps, key
 
 HERE = Path(__file__).parent
-FROZEN = HERE / "frozen.py"
+# Code of all steps: where it has changed, each is made again.
+CODE = (HERE / "freezing.py", HERE / "frozen.py")
 
 
 class Chosen(NamedTuple):
@@ -84,4 +85,4 @@ class Freezing:
         )
 
     def _made(self, name: str, inputs: list[str | Path], make: Callable[[Path], object]) -> Path:
-        return self._steps.made(f"{self._within}{name}", [*inputs, FROZEN], make)
+        return self._steps.made(f"{self._within}{name}", [*inputs, *CODE], make)
