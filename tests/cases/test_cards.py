@@ -130,3 +130,9 @@ def test_the_readme_says_that_imager_2_writes_nothing_for_an_image_of_ones_own_a
     flash = " ".join(page[page.index("### Flash") : page.index("### Your files")].split())
     assert "Imager 2 asks nothing then and writes no customisation" in flash
     assert "copy [your files](#your-files) onto the card by hand" in flash
+
+
+def test_the_text_on_the_card_says_that_imager_2_writes_nothing_and_what_to_do():
+    text = " ".join((PROJECT / "image/first/README.txt").read_text().split())
+    assert 'Imager 2 asks nothing and writes no customisation for an image that was chosen by "Use custom"' in text
+    assert "copy your files here by hand" in text
