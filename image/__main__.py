@@ -100,7 +100,8 @@ def _twice(arguments: argparse.Namespace, described: description.Description) ->
 
 def _programs(arguments: argparse.Namespace, described: description.Description) -> int:
     to = arguments.to.parent / "programs"
-    rows = release.make_programs(described, arguments.to, to, arguments.upgrade)
+    rows = programs.make(described, arguments.to, to, arguments.upgrade)
+    programs.write_sums(rows, to)
     print(*rows, to / programs.SUMS, sep="\n")
     return 0 if all(row.is_ok for row in rows) else 1
 

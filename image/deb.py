@@ -87,7 +87,10 @@ def c_library(folder: Path) -> str:
 
 
 def numbers(version: str) -> tuple[int, ...]:
-    """Of a version of the C library, for comparison."""
+    """Split a version of the C library or of its symbols, for comparison: "2.36" is (2, 36).
+
+    version  decimal numbers with dots between them. Raises ValueError for others: "2.36-9+deb12u14" has a revision.
+    """
     return tuple(map(int, version.split(".")))
 
 

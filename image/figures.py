@@ -44,8 +44,7 @@ def sizes(described: Description, folder: Path, card: Card) -> Iterator[Figure]:
     yield Figure(
         "root", octets / 1e6, "MB", room_mib * 1.048576 * 0.9, f"{files} files; a tenth of the slot stays free"
     )
-    program = sum(path.lstat().st_size for path in (folder / "program/captain").rglob("*") if path.is_file())
-    yield Figure("captain", program / 1e6, "MB", layers.MOST_MB)
+    yield Figure("captain", layers.octets(folder / "program/captain") / 1e6, "MB", layers.MOST_MB)
     yield Figure("early boot", _mb(folder / "early/initrd"), "MB")
     yield Figure("update", _mb(card.bundle), "MB")
     packages = len(json.loads(card.packages.read_text()))

@@ -62,6 +62,11 @@ def directory(foreign: Path, ours: bytecode.Compiled, beside: Mapping[str, Path]
     _carry(program, changed, tools)
 
 
+def octets(folder: Path) -> int:
+    """Size of captain as a directory: its files without the room that a file system adds; links by their own size."""
+    return sum(path.lstat().st_size for path in folder.rglob("*") if path.is_file())
+
+
 def one_file(folder: Path, tools: Tools, target: Path) -> None:
     """The same as one file, which unpacks the rest at each start. folder: as directory() makes it."""
     shutil.copyfile(folder / NAME, target)

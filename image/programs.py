@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from contextlib import closing
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,27 +18,46 @@ from image.translated import C_LIBRARY
 HERE = Path(__file__).parent
 PROCESSORS = (frozen.X86_64, frozen.AARCH64)
 SUMS = "SHA256SUMS"
+FOLDER = "programs"  # of what was fetched and made, within the card's
 
 
 class Artefact(NamedTuple):
     """A file that is handed out.
 
-    most_mb  that it may have; 0: as it comes.
-    said     by its program, when it was run.
+    most_mb   limit in 10**6 octets; 0: none.
+    said      by its program, when it was run.
+    unpacked  octets of the directory that it unpacks to, which are limited in its place; None: it is limited itself.
     """
 
     path: Path
     most_mb: float = 0.0
     said: str = ""
+    unpacked: int | None = None
 
     @property
     def is_ok(self) -> bool:
-        return not self.most_mb or self.path.stat().st_size <= self.most_mb * 1e6
+        octets = self.path.stat().st_size if self.unpacked is None else self.unpacked
+        return not self.most_mb or octets <= self.most_mb * 1e6
 
     def __str__(self) -> str:
         goal = f"goal: at most {self.most_mb:g} MB" if self.most_mb else ""
+        if self.unpacked is not None:
+            goal = f"unpacked {self.unpacked / 1e6:.1f} MB, {goal}"
         size = f"{self.path.stat().st_size / 1e6:7.1f} MB"
-        return f"{'ok' if self.is_ok else 'MISSED':6}  {self.path.name:36} {size}  {goal:22} {self.said}".rstrip()
+        return f"{'ok' if self.is_ok else 'MISSED':6}  {self.path.name:36} {size}  {goal:40} {self.said}".rstrip()
+
+
+def make(description: Description, card: Path, to: Path, upgrade: bool = False) -> list[Artefact]:
+    """Build programs and Debian packages, for which no card is needed; write_sums() is the caller's.
+
+    card     folder in which the card's build works; may be empty.
+    to       folder of the files; made if it is missing.
+    upgrade  with the newest packages, even where there is a kept set.
+
+    Raises ImageError.
+    """
+    with closing(Programs(description, card / FOLDER)) as made:
+        return sorted(made.make(to, upgrade))
 
 
 class Programs:
@@ -120,4 +140,9 @@ def _handed_out(directory: Path, root: Path, processor: frozen.Processor, to: Pa
     of_package, of_file = (
         frozen.run_inside(root, [inside / name, "--version"]).strip() for name in ("usr/bin/captain", "program")
     )
-    return [Artefact(program, layers.MOST_MB_OF_FILE, of_file), Artefact(package, said=of_package)]
+    return [Artefact(program, layers.MOST_MB_OF_FILE, of_file), of_directory(package, directory, of_package)]
+
+
+def of_directory(package: Path, directory: Path, said: str) -> Artefact:
+    """A Debian package, limited by the directory of the program in it."""
+    return Artefact(package, layers.MOST_MB, said, layers.octets(directory))

@@ -2,10 +2,11 @@
 
 import subprocess
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
-from image import deb, description, frozen, programs
+from image import __main__, deb, description, frozen, layers, programs, release
 from image.errors import ImageError
 from image.packages import Package
 from image.programs import Artefact
@@ -30,6 +31,56 @@ def test_what_has_no_goal_is_as_it_comes(tmp_path: Path):
     path = tmp_path / "captain.deb"
     path.write_bytes(bytes(2_000_000))
     assert str(Artefact(path)).split() == ["ok", "captain.deb", "2.0", "MB"]
+
+
+@pytest.mark.parametrize(("octets", "is_ok", "said"), [(36_000_000, True, "ok"), (36_100_000, False, "MISSED")])
+def test_a_package_with_a_directory_that_is_larger_than_its_goal_is_told(
+    tmp_path: Path, octets: int, is_ok: bool, said: str
+):
+    package, inside = tmp_path / "captain.deb", tmp_path / "captain/_internal"
+    package.write_bytes(bytes(2_000_000))
+    inside.mkdir(parents=True)
+    for path, size in ((inside / "libpython.so", octets - 1), (inside.parent / "captain", 1)):
+        with path.open("wb") as file:
+            file.truncate(size)
+    row = programs.of_directory(package, inside.parent, "captain 1.2.3")
+    assert row.is_ok is is_ok
+    assert str(row).split() == [
+        said, "captain.deb", "2.0", "MB", "unpacked", f"{octets / 1e6:.1f}", "MB,", "goal:", "at", "most", "36", "MB",
+        "captain", "1.2.3",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(("octets", "status"), [(layers.MOST_MB * 1e6, 0), (layers.MOST_MB * 1e6 + 1, 1)])
+def test_the_verb_programs_writes_checksums_and_fails_for_a_missed_goal(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, octets: float, status: int
+):
+    def made(described: object, card: Path, to: Path, upgrade: bool) -> list[Artefact]:
+        to.mkdir()
+        (to / "captain.deb").touch()
+        return [Artefact(to / "captain.deb", layers.MOST_MB, "", int(octets))]
+
+    monkeypatch.setattr(programs, "make", made)
+    assert __main__._programs(SimpleNamespace(to=tmp_path / "image", upgrade=False), OWN) == status  # type: ignore[arg-type]
+    assert (tmp_path / "programs/SHA256SUMS").read_text().endswith("  captain.deb\n")
+
+
+def test_a_release_has_one_list_of_checksums_with_programs_and_card(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    to, card = tmp_path / "release", tmp_path / "card"
+    to.mkdir()
+    card.mkdir()
+    for path in (to / "captain.deb", card / "card.img.xz", card / "bundle", card / "packages", card / "licences"):
+        path.touch()
+    written = []
+    monkeypatch.setattr(programs, "make", lambda *_: [Artefact(to / "captain.deb")])
+    monkeypatch.setattr(
+        programs, "write_sums", lambda artefacts, _: written.append([row.path.name for row in artefacts])
+    )
+    monkeypatch.setattr(release, "_packed", lambda made, card: card.image)
+    paths = {name: card / name for name in ("bundle", "packages", "licences")}
+    made = SimpleNamespace(description=OWN, steps=SimpleNamespace(folder=tmp_path))
+    release.make(made, SimpleNamespace(image=card / "card.img.xz", **paths), to)  # type: ignore[arg-type]
+    assert written == [["bundle", "captain.deb", "card.img.xz", "licences", "packages"]]
 
 
 def test_checksums_are_those_that_sha256sum_reads(tmp_path: Path):

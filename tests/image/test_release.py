@@ -49,15 +49,15 @@ def test_sizes_are_those_of_what_lies_in_a_builds_folder(tmp_path: Path):
 
 
 def test_a_figure_is_shown_beside_its_goal():
-    assert str(Figure("captain", 30.12, "MB", 30.0)).split() == [
+    assert str(Figure("captain", 36.12, "MB", 36.0)).split() == [
         "MISSED",
         "captain",
-        "30.1",
+        "36.1",
         "MB",
         "goal:",
         "at",
         "most",
-        "30",
+        "36",
     ]
 
 

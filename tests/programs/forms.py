@@ -49,9 +49,8 @@ def floor_row(what: str, folder: Path) -> Row:
 def rows(package: Path, program: Path, folder: Path) -> list[Row]:
     """Figures of a processor's two forms."""
     directory, parts = unpack_package(package, folder / "package"), unpack_file(program, folder / "parts")
-    octets = sum(path.lstat().st_size for path in directory.rglob("*") if path.is_file())
     return [
-        size_row("directory", octets, layers.MOST_MB),
+        size_row("directory", layers.octets(directory), layers.MOST_MB),
         size_row("one file", program.stat().st_size, layers.MOST_MB_OF_FILE),
         Row("Debian package", f"{package.stat().st_size / 1e6:.1f} MB", "", True),
         floor_row("directory: C library", directory),
