@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterable
-from itertools import islice
+from itertools import chain, islice
 from typing import NamedTuple
 
 # DSRCmsgID of SAE J2735_202409: name of the type, and its short name where there is one. 18 to 32 are those of
@@ -86,21 +86,32 @@ def _message_frame(octets: bytes) -> _MessageFrame | None:
     return _MessageFrame(octets[1], begin + length)
 
 
-def is_xml(text: str) -> bool:
-    return text.lstrip().startswith("<")
+class Xml(NamedTuple):
+    """A text in XML.
+
+    why       it is not read, with its root element.
+    is_whole  its element ends in its first line: what follows is something else.
+    """
+
+    why: str
+    is_whole: bool
 
 
-def is_whole_xml(text: str) -> bool:
-    """Is it an element from its first to its last tag?"""
-    return _WHOLE.fullmatch(text) is not None
+def xml(line: str, following: Iterable[str]) -> Xml | None:
+    """Name a text in XML by its root element; None for a line that does not begin one.
 
+    line       the first that is not blank.
+    following  lines behind it. None is read where the element ends in the first, else at most 999.
 
-def xml(lines: Iterable[str]) -> str:
-    """Name a text in XML, which may be XER (ITU-T X.693), by its root element."""
-    text = "".join(islice(lines, _MOST_LINES))
+    Raises nothing: a text without an element is XML, too. Source: ITU-T X.693, XER; W3C XML 1.0, production 1.
+    """
+    if not line.lstrip().startswith("<"):
+        return None
+    is_whole = _WHOLE.fullmatch(line) is not None
+    text = "".join([line] if is_whole else islice(chain([line], following), _MOST_LINES))
     at = 0
     while found := _NO_ELEMENT.match(text, at):
         at = found.end()
     root = _ELEMENT.match(text, at)
     named = f"root element {root[1]}" if root else "no root element"
-    return f"XER or other XML is not read: {named}; give {READ}"
+    return Xml(f"XER or other XML is not read: {named}; give {READ}", is_whole)

@@ -8,12 +8,12 @@ import os
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from itertools import chain
 from pathlib import Path
 from typing import BinaryIO, NamedTuple, TypeAlias
 
 from board.errors import ProtocolError, RequestError
-from firmware.codec import capture, foreign, json_texts, layers, mcap
+from firmware.codec import capture, foreign, layers, mcap
+from firmware.user import json_texts
 from firmware.user.payload import base64_octets, hex_octets
 
 FORMS = ("hex", "base64", "binary", "json", "pcap", "mcap")
@@ -182,16 +182,12 @@ class Reader:
         texts = json_texts.split(_decoded(lines))
         for begin, text in texts:
             origin = where if is_one else f"{where}: line {begin}"
-            if self._form in (None, "json") and foreign.is_xml(text):
-                rest = () if foreign.is_whole_xml(text) else (line.text for line in texts)
-                yield RequestError(f"{origin}: {foreign.xml(chain([text], rest))}")
-                count += 1
-                if rest:
-                    return
-                continue
-            for item in self._text(text, origin):
+            xml = foreign.xml(text, (line.text for line in texts)) if self._form in (None, "json") else None
+            for item in [RequestError(f"{origin}: {xml.why}")] if xml else self._text(text, origin):
                 count += 1
                 yield item
+            if xml and not xml.is_whole:
+                return
         if not count:
             yield RequestError(f"{where}: it holds no message")
 

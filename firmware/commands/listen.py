@@ -10,7 +10,6 @@ from typing import TypeAlias
 from board.errors import RequestError, UsageError
 from firmware.codec import fields, library, showing
 from firmware.codec.decoding import Decoder, UndecodableError, doubt_record, joined, refusal_record
-from firmware.codec.field_names import FieldNames
 from firmware.codec.library import NoLibraryError, load
 from firmware.codec.live import Live
 from firmware.codec.reading import Pdu
@@ -117,7 +116,7 @@ def _shower(arguments: argparse.Namespace) -> Show | None:
     if arguments.decode or arguments.full or arguments.fields:
         decoder = Decoder(load())
         if arguments.fields:
-            FieldNames(_listened(decoder, arguments.type)).check(arguments.fields)
+            fields.FieldNames(_listened(decoder, arguments.type)).check(arguments.fields)
         if arguments.full:
             return lambda message: _full(message, decoder)
         if arguments.json:

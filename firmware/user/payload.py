@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import BinaryIO, NamedTuple, TypeAlias
 
 from board.errors import RequestError
-from firmware.codec import json_texts
+from firmware.user import json_texts
 
 # A station takes 1500 octets and refuses longer ones, which may be tried; this is for files of another kind.
 MAX_OCTETS = 0xFFFF

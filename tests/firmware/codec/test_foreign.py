@@ -63,18 +63,36 @@ def test_no_octets_with_a_protocol_version_are_a_message_frame(octets: bytes):
 
 @given(st.text(max_size=80))
 def test_any_text_in_xml_has_a_root_element_or_none(text: str):
-    told = foreign.xml([f"<{text}"])
-    assert "root element" in told
-    foreign.is_whole_xml(f"<{text}")
+    found = foreign.xml(f"<{text}", [])
+    assert found is not None
+    assert "root element" in found.why
 
 
 @pytest.mark.parametrize("begin", ["<", "<a>", f"<{'a' * 60}>"])
 def test_a_line_of_100_kb_that_begins_an_element_is_not_a_whole_one(begin: str):
     # Minutes where the name of an element has no bound: the time grows with its square.
-    assert not foreign.is_whole_xml(begin + "a" * 100_000)
-    assert not foreign.is_whole_xml(begin + "</a" * 33_000)
+    for line in (begin + "a" * 100_000, begin + "</a" * 33_000):
+        found = foreign.xml(line, [])
+        assert found is not None
+        assert not found.is_whole
 
 
 @pytest.mark.parametrize("text", ["<a/>", "<a>1</a>", ' <a b="c">\n<d/>\n</a > '])
 def test_an_element_from_its_first_to_its_last_tag_is_a_whole_one(text: str):
-    assert foreign.is_whole_xml(text)
+    following = iter(["next"])
+    found = foreign.xml(text, following)
+    assert found is not None
+    assert found.is_whole
+    assert list(following) == ["next"]
+
+
+@pytest.mark.parametrize("text", ["", "{", "0202", " x<a>"])
+def test_a_line_without_an_angle_bracket_at_its_begin_is_no_xml(text: str):
+    assert foreign.xml(text, ["<a/>"]) is None
+
+
+def test_an_element_of_many_lines_is_named_by_the_first_thousand():
+    following = iter(["\n"] * 2000)
+    found = foreign.xml("<!-- \n", following)
+    assert found is not None
+    assert (found.is_whole, len(list(following))) == (False, 1001)

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from board.errors import RequestError
-from firmware.codec.json_texts import Text, parse, split
+from firmware.user.json_texts import Text, parse, split
 
 VALUES = st.recursive(
     st.none() | st.booleans() | st.integers() | st.text(),
