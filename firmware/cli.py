@@ -242,6 +242,9 @@ class _Unheard(io.TextIOBase):
     def flush(self) -> None:
         _mute(self._stream)
 
+    def close(self) -> None:
+        """Leave the stream open: at its end this object would flush it, where no error can be reported."""
+
     def isatty(self) -> bool:
         return self._stream.isatty()
 

@@ -66,9 +66,12 @@ def _parser() -> argparse.ArgumentParser:
 
 def _folder(word: str) -> Path:
     try:
-        return Path(word).resolve()
-    except (OSError, RuntimeError) as error:  # RuntimeError: of links that lead to themselves
+        path = Path(word).resolve()
+    except (OSError, RuntimeError) as error:  # RuntimeError: of links that lead to themselves, before Python 3.13
         raise argparse.ArgumentTypeError(f"{word}: cannot be followed: {error}") from error
+    if path.is_symlink():
+        raise argparse.ArgumentTypeError(f"{word}: cannot be followed: Symlink loop")
+    return path
 
 
 def _build(arguments: argparse.Namespace, described: description.Description) -> int:

@@ -1,6 +1,7 @@
 """Certificates for an afternoon, made by the program openssl: an authority, a broker, its clients."""
 
 import subprocess
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -8,6 +9,7 @@ from board.errors import StationError
 
 CURVE = ("-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes")
 DAYS = 2
+USAGE = "keyUsage=critical,keyCertSign,cRLSign"  # strict verifiers ask for it: Python 3.13 (RFC 5280, 4.2.1.3)
 
 
 class Pair(NamedTuple):
@@ -26,11 +28,12 @@ class Authority:
         self._key = folder / f"{name}.key"
         self._issued = 0
         files = ("-keyout", str(self._key), "-out", str(self.certificate))
-        _openssl("req", "-x509", *CURVE, "-subj", f"/CN=captain lab {name}", "-days", str(DAYS), *files)
+        subject = ("-subj", f"/CN=captain lab {name}", "-days", str(DAYS), "-addext", USAGE)
+        _openssl("req", "-x509", *CURVE, *subject, *files)
         self._key.chmod(0o600)
 
-    def issue(self, name: str, extensions: str, days: int = DAYS) -> Pair:
-        """name: its common name. extensions: lines of x509v3_config(5)."""
+    def issue(self, name: str, extensions: str, validity: Sequence[str] = ("-days", str(DAYS))) -> Pair:
+        """name: its common name. extensions: lines of x509v3_config(5). validity: options of openssl-x509(1)."""
         self._issued += 1
         stem = f"{self.certificate.stem}-{self._issued}-{name}"
         certificate, key, request, wanted = (self._folder / f"{stem}.{end}" for end in ("pem", "key", "csr", "ext"))
@@ -38,7 +41,7 @@ class Authority:
         _openssl("req", "-new", *CURVE, "-subj", f"/CN={name}", "-keyout", str(key), "-out", str(request))
         signer = ("-CA", str(self.certificate), "-CAkey", str(self._key), "-set_serial", str(self._issued))
         files = ("-in", str(request), "-extfile", str(wanted), "-out", str(certificate))
-        _openssl("x509", "-req", *signer, "-days", str(days), *files)
+        _openssl("x509", "-req", *signer, *validity, *files)
         key.chmod(0o600)
         return Pair(certificate, key)
 

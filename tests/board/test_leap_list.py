@@ -194,7 +194,8 @@ def test_what_is_no_file_is_refused_and_nothing_waits_for_it(path):
     os.mkfifo(path)
     assert "is not a file" in refusal(path)
     assert "cannot be read: Not a directory" in refusal("/dev/null/list")
-    assert "cannot be read: embedded null byte" in refusal("/tmp/\0")
+    assert "cannot be read: " in refusal("/tmp/\0")
+    assert "embedded null" in refusal("/tmp/\0")
 
 
 @given(

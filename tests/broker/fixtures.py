@@ -9,7 +9,7 @@ import pytest
 
 from firmware.lab.certificates import Pair
 from tests.broker.bad import FullBacklog, Listener
-from tests.broker.certificates import EXPIRED, Authority
+from tests.broker.certificates import Authority
 from tests.broker.client import Client
 from tests.broker.mosquitto import Mosquitto
 from tests.broker.names import SilentNames
@@ -24,12 +24,12 @@ class Certificates:
         self.authority = Authority(folder)
         self.stranger = Authority(folder, "stranger")
         self.server = self.authority.server()
-        self.expired_server = self.authority.server(days=EXPIRED)
+        self.expired_server = self.authority.server(is_expired=True)
         self.other_server = self.authority.server(("DNS:other.example",))
         self.strange_server = self.stranger.server()
         self.client = self.authority.client("vm")
         self.observer = self.authority.client("observer")
-        self.expired_client = self.authority.client("vm", days=EXPIRED)
+        self.expired_client = self.authority.client("vm", is_expired=True)
         self.strange_client = self.stranger.client("vm")
 
 

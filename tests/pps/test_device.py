@@ -299,7 +299,7 @@ def test_a_path_that_is_no_device_is_refused_by_the_kernel_itself(loop, told, pa
 
 
 def test_a_path_that_no_file_can_have_is_refused(loop, told):
-    with pytest.raises(InterfaceError, match="null byte"):
+    with pytest.raises(InterfaceError, match="embedded null"):
         Device(loop, Path("/dev/pps\0x"), told).start()
 
 

@@ -42,7 +42,7 @@ def said(one, now=None):
 
 
 def test_good_files_are_told_with_the_day_on_which_they_end(own, certificates):
-    certificate, key = certificates.authority.client("long", days=60)
+    certificate, key = certificates.authority.issue("long", "extendedKeyUsage=clientAuth\n", ("-days", "60"))
     ((level, told, _), (_, authority, _)) = said(v2n(**own | {"certificate": str(certificate), "key": str(key)}))
     assert level is Level.OK
     assert told.startswith(f"certificate {certificate} is good until 20")

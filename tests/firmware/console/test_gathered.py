@@ -258,8 +258,10 @@ def test_a_station_that_is_no_service_is_started_by_hand(
     assert (service.words, service.last_words, service.remedy) == (BY_HAND, "", "")
 
 
-def test_without_a_service_manager_nobody_is_asked(loop: VirtualLoop, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(systemd, "MANAGER", Path("/nonexistent"))
+def test_without_a_service_manager_nobody_is_asked(
+    loop: VirtualLoop, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(systemd, "MANAGER", tmp_path / "systemd")
     service = Service(loop, lambda: None)
     service.look()
     assert service.is_read
