@@ -56,6 +56,13 @@ def of_files(modules: Iterable[tuple[str, syntax.Module]]) -> list[Candidate]:
 
 
 def of_standards(modules: Iterable[Module]) -> list[Candidate]:
+    """Candidates of the schema's modules, without those that users added, in the order given.
+
+    A candidate's order is its release and all numbers of its document and version, from left to right: that of
+    "ETSI TS 102 894-2 v2.4.1" is ("r2", (102, 894, 2, 2, 4, 1)).
+
+    Source: key and standard, as Module in asn1/types.py has them. Raises nothing.
+    """
     return [
         Candidate(one.key, one.name, one.oid, one.standard, (one.key.partition("_")[0], _numbers(one.standard)), False)
         for one in modules

@@ -106,7 +106,13 @@ class Edition:
         return pdu
 
     def check_header(self, pdu: bytes) -> None:
-        """Raise RefusedError for the header of another edition: the same octets mean other values there."""
+        """Refuse the header of another edition: the same octets mean other values there.
+
+        pdu  at least 2 octets: protocolVersion and messageID.
+
+        A protocolVersion that no edition of the messageID has is allowed. Raises RefusedError with the cause "edition".
+        Source: ETSI TS 102 894-2 v2.4.1, DF ItsPduHeader.
+        """
         named = "" if pdu[0] in self.message.versions else self._owners(pdu)
         if named:
             raise RefusedError("edition", f"header.protocol_version: {pdu[0]} is that of {named}, not of {self.name}")
