@@ -85,6 +85,18 @@ def test_a_received_message_of_another_edition_is_not_published_and_its_edition_
     assert "header.protocol_version: 1 is that of cam-1.3.2, not of cam-1.4.1" in line
 
 
+def test_an_inactive_handler_decodes_nothing(bench, monkeypatch):
+    bench.set(receive__active=False)
+    monkeypatch.setattr(Edition, "of", lambda *_: pytest.fail("decoded"))
+    assert bench.channel.receive(ARRIVAL) is None
+    assert bench.channel.counts.not_published == {"inactive": 1}
+
+
+def test_an_edition_that_the_routing_has_found_is_not_looked_for_again(bench, monkeypatch):
+    monkeypatch.setattr(Edition, "of", lambda *_: pytest.fail("decoded"))
+    assert bench.channel.receive(ARRIVAL, bench.channel.edition).edition == "cam-1.4.1"
+
+
 def test_a_received_message_that_another_edition_reads_otherwise_is_published_and_doubted():
     bench = Bench("vam")
     vam = bytes.fromhex("031000001267ce004137480ef6c6b49d2000004dd1c2148d5b0006ea6afffb98031010")

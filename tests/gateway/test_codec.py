@@ -153,6 +153,37 @@ def test_an_edition_of_another_type_is_refused():
         Edition(Library(), "denm-1.3.1", "etsi_its", KINDS["cam"])
 
 
+class Both(Message):
+    """A library where each form gives the octets of the other back, and `loose` breaks a constraint in them."""
+
+    loose = ""
+
+    def encode(self, value: object) -> bytes:
+        return CPM
+
+    def view(self, octets: bytes) -> bytes:
+        return octets
+
+    def validate(self, value: object) -> None:
+        if self.name == self.loose:
+            raise ValueError("it breaks a constraint")
+
+
+CPM = b"\2\x0e" + bytes(40)
+
+
+@pytest.mark.parametrize("loose", ["cpm-2.1.1", "cpm-2.1.1-ext"])
+@pytest.mark.parametrize("handler", ["cpm-2.1.1", "cpm-2.1.1-ext"])
+def test_of_two_interpretations_the_one_that_keeps_every_constraint_is_published(handler, loose, monkeypatch):
+    monkeypatch.setattr(Both, "loose", loose)
+    valid = "cpm-2.1.1-ext" if loose == "cpm-2.1.1" else "cpm-2.1.1"
+    assert edition(handler, Library(Both)).of(CPM).name == valid
+
+
+def test_of_two_interpretations_that_keep_every_constraint_that_of_the_handler_is_published():
+    assert edition("cpm-2.1.1-ext", Library(Both)).of(CPM).name == "cpm-2.1.1-ext"
+
+
 def test_a_message_is_for_the_handler_of_its_number():
     routing = Routing([one("cam-1.4.1"), one("denm-1.3.1")])
     assert routing.find(CAM).name == "cam-1.4.1"
@@ -174,6 +205,14 @@ def test_between_editions_of_one_version_the_first_that_gives_the_same_octets_ba
     routing = Routing([one("cam-1.4.1"), one("cam-2.1.1")])
     assert routing.find(CAM).name == "cam-1.4.1"
     assert Routing([one("cam-2.1.1"), one("cam-1.4.1")]).find(CAM).name == "cam-2.1.1"
+
+
+def test_the_interpretation_that_decided_between_handlers_is_found_once():
+    handlers = [one("denm-1.3.1"), one("denm-2.2.1")]
+    handler, found = Routing(handlers).find_edition(DENM)
+    assert handler is handlers[0]
+    assert found is handler.edition
+    assert Routing(handlers[:1]).find_edition(DENM) == (handlers[0], None)
 
 
 def test_what_no_edition_decodes_goes_to_the_first_which_says_why():

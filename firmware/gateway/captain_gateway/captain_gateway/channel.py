@@ -71,11 +71,15 @@ class Channel:
 
     # -- from the station
 
-    def receive(self, arrival: Arrival) -> metadata.Note | None:
-        """Publish a received message. Returns what is known of it, where somebody wants to know."""
+    def receive(self, arrival: Arrival, edition: Edition | None = None) -> metadata.Note | None:
+        """Publish a received message. Returns what is known of it, where somebody wants to know.
+
+        edition  that the routing has found; None: it is found here.
+        """
         self.counts.received += 1
-        edition = self.edition.of(arrival.pdu)
         try:
+            self._check(arrival.pdu)
+            edition = edition or self.edition.of(arrival.pdu)
             made = self._made(arrival.pdu, edition)
         except RefusedError as error:
             self.counts.not_published[error.cause] += 1
@@ -93,11 +97,13 @@ class Channel:
             return None
         return metadata.Note(self._sequence, arrival.pdu, arrival.reception, edition.name, made.left_out, published_ns)
 
-    def _made(self, pdu: bytes, edition: Edition) -> Made:
-        settings = self.receiving
-        if not settings.active:
+    def _check(self, pdu: bytes) -> None:
+        if not self.receiving.active:
             raise RefusedError("inactive", "receive.active is false")
         self.edition.check_header(pdu)
+
+    def _made(self, pdu: bytes, edition: Edition) -> Made:
+        settings = self.receiving
         try:
             why = filters.refusal(pdu, edition, settings, self._around.place)
             if why is None and settings.max_age_s:

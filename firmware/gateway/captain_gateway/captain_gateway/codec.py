@@ -69,10 +69,19 @@ class Edition:
         self._forms = [Edition(library, other, profile, kind, has_forms=False) for other in others]
 
     def of(self, pdu: bytes) -> "Edition":
-        """The interpretation of the message that a PDU is of; itself where it is of neither. Both have one ROS type."""
+        """The interpretation of the message that a PDU is of; itself where it is of neither. Both have one ROS type.
+
+        Where both give the octets back, the one that keeps every constraint, as in the station's own programs.
+        """
         if not self._forms:
             return self
-        return next((one for one in (self, *self._forms) if one.is_exact(pdu)), self)
+        first = None
+        for one in (self, *self._forms):
+            if one.is_exact(pdu):
+                if one.is_valid(pdu):
+                    return one
+                first = first or one
+        return first or self
 
     def to_cdr(self, pdu: bytes) -> Made:
         """Octets of the air as a serialised ROS message. Raises RefusedError."""
@@ -120,18 +129,18 @@ class Edition:
     def others(self, pdu: bytes) -> tuple[str, ...]:
         """Return editions of the same header that give the octets back and read other values in them.
 
-        One of the same type that knows fewer parts of the message is none: its sender could not have said them. The
-        station's own programs compare likewise: drivers/wire/editions.py.
+        One of the same type that knows fewer parts of the message is none: its sender could not have said them. One
+        that cannot be read is among them. The station's own programs compare likewise: drivers/wire/editions.py.
         """
         rivals = self._of_header(pdu)
         if not rivals or pdu[0] not in self.message.versions:
             return ()
-        values, unknown = _leaves(self.message, pdu)
+        own = _leaves(self.message, pdu)
         found = [(one, _leaves(one, pdu)) for one in rivals if _is_exact(one, pdu)]
         return tuple(
             one.name
-            for one, (other, more) in found
-            if other != values and not (one.type == self.message.type and more > unknown)
+            for one, other in found
+            if other.values != own.values and not (one.type == self.message.type and _knows_less(other, own))
         )
 
     def _of_header(self, pdu: bytes) -> list[Any]:
@@ -170,9 +179,17 @@ class Edition:
         except (ValueError, MemoryError):
             return None
 
+    def is_valid(self, pdu: bytes) -> bool:
+        """Whether a message keeps every constraint of the standard."""
+        try:
+            self.message.validate(pdu)
+        except (ValueError, MemoryError):
+            return False
+        return True
+
     def unknown_parts(self, pdu: bytes) -> int:
         """How many parts of a message this edition does not know."""
-        return _leaves(self.message, pdu)[1]
+        return _leaves(self.message, pdu).unknown
 
     def _is_made_of(self, cdr: bytes, original: bytes) -> bool:
         try:
@@ -222,13 +239,23 @@ class Kept:
         return [pdu for own in recent for pdu in list(own)[::-1]][:MOST_TRIED]
 
 
-def _leaves(message: Any, pdu: bytes) -> tuple[bytes, int]:
-    """The values without names and the number of unknown parts; those of no other edition where it cannot."""
+class Leaves(NamedTuple):
+    """The values without names, and the number of unknown parts. Not read: the values are those of no other edition."""
+
+    values: bytes
+    unknown: int
+    is_read: bool = True
+
+
+def _leaves(message: Any, pdu: bytes) -> Leaves:
     try:
-        values, unknown = message.leaves(pdu)
+        return Leaves(*message.leaves(pdu))
     except (ValueError, MemoryError):
-        return message.name.encode(), len(pdu)
-    return values, unknown
+        return Leaves(message.name.encode(), len(pdu), is_read=False)
+
+
+def _knows_less(other: Leaves, own: Leaves) -> bool:
+    return other.is_read and other.unknown > own.unknown
 
 
 def _is_exact(message: Any, pdu: bytes) -> bool:

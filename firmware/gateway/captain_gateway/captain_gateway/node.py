@@ -151,12 +151,13 @@ class Gateway:
     # -- from the station, in the thread that receives
 
     def arrived(self, arrival: Arrival) -> None:
-        channel = self._routing.find(arrival.pdu) if len(arrival.pdu) >= ITS_HEADER else None
+        is_long = len(arrival.pdu) >= ITS_HEADER
+        channel, edition = self._routing.find_edition(arrival.pdu) if is_long else (None, None)
         if channel is None:
-            name = arrival.type or f"messageID {arrival.pdu[1]}" if len(arrival.pdu) >= ITS_HEADER else "too short"
+            name = arrival.type or f"messageID {arrival.pdu[1]}" if is_long else "too short"
             self._without.count(name)
             return
-        note = channel.receive(arrival)
+        note = channel.receive(arrival, edition)
         if note is None:
             return
         if not self.address.report or arrival.reception is None:
