@@ -1,7 +1,7 @@
 """Editions that a PDU fits: by its ITS PDU header, and by the values that they read."""
 
 from collections.abc import Iterable, Sequence
-from typing import Protocol, TypeVar
+from typing import NamedTuple, Protocol, TypeVar
 
 
 class Announced(Protocol):
@@ -29,6 +29,19 @@ class Readable(Announced, Protocol):
     def validate(self, value: object, /) -> None: ...
 
 
+class Leaves(NamedTuple):
+    """What an edition reads in octets.
+
+    values   without names.
+    unknown  number of parts that it does not know.
+    is_read  False where it reads nothing; then the values are equal to those of no other edition.
+    """
+
+    values: bytes
+    unknown: int
+    is_read: bool = True
+
+
 One = TypeVar("One", bound=Readable)
 Known = TypeVar("Known", bound=Announced)
 
@@ -46,22 +59,23 @@ def compared(messages: Sequence[One], octets: bytes) -> tuple[list[One], tuple[O
 
     messages  by preference.
 
-    Of the first one's type, an edition that knows every part of the message comes before one that does not. One that
-    knows less reads no other values: a sender of that edition could not have written those parts.
+    Of the first one's type, the edition that knows most parts of the message comes first. One that knows less is not
+    among the others: a sender of that edition could not have written those parts. Limit: where no edition knows every
+    part, the one that knows most is taken, though the sender's may extend another one.
     """
     messages = _settled(messages, octets)
     if len(messages) < 2:
         return list(messages), ()
     read = {one.name: leaves(one, octets) for one in messages}
     kind = messages[0].type
-    ordered = sorted(messages, key=lambda one: (one.type != kind, read[one.name][1]))
-    values, unknown = read[ordered[0].name]
-    others = (
-        one
-        for one in ordered[1:]
-        if read[one.name][0] != values and not (one.type == kind and read[one.name][1] > unknown)
-    )
-    return ordered, tuple(others)
+    ordered = sorted(messages, key=lambda one: (one.type != kind, not read[one.name].is_read, read[one.name].unknown))
+    first = read[ordered[0].name]
+    others = [one for one in ordered[1:] if read[one.name].values != first.values]
+    return ordered, tuple(one for one in others if one.type != kind or not _knows_less(read[one.name], first))
+
+
+def _knows_less(one: Leaves, first: Leaves) -> bool:
+    return one.is_read and one.unknown > first.unknown
 
 
 def are_forms(one: Readable, other: Readable) -> bool:
@@ -94,12 +108,11 @@ def is_valid(message: Readable, octets: bytes) -> bool:
     return True
 
 
-def leaves(message: Readable, octets: bytes) -> tuple[bytes, int]:
-    """Return the values without names and the number of unknown parts; those of no other edition where it cannot."""
+def leaves(message: Readable, octets: bytes) -> Leaves:
     try:
-        return message.leaves(octets)
+        return Leaves(*message.leaves(octets))
     except (ValueError, MemoryError):
-        return message.name.encode(), len(octets)
+        return Leaves(message.name.encode(), len(octets), is_read=False)
 
 
 def names(messages: Iterable[Readable], word: str = "and") -> str:
