@@ -219,7 +219,7 @@ def _tries(group: Group, octets: bytes, is_quick: bool) -> list[Try]:
         if is_quick and one.is_exact:
             kind = kind or message.type
             is_last = message is group.messages[-1]
-            is_whole = is_last or (leaves(message, octets)[1] == 0 and _is_apart(message, group, octets))
+            is_whole = is_last or (leaves(message, octets).unknown == 0 and _is_apart(message, group, octets))
             if message.type == kind and is_whole:
                 break
     return tries
@@ -231,13 +231,7 @@ def _is_apart(message: Message, group: Group, octets: bytes) -> bool:
 
 
 def _is_sound(one: Try, octets: bytes) -> bool:
-    if not one.is_exact:
-        return False
-    try:
-        one.message.validate(octets)
-    except ValueError:
-        return False
-    return True
+    return one.is_exact and is_valid(one.message, octets)
 
 
 def _identity(group: Group, tries: Sequence[Try], decoded: Sequence[Try], octets: bytes, remark: str) -> Identity:

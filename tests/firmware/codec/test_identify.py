@@ -160,6 +160,16 @@ def test_a_guess_has_to_keep_every_constraint():
     assert unknown(bytes((66, 66, 0, 0, 0, 0, 200, 200))).nearest is not None
 
 
+class Hungry(Message):
+    def validate(self, value: object) -> None:
+        raise MemoryError
+
+
+def test_a_guess_whose_constraints_ask_for_too_much_memory_is_not_taken():
+    hungry = Hungry("ball-9", ids=(66,), versions=(2,), fields={"size": 200})
+    assert unknown(octets(hungry, 3, number=99), [hungry]).nearest is None
+
+
 def test_a_guess_has_to_give_the_same_octets_back():
     lossy = Message("ball-9", ids=(66,), versions=(2,), fields={"size": 200}, mask=0x0F)
     assert unknown(octets(lossy, 0x33, number=99), [lossy]).nearest is None
