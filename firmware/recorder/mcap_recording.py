@@ -65,7 +65,9 @@ class Recording:
         found = self._decoder.find(message.pdu)
         if isinstance(found, Identity) and found.message.name in self._types:
             if found.doubt:
-                self._doubtful[f"{found.message.name}: {found.doubt}"] += 1
+                doubt = f"{found.message.name}: {found.doubt}"
+                is_known = doubt in self._doubtful or len(self._doubtful) < MOST_NAMES
+                self._doubtful[doubt if is_known else "others"] += 1
             topic = self._topic(found.message.form_of or found.message.name)
             self._mcap.add(topic.channel, received_ns, topic.write(found.message.decode(message.pdu)))
             sequence, edition, name = self._mcap.counts[topic.channel], found.message.name, topic.name

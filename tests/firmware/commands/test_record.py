@@ -92,6 +92,16 @@ def test_a_station_that_makes_types_up_gets_a_topic_for_the_rest(tmp_path, monke
     assert [channel for channel, _, _ in found.messages] == [1, 2, 3, 2]
 
 
+def test_doubts_that_a_peer_makes_up_are_counted_together_from_some_number_on(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(mcap_recording, "MOST_NAMES", 2)
+    recorded(tmp_path / "a.mcap", *[("cam", bytes([version]) + CAM[1:]) for version in (7, 8, 9, 10, 8)])
+    told = capsys.readouterr().err
+    assert "1 doubtful cam-1.4.1: no edition of cam has protocolVersion 7" in told
+    assert "2 doubtful cam-1.4.1: no edition of cam has protocolVersion 8" in told
+    assert "2 doubtful others" in told
+    assert "protocolVersion 9" not in told
+
+
 def test_what_is_too_short_for_a_header_is_recorded(tmp_path):
     _, found = recorded(tmp_path / "a.mcap", ("a", b"\2"))
     assert found.messages[0][2].endswith(b"\1\0\0\0\2")
