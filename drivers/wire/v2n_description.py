@@ -10,7 +10,8 @@ from drivers.wire.quadkey import MAX_DEPTH, from_digits
 from drivers.wire.v2n_topic import Template, check_text
 
 Form = Literal["vcaptain", "binary", "base64", "orange", "orange-raw", "nap", "nap-body"]
-_IDS = frozenset(map(str, range(256)))  # which a type has in topics where it has no name
+_IDS = frozenset(map(str, range(256)))  # which a type has in topics where it has no name; and protocolVersions
+OTHERS, UNKNOWN = "others", "unknown"  # row of TypeRule.standard for other versions; its value without one
 _DECODING = ("orange-raw", "nap", "nap-body")
 
 
@@ -53,7 +54,7 @@ class TypeRule:
     expiry_s         after which a broker forgets it (MQTT 5); as in the profile where absent.
     accept_retained  take what a broker had kept.
     schema_version   of the envelope, standard of the PDU, origin: members that the form orange has.
-                     standard may be a table by the PDU's protocolVersion, whose last row is for all others.
+                     standard may be a table by the PDU's protocolVersion; its row `others` is for those without one.
     """
 
     topic: str = ""
@@ -62,7 +63,7 @@ class TypeRule:
     expiry_s: int | None = None
     accept_retained: bool = False
     schema_version: str = "2.0.0"
-    standard: str | dict[str, str] = "unknown"
+    standard: str | dict[str, str] = UNKNOWN
     origin: str = ""
 
     def __post_init__(self) -> None:
@@ -70,6 +71,14 @@ class TypeRule:
         _check_expiry(self.expiry_s)
         if self.topic:
             _check_type(self.topic)
+        if isinstance(self.standard, dict):
+            _check_versions(self.standard)
+
+    def standard_of(self, version: int) -> str:
+        """Return the standard of a PDU by its protocolVersion."""
+        if isinstance(self.standard, str):
+            return self.standard
+        return self.standard.get(str(version), self.standard.get(OTHERS, UNKNOWN))
 
 
 @dataclass(frozen=True)
@@ -234,6 +243,15 @@ def _check_qos(qos: int | None) -> None:
 def _check_expiry(expiry_s: int | None) -> None:
     if expiry_s is not None and not 1 <= expiry_s < 1 << 32:
         raise ConfigurationError(f"expiry_s: {expiry_s} is no time of MQTT", "give whole seconds, at least 1")
+
+
+def _check_versions(standards: Collection[str]) -> None:
+    hint = f'write {{ 1 = "...", 2 = "..." }}, or {OTHERS} = "..." for versions without a row'
+    if not standards:
+        raise ConfigurationError("standard: empty table", hint)
+    for version in standards:
+        if version not in _IDS and version != OTHERS:
+            raise ConfigurationError(f"standard: invalid protocolVersion {version!r}; 0 to 255", hint)
 
 
 def _check_type(name: str) -> None:

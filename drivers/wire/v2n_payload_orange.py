@@ -39,9 +39,7 @@ class Orange:
 
     def write(self, sending: Sending) -> bytes:
         coded = binascii.b2a_base64(sending.pdu, newline=False).decode()
-        standard = self._rule(sending.kind).standard
-        if isinstance(standard, dict):
-            standard = standard.get(str(sending.pdu[0]), list(standard.values())[-1])
+        standard = self._rule(sending.kind).standard_of(sending.pdu[0])
         return self._envelope(sending, FORMAT, {"version": standard, "payload": coded})
 
     def read(self, kind: str, payload: bytes) -> tuple[bytes, str]:
