@@ -41,7 +41,8 @@ def load(name: str) -> ProfileDescription:
 def codec(description: ProfileDescription, editions: Sequence[str] = ()) -> Codec | None:
     """The message library, if the profile needs it.
 
-    editions  that messages made of JSON are encoded in, before all others of their type.
+    editions  that messages made of JSON are encoded in, before all others of their type; and decoded in, where two
+              editions read different values.
 
     Raises BlockedError where it cannot be imported, ConfigurationError for editions that it does not have or that the
     profile never encodes.
@@ -72,19 +73,20 @@ def library_file() -> str:
 class MessageLibrary:
     """The editions of captain_messages, chosen by the ITS PDU header.
 
-    chosen  names of those that are encoded first. Another interpretation of a message (form_of) is only encoded if it
-            is among them.
+    chosen  names of those that are encoded first, and that decide between editions which read different values.
+            Another interpretation of a message (form_of) is only encoded if it is among them.
     """
 
     def __init__(self, messages: Sequence[Any], chosen: Sequence[str] = ()) -> None:
         self._messages = sorted((message for message in messages if message.ids), key=lambda message: message.rank)
-        first = [message for name in chosen for message in self._messages if message.name == name]
+        self._chosen = first = [message for name in chosen for message in self._messages if message.name == name]
         self._encoded = [*first, *(one for one in self._messages if one not in first and not one.form_of)]
 
     def decodings(self, pdu: bytes) -> Iterator[tuple[Edition, dict[str, Any]]]:
         """Editions that the header announces, by preference; where it announces none, all of its messageID.
 
-        Those that give the same octets back, if there are any. Raises ValueError where two of them read other values.
+        Those that give the same octets back, if there are any. Where two of them read other values, the first chosen
+        one of these alone; ValueError for none.
         """
         messages = of_header(self._messages, pdu) or [one for one in self._messages if pdu[1] in one.ids]
         decoded, failed = {}, ValueError(f"messageID {pdu[1]} is of no message of the library")
@@ -99,7 +101,10 @@ class MessageLibrary:
         exact = [message for message in fits if decoded[message]]
         ordered, others = compared(exact or fits, pdu)
         if others:
-            raise ValueError(f"{names_of([ordered[0], *others])} read different values in it")
+            rivals = [ordered[0], *others]
+            ordered = [message for message in self._chosen if message in rivals][:1]
+            if not ordered:
+                raise ValueError(f"{names_of(rivals)} read different values in it")
         for message in ordered:
             yield message, message.decode(pdu)
 

@@ -78,11 +78,6 @@ class Edition(Protocol):
     @property
     def name(self) -> str: ...
     @property
-    def type(self) -> str: ...
-    @property
-    def rank(self) -> int: ...
-    def leaves(self, octets: bytes, /) -> tuple[bytes, int]: ...
-    @property
     def ids(self) -> Sequence[int]: ...
     @property
     def versions(self) -> Sequence[int]: ...
@@ -97,7 +92,7 @@ class Codec(Protocol):
     def decodings(self, pdu: bytes) -> Iterator[tuple[Edition, dict[str, Any]]]:
         """The editions that a PDU can be of, likely ones first, and its value in each.
 
-        Raises ValueError for none, and for several that read different values.
+        Raises ValueError for none, and for several that read different values, unless the user has chosen one of them.
         """
 
     def editions(self, kind: str) -> Sequence[Edition]:

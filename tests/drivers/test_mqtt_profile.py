@@ -11,6 +11,7 @@ from board.errors import BlockedError, ConfigurationError
 from drivers.mqtt_profile import FOLDER, TEMPLATE, codec, load, names
 from drivers.wire.v2n import Delivery, Identity, Profile
 from drivers.wire.v2n_description import ProfileDescription, PublishRow, Status, SubscribeRow, Tiles, TypeRule
+from drivers.wire.v2n_payload_nap import NapReceived
 from image import layers
 from tests.drivers.wire.v2n_station import HERE, NOW_MS, PDU
 
@@ -113,6 +114,13 @@ def test_the_template_names_every_form_and_every_variable():
             r"status: '\{type\}': \{type\} is not of the station",
         ),
         ('name = "mine"', 'name = "mine"\n[types.cam]\nexpiry_s = 0', r"types\.cam: expiry_s: 0 is no time"),
+        ('name = "mine"', 'name = "mine"\n[types.cam]\nstandard = {}', r"types\.cam: standard: empty table"),
+        (
+            'name = "mine"',
+            'name = "mine"\n[types.cam]\nstandard = { 256 = "x" }',
+            r"types\.cam: standard: invalid protocolVersion '256'; 0 to 255",
+        ),
+        ('name = "mine"', 'name = "mine"\n[types.cam]\nstandard = { 01 = "x" }', "invalid protocolVersion '01'"),
         ('payload = "binary"', 'payload = "binary"\ntypes = ["a/b"]', "types: 'a/b' cannot be a level of a topic"),
     ],
 )
@@ -120,6 +128,22 @@ def test_a_mistake_is_told_with_its_file_and_key(tmp_path: Path, old: str, new: 
     assert old in MINIMAL
     with pytest.raises(ConfigurationError, match=says):
         load(written(tmp_path, MINIMAL.replace(old, new, 1)))
+
+
+@pytest.mark.parametrize(
+    ("standard", "said"),
+    [
+        ('"x"', ["x", "x", "x"]),
+        ('{ others = "z", 1 = "x" }', ["x", "z", "z"]),
+        ('{ 2 = "y", 1 = "x" }', ["x", "y", "unknown"]),
+    ],
+)
+def test_the_standard_of_a_pdu_is_that_of_its_protocol_version_or_of_the_row_of_others(
+    tmp_path: Path, standard: str, said: list[str]
+):
+    text = MINIMAL.replace("\n[[", f"\n[types.cam]\nstandard = {standard}\n[[", 1)
+    rule = load(written(tmp_path, text)).types["cam"]
+    assert [rule.standard_of(version) for version in (1, 2, 3)] == said
 
 
 def test_an_unknown_name_is_told_with_what_there_is():
@@ -154,6 +178,28 @@ def test_editions_that_a_station_encodes_come_first_and_other_forms_only_if_they
     assert chosen is not None
     assert [one.name for one in usual.editions("cpm")] == ["cpm-2.1.1", "cpm-tr-2.1.1"]
     assert [one.name for one in chosen.editions("cpm")] == ["cpm-tr-2.1.1", "cpm-2.1.1-ext", "cpm-2.1.1"]
+
+
+# VAM of a made value, that vam-2.1.1 and vam-2.3.1 read with different values.
+VAM = bytes.fromhex("031000001267ce004137480ef6c6b49d2000004dd1c2148d5b0006ea6afffb98031010")
+
+
+@pytest.mark.parametrize("chosen", [["vam-2.1.1"], ["vam-2.3.1"], ["cam-1.4.1", "vam-2.1.1", "vam-2.3.1"]])
+def test_an_edition_of_captain_toml_decides_between_those_that_read_different_values(chosen: list[str]):
+    library = codec(load("nap"), chosen)
+    assert library is not None
+    name = next(one for one in chosen if one.startswith("vam"))
+    assert [one.name for one, _ in library.decodings(VAM)] == [name]
+    profile = Profile(load("nap"), Identity("a", 1, "", ""), library)
+    found = next(one for one in profile.publications("vam", 2018, VAM, HERE, NOW_MS) if one.topic == "vanetza/out/vam")
+    assert NapReceived(2, library).read("vam", found.payload) == (VAM, "")
+
+
+def test_an_edition_of_captain_toml_that_does_not_fit_decides_nothing():
+    library = codec(load("nap"), ["vam-1", "cam-1.4.1"])
+    assert library is not None
+    with pytest.raises(ValueError, match=r"vam-2\.3\.1 and vam-2\.1\.1 read different values"):
+        list(library.decodings(VAM))
 
 
 @pytest.mark.parametrize(
