@@ -2,8 +2,8 @@
 
 A value is made from the schema as a sender of the edition can write it, and encoded with each header that announces the
 edition. What the station's programs show, and what payloads of V2N hold, has to be the value; or the edition is named
-beside it. Values are compared by numbers, items, places of set bits and strings, by a walk over the schema that shares
-nothing with the library's own comparison.
+beside it. Values are compared by numbers, items, places of set bits, strings and absent components of the root: the
+rules of the library's own comparison (asn1/runtime/src/leaves.c), by other code, over the schema.
 """
 
 from collections.abc import Iterator, Sequence
@@ -52,6 +52,9 @@ class Confused:
     def fail(self, what: str) -> None:
         self.silent += 1
         self.examples = [*self.examples, what][:EXAMPLES]
+
+
+ABSENT = object()  # an optional component of the root
 
 
 class Unknown(NamedTuple):
@@ -180,9 +183,11 @@ def _walk(schema: t.Schema, type_: t.Type, value: Any) -> Iterator[object]:
 
 
 def _members(schema: t.Schema, type_: t.Sequence, value: dict[str, Any]) -> Iterator[object]:
-    known = list(components(type_))
+    known, root = list(components(type_)), (*type_.root, *type_.tail)
     for one in known:
         if one.name not in value:
+            if one in root:
+                yield ABSENT
             continue
         if not isinstance(one.type, t.OpenType):
             yield from _walk(schema, one.type, value[one.name])

@@ -29,6 +29,25 @@ def test_leaves_differ_where_one_bit_of_the_station_id_differs(name: str):
     assert leaves(name, octets) != leaves(name, other)
 
 
+def test_leaves_differ_where_another_optional_component_has_the_same_value():
+    message = captain_messages.find("cam-1.4.1")
+    found = []
+    for name in ("lateralAcceleration", "verticalAcceleration"):
+        value = message.decode(CAM)
+        vehicle = value["cam"]["camParameters"]["highFrequencyContainer"][1]
+        for other in ("steeringWheelAngle", "lateralAcceleration", "verticalAcceleration"):
+            vehicle.pop(other, None)
+        vehicle[name] = {f"{name}Value": 5, f"{name}Confidence": 102}
+        found.append(leaves("cam-1.4.1", message.encode(value)))
+    assert found[0] != found[1]
+
+
+def test_leaves_are_equal_where_a_newer_edition_has_an_addition_that_is_absent():
+    message = captain_messages.find("denm-2.3.1")
+    octets = message.encode(message.decode(next(octets for name, octets in REAL if name == "denm-1.3.1")))
+    assert leaves("denm-1.3.1", octets) == leaves("denm-2.2.1", octets) == leaves("denm-2.3.1", octets)
+
+
 def test_leaves_count_what_the_edition_does_not_know():
     message = captain_messages.find("denm-1.3.1")
     octets = next(octets for name, octets in REAL if name == "denm-1.3.1")

@@ -54,12 +54,16 @@ static void write_item(leaves *to, const captain_type *type, int64_t number)
     write_number(to, 'n', index >= 0 ? index : number);
 }
 
+/* An absent component of the root has a mark: where two editions have different components, only this tells which one is there.
+ * An absent addition has none, because an edition may not know it; nor has a default, whose value stands there. */
 static void write_sequence(leaves *to, const captain_type *type, const void *structure, unsigned depth)
 {
     for (unsigned i = 0; i < type->fields_count; i++) {
         const void *value = captain_walk_shown(&type->fields[i], structure);
         if (value != NULL)
             write_value(to, type->fields[i].type, value, depth);
+        else if (type->fields[i].addition == 0)
+            captain_out_character(&to->out, '-');
     }
     const captain_additions *additions = captain_walk_additions(type, structure);
     for (uint32_t i = 0; additions != NULL && i < additions->count; i++)
