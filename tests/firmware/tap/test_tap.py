@@ -157,8 +157,9 @@ def test_it_connects_again_and_says_how_long_it_was_without(brokers: Brokers) ->
 
 
 def test_another_client_of_its_name_is_suspected(brokers: Brokers) -> None:
+    # MQTT 3.1.1: a broker of version 5 may name the other client, as mosquitto 2.0.21 does and 2.0.11 does not.
     broker = brokers()
-    with Copy("--url", broker.plain_url, "--client-id", "same", "--quiet") as copy:
+    with Copy("--url", broker.plain_url, "--client-id", "same", "--version", "3.1.1", "--quiet") as copy:
         brokers.client(broker, "same")
         broker.says("New client connected from .* as same", 3)  # it came back
         _, said = copy.end()
