@@ -152,9 +152,9 @@ class Imager:
         for network in networks[:1]:
             self._put("wifi.ssid", network.meant, at(file.name, network.line))
             if network.meant != network.key:
-                what = f'the name of the network is read as "{network.meant}": the octets of its UTF-8 are escaped'
-                remedy = "if another name is meant, write its letters without \\x"
-                notes.append(remark(at(file.name, network.line), f"{what}, as by Raspberry Pi Imager 2.0.10", remedy))
+                what = f'SSID read as "{network.meant}": Imager 2.0.10 escaped its UTF-8 octets'
+                remedy = "if that is wrong, write the SSID without \\x"
+                notes.append(remark(at(file.name, network.line), what, remedy))
             _each(file, file.entries(network), acts, notes)
 
     def _take_hidden(self, file: YamlFile, entry: Entry) -> None:

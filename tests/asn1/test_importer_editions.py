@@ -260,7 +260,7 @@ def test_names_that_the_schema_leaves_out_are_in_its_text(folder: Path) -> None:
 
 def test_the_readme_has_a_row_of_evidence_for_each_edition_with_a_header() -> None:
     whole = (Path(__file__).parents[2] / "asn1" / "README.md").read_text()
-    table = whole.partition("## Which protocolVersion is which edition")[2].partition("\n## ")[0]
+    table = whole.partition("## Editions by protocolVersion")[2].partition("\n## ")[0]
     rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in table.splitlines() if line.startswith("| ")]
     said = {name: versions for names, versions, why in rows[1:] if why for name in names.split(", ")}
     strict = [one for one in read_editions().messages.values() if not one.form_of]

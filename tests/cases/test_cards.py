@@ -51,8 +51,8 @@ def test_a_network_name_escaped_octet_by_octet_is_read_as_its_letters(look):
     assert found.options.wifi.ssid == "\u6211\u7684\u7f51"
     assert "    ssid=e68891e79a84e7bd91" in lines(found)
     assert remarks(found)[-1] == (
-        'network-config:8: the name of the network is read as "\u6211\u7684\u7f51": the octets of its UTF-8 are '
-        "escaped, as by Raspberry Pi Imager 2.0.10; if another name is meant, write its letters without \\x"
+        'network-config:8: SSID read as "\u6211\u7684\u7f51": Imager 2.0.10 escaped its UTF-8 octets; '
+        "if that is wrong, write the SSID without \\x"
     )
 
 
@@ -68,7 +68,7 @@ def test_a_network_name_escaped_octet_by_octet_is_read_as_its_letters(look):
 def test_a_network_name_of_escaped_octets_is_put_together(look, written, ssid):
     found = look("box-ssid-mojibake", network_config=network(written))
     assert found.options.wifi.ssid == ssid
-    assert any(f'is read as "{ssid}"' in text for text in remarks(found))
+    assert any(f'SSID read as "{ssid}"' in text for text in remarks(found))
 
 
 @pytest.mark.parametrize(
@@ -128,8 +128,8 @@ def test_a_password_of_signs_and_a_name_with_an_apostrophe_are_taken_as_they_are
 def test_the_readme_says_that_imager_2_writes_nothing_for_an_image_of_ones_own_and_what_to_do():
     page = (PROJECT / "README.md").read_text()
     flash = " ".join(page[page.index("### Flash") : page.index("### Your files")].split())
-    assert "Imager 2 asks nothing then and writes no customisation" in flash
-    assert "copy [your files](#your-files) onto the card by hand" in flash
+    assert "Imager 2 cannot customise this image" in flash
+    assert "Copy [your files](#your-files) onto the card by hand" in flash
 
 
 def test_the_text_on_the_card_says_that_imager_2_writes_nothing_and_what_to_do():
