@@ -1,6 +1,6 @@
-"""A message of somebody's own: its .asn files become a schema and a message beside those of the standards.
+"""User-defined message: makes a schema and a message from its .asn files.
 
-What the files import comes from the schemas that are here: the standards' files are not needed.
+Imports are resolved from the schemas of the project: the standards' files are not needed.
 """
 
 import json
@@ -147,7 +147,8 @@ def _reached(wish: Wish, read: files.Files, key: str, schema: Schema) -> _Reache
     try:
         resolved = Resolver(sources, read_units()).resolve([(key, wish.pdu, Place(wish.file.name, 1))])
     except ImportFault as error:
-        told = {problem.place for problem in problems if problem.text.startswith(imports.NO_MODULE)}
+        refused = (imports.NO_MODULE, imports.NO_VERSION)
+        told = {problem.place for problem in problems if problem.text.startswith(refused)}
         problems += [
             problem for problem in read.reading.others(error.problems)
             if not (problem.text.startswith(imports.NO_MODULE) and problem.place in told)

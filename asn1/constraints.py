@@ -14,7 +14,7 @@ The encoding asks for bounds (X.691 10.3, clause numbers of 02/2021):
   what it is applied to. So `ConstraintWrappedCpmContainers` (CPM, TS 103 324) has no extension bit though its parent
   SIZE(1..8, ...) has one. The parent's additions are gone as well: its root alone is narrowed.
 - Some peers keep the marker all the same. `Bounds.lost_marker` says where that makes a difference; forms.py lays out
-  their interpretation.
+  the -ext form for them.
 
 A validator asks which values are allowed: unions with gaps, ALL EXCEPT, additions. With an extension marker it allows
 all that the parent allows: a value outside of the root is of a later edition.

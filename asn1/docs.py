@@ -30,7 +30,7 @@ from asn1.wording import bounds, presence, type_name, unit_of
 
 
 def write(schema: Schema, messages: Iterable[str], folder: Path, progress: Callable[[str], None]) -> None:
-    """A page <message>.md for each, and README.md that lists them. A page holds both interpretations of its message."""
+    """A page <message>.md for each, and README.md that lists them. A page holds both forms of its message."""
     folder.mkdir(parents=True, exist_ok=True)
     named = [schema.messages[name] for name in messages]
     chosen = list(dict.fromkeys(schema.messages[one.form_of] if one.form_of else one for one in named))
@@ -62,7 +62,7 @@ def page(schema: Schema, message: Message) -> str:
         ("BTP port", str(message.btp_port) if message.btp_port else "none"),
     ]
     forms = [one for one in schema.messages.values() if one.form_of == message.name]
-    facts += [("other interpretation", f"`{one.name}`: {one.standard}") for one in forms]
+    facts += [("-ext form", f"`{one.name}`: {one.standard}") for one in forms]
     lines = [f"# {message.name}", "", *_table(("", ""), facts), ""]
     for section in _sections(schema, message.pdu):
         lines += section_text(schema, section)

@@ -1,8 +1,8 @@
-"""The other interpretation of a message: an extension marker stays through serial constraints.
+"""The -ext form of a message: an extension marker stays through serial constraints.
 
-X.680 50.11 takes the marker of a constraint that another one follows (constraints.py). Peers that keep it send an
-extension bit more. For them a message has a form: the types of its PDU again, as far as such a constraint is in them.
-Memory is the same in both, so that both have one C struct; tables and functions are their own.
+X.680 50.11 takes the marker of a constraint that another one follows (constraints.py). Peers that keep it send one
+more extension bit. For them a message has an -ext form: the types of its PDU again, as far as such a constraint is in
+them. Memory is the same in both forms, so that both have one C struct; tables and functions are their own.
 """
 
 from collections.abc import Iterable
@@ -13,7 +13,7 @@ from asn1.nodes import Kind, Node, type_name
 
 
 class Forms:
-    """Makes the nodes of forms from those of a finished layout.
+    """Makes the nodes of -ext forms from those of a finished layout.
 
     made   the nodes of all forms.
     taken  C names that are in use; those of the forms are added.
@@ -26,7 +26,7 @@ class Forms:
         self._known: dict[Node, Node] = {}
 
     def of(self, node: Node) -> Node:
-        """The form of a type; the type itself where no serial constraint takes a marker in it."""
+        """Return the -ext form of a type; the type itself if no serial constraint takes a marker in it."""
         if node not in self._touched:
             return node
         if node not in self._known:

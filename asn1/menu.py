@@ -142,7 +142,7 @@ def _replacing(name: str) -> list[str]:
     """What says that a message of the user's own goes for the new one. Raises Left where it is to stay."""
     if not (text.SCHEMA / f"{name}.toml").exists():
         return []
-    if not ask_yes(f"{name} is there already; replace it?"):
+    if not ask_yes(f"{name} already exists; replace it?"):
         raise Left
     return ["--replace"]
 

@@ -88,7 +88,7 @@ class Node:
     selector      OPEN: index of the field beside it that holds the identifier
     recurs        it contains itself
     is_entry      a PDU, a struct in a list, or what stands in an object set: never a part of what holds it
-    form_of       the type of which this is the other interpretation (forms.py): both have one C struct
+    form_of       the type of which this is the -ext form (forms.py): both have one C struct
     """
 
     kind: Kind

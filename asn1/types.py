@@ -325,8 +325,8 @@ class Message:
     versions    protocolVersion values that announce it
     btp_port    standard BTP-B port (TS 103 248)
     rank        order of preference where several editions give the same octets back: smallest first
-    form_of     name of the message of which this is the other interpretation: the extension marker stays through
-                serial constraints (asn1/forms.py); "" of a message by X.680 50.11
+    form_of     name of the message of which this is the -ext form: the extension marker stays through serial
+                constraints (asn1/forms.py); "" for the strict form
     """
 
     name: str

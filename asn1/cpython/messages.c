@@ -20,7 +20,7 @@ static PyMethodDef METHODS[] = {
     {"to_json", message_to_json, METH_O, "Octets to JSON (X.697). Raises DecodeError."},
     {"from_json", message_from_json, METH_O, "JSON (X.697) to octets. Raises EncodeError."},
     {"text", message_text, METH_O, "Octets to an indented tree with units and meanings. Raises DecodeError."},
-    {"leaves", message_leaves, METH_O, "Octets to those of the values without names, and how many parts are unknown. Raises DecodeError."},
+    {"leaves", message_leaves, METH_O, "Return the values as octets without field names, and the number of unknown parts. Raises DecodeError."},
     {"explain", message_explain, METH_O, "Octets to a list of Step, bit by bit, as far as they decode."},
     {"type_tree", message_type_tree, METH_NOARGS, "The PDU's Type."},
     ROS2_METHODS

@@ -31,11 +31,12 @@ class Source:
     left_out: frozenset[str] = frozenset()
 
     def lacks(self, name: str) -> str:
-        """Says that it has no such name, and which it has: "ETSI-ITS-CDD v2.1.1 has no ActionID; ActionId?"."""
+        """Return an error: unknown name, and similar ones: "ETSI-ITS-CDD v2.1.1 has no ActionID; ActionId?"."""
         told = f"{self._title()} has no {name}{_alike(name, self.module.assignments)}"
         if name not in self.left_out:
             return told
-        return f"the schema of {told} The standard's text alone has {name}: copy its definition into your file"
+        remedy = f"opy the definition of {name} from the standard into your file"
+        return f"{told} Or c{remedy}" if told.endswith("?") else f"{told}; c{remedy}"
 
     def _title(self) -> str:
         version = _VERSION.search(self.standard)
@@ -210,7 +211,7 @@ def instance_name(template: str, scope: Scope) -> str:
 
 
 def _alike(name: str, names: Iterable[str]) -> str:
-    """Which names may be meant: "; ActionId?"."""
+    """Return similar names, as a question: "; ActionId?"."""
     known = list(names)
     same = [one for one in known if one.lower() == name.lower()]
     alike = same or difflib.get_close_matches(name, known, n=3)

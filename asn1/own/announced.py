@@ -1,4 +1,4 @@
-"""Whether a message can be told by its first two octets, as every message of the standards can."""
+"""ITS PDU header of a user-defined message: checks that octets 0 and 1 identify the message."""
 
 from collections.abc import Iterator
 

@@ -114,5 +114,7 @@ def _each_once(found: Sequence[_Found], problems: list[Problem]) -> list[_Found]
         module = one[0]
         first = kept.setdefault((module.name, identifier.arcs(module.oid)), one)[0]
         if first.body != module.body:
-            problems += fault(module.place, f"another text of module {module.name} than {first.place}").problems
+            problems += fault(
+                module.place, f"module {module.name} differs from its definition at {first.place}; remove one"
+            ).problems
     return list(kept.values())

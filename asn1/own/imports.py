@@ -16,6 +16,7 @@ from asn1.own.wish import STANDARD
 from asn1.types import Module
 
 NO_MODULE = "no module "
+NO_VERSION = "unknown "
 
 _SELECTIONS: dict[str, Callable[[tuple[identifier.Arc, ...], tuple[identifier.Arc, ...]], bool]] = {
     "SUCCESSORS": identifier.is_successor,
@@ -96,10 +97,8 @@ def choose(wanted: syntax.Import, candidates: Sequence[Candidate], others: Itera
             return Choice(found[0].key)
     common = identifier.shared([arcs, *(one.arcs for one in named)])
     there = ", ".join(f"{identifier.behind(one.oid, common)} ({one.source})" for one in named)
-    verb = "is" if len(named) == 1 else "are"
-    raise fault(
-        wanted.place, f"{NO_MODULE}{wanted.module} with {identifier.behind(wanted.oid, common)}; there {verb} {there}"
-    )
+    version = identifier.behind(wanted.oid, common)
+    raise fault(wanted.place, f"{NO_VERSION}{version} of {wanted.module}; available: {there}")
 
 
 def _newest(wanted: syntax.Import, named: Sequence[Candidate]) -> Choice:
@@ -107,8 +106,8 @@ def _newest(wanted: syntax.Import, named: Sequence[Candidate]) -> Choice:
     if len(named) == 1:
         return Choice(best.key)
     note = (
-        f"{wanted.place}: {wanted.module} is imported without an object identifier: taken is the newest of "
-        f"{len(named)}, {best.source}; write {best.oid} behind FROM {wanted.module}"
+        f"{wanted.place}: {wanted.module} has no object identifier here; using the newest of {len(named)} "
+        f"({best.source}); to fix the version write FROM {wanted.module} {best.oid}"
     )
     return Choice(best.key, note)
 
@@ -116,7 +115,8 @@ def _newest(wanted: syntax.Import, named: Sequence[Candidate]) -> Choice:
 def _hint(name: str, candidates: Sequence[Candidate], others: Iterable[Module]) -> str:
     for other in others:
         if other.name == name:
-            return f"; {other.source} of {other.standard.removeprefix(STANDARD)} has one: give that file as well"
+            owner = other.standard.removeprefix(STANDARD)
+            return f"; {name} is in {other.source} of {owner}; add that file to the command"
     names = sorted({one.name for one in candidates})
     alike = difflib.get_close_matches(name, names, n=3)
     return f"; did you mean {' or '.join(alike)}?" if alike else "; the schema has " + ", ".join(names)

@@ -1,4 +1,4 @@
-"""Wish of a user for a message, checked before files are read."""
+"""Request for a user-defined message, checked before files are read."""
 
 import re
 from pathlib import Path
@@ -11,11 +11,11 @@ STANDARD = "experimental: "  # in front of the message's name, where a module of
 
 
 class Wish(NamedTuple):
-    """What is asked for.
+    """Request of a user.
 
-    file, others  where the PDU and what it imports is, but for what the standards have
+    file, others  files with the PDU and with its imports, except those from standards
     versions      protocolVersion values that announce it
-    replace       a message of this name
+    replace       replace the message of this name
     """
 
     file: Path
@@ -33,11 +33,11 @@ class Wish(NamedTuple):
 
 
 class WishError(ValueError):
-    """A wish that cannot be granted as it stands."""
+    """Invalid request."""
 
 
 def check(wish: Wish, schema: Schema, folder: Path) -> None:
-    """Raises WishError for a name, number or version that no message can have."""
+    """Raise WishError for an invalid name, number or version."""
     wrong_name = no_name(wish.name, schema)
     if wrong_name:
         raise WishError(f"--name {wrong_name}")
@@ -50,16 +50,16 @@ def check(wish: Wish, schema: Schema, folder: Path) -> None:
         raise WishError(f"--versions {wrong[0]}: a protocolVersion is one octet, 0 to 255")
     if not wish.replace and (folder / f"{wish.name}.toml").exists():
         raise WishError(
-            f"--name {wish.name}: {folder / wish.name}.toml is there already; --replace takes this one instead, "
-            f"`captain-asn1 remove {wish.name}` takes it away"
+            f"--name {wish.name}: {folder / wish.name}.toml already exists; replace it with --replace, "
+            f"or delete it with `captain-asn1 remove {wish.name}`"
         )
 
 
 def no_name(name: str, schema: Schema) -> str | None:
-    """Why a message of one's own cannot be called so."""
+    """Return why a user-defined message cannot have this name; None for a valid one."""
     if not NAME.fullmatch(name):
-        return f"{name}: small letters and digits, with hyphens between: my-msg"
+        return f"{name}: lower-case letters and digits, with hyphens between: my-msg"
     for message in schema.messages.values():
         if name in (message.name, message.type) and not message.is_experimental:
-            return f"{name}: {message.standard} is called so; choose another name"
+            return f"{name}: name already used by {message.standard}; choose another name"
     return None

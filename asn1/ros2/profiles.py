@@ -16,7 +16,7 @@ PROFILES: dict[str, Callable[[Schema, Sequence[Message]], list[RosPackage]]] = {
 def packages(schema: Schema, editions: Sequence[Message], profile: str = profile_etsi_its.NAME) -> list[RosPackage]:
     """All packages for some editions. Raises RosError where a message cannot be said in ROS 2.
 
-    Both interpretations of a message (Message.form_of) are of its one ROS type.
+    Both forms of a message (Message.form_of) have one ROS type.
     """
     strict = dict.fromkeys(schema.messages[edition.form_of] if edition.form_of else edition for edition in editions)
     return [_with_forms(package, editions) for package in PROFILES[profile](schema, list(strict))]

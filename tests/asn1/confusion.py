@@ -27,9 +27,9 @@ HEADS = ("message", "PDUs", "rivals", "fit too", "other", "named", "silent")
 class Confused:
     """Of one edition: PDUs made, other editions of their headers, trials in which such an edition gave the octets back.
 
-    other   trials in which that edition read other values.
-    named   PDUs whose output named an edition that reads other values, or was refused.
-    silent  PDUs that were shown with other values and without a word.
+    other   trials in which that edition decoded to different values.
+    named   PDUs whose output named an edition that decodes to different values, or was refused.
+    silent  PDUs that were shown with different values and no warning.
     """
 
     pdus: int = 0
@@ -141,7 +141,7 @@ class Trial:
 def report(found: dict[str, Confused]) -> Iterator[str]:
     """The table, and examples of what is silent."""
     yield "PDUs of each edition, tried with every other edition that their header announces as well (rivals)."
-    yield "other: trials that read other values; named: PDUs whose output says so; silent: goal 0."
+    yield "other: trials that decode to different values; named: PDUs whose output warns; silent: goal 0."
     yield COLUMNS.format(*HEADS)
     total = Confused()
     for name, one in found.items():

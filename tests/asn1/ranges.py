@@ -43,11 +43,11 @@ class Allowed(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Kept(t.Schema):
-    """A schema in the interpretation of X.680 50.11 that some peers have: an extension marker outlives what follows it."""
+    """Schema of the -ext form: an extension marker stays through the constraints that follow it."""
 
 
 def read_as(schema: t.Schema, message: t.Message) -> t.Schema:
-    """The schema in the interpretation of a message."""
+    """Return the schema in the form of a message."""
     return Kept(schema.modules, schema.messages) if message.form_of else schema
 
 

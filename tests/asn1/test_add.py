@@ -1,4 +1,4 @@
-"""A message of somebody's own: one command, and it stands beside those of the standards."""
+"""User-defined message: one command adds it to those of the standards."""
 
 import os
 from pathlib import Path
@@ -64,7 +64,7 @@ def test_a_message_that_is_added_again_is_replaced(tmp_path: Path, schema: Schem
     add.add(wish(tmp_path, PLAIN), schema, tmp_path / "out")
     known = Schema({**schema.modules, **loaded(tmp_path / "out").modules}, loaded(tmp_path / "out").messages)
     again = wish(tmp_path, PLAIN.replace("0..7", "0..15"), port=3000)
-    with pytest.raises(add.WishError, match=r"my-alarm.toml is there already; --replace"):
+    with pytest.raises(add.WishError, match=r"my-alarm.toml already exists; replace it with --replace"):
         add.add(again, known, tmp_path / "out")
     assert loaded(tmp_path / "out").messages["my-alarm"].btp_port == 2999
     add.add(again._replace(replace=True), known, tmp_path / "out")
@@ -93,7 +93,7 @@ def test_asn1tools_reads_the_file_as_well(tmp_path: Path, schema: Schema, monkey
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
-        ({"name": "My Alarm"}, "small letters"),
+        ({"name": "My Alarm"}, "lower-case letters"),
         ({"name": "cam-1.4.1"}, "choose another name"),
         ({"name": "cam"}, "choose another name"),
         ({"id": 256}, "one octet"),
@@ -102,7 +102,7 @@ def test_asn1tools_reads_the_file_as_well(tmp_path: Path, schema: Schema, monkey
         ({"pdu": "Alram"}, "did you mean Alarm"),
     ],
 )
-def test_a_wish_that_cannot_be_granted_is_explained_and_writes_nothing(
+def test_an_invalid_request_is_explained_and_writes_nothing(
     tmp_path: Path, schema: Schema, changes: dict[str, object], says: str
 ):
     with pytest.raises(add.WishError, match=says):

@@ -1,4 +1,4 @@
-"""A message of somebody's own, added with one command: used from Python, from C and by captain decode at once."""
+"""User-defined message, added with one command: used from Python, from C and by captain decode at once."""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-"""The other interpretation of a message: which types it lays out again, and what both have in common."""
+"""The -ext form of a message: which types it lays out again, and what both have in common."""
 
 import captain_messages
 import pytest
@@ -26,7 +26,7 @@ C ::= SEQUENCE (SIZE (1..8, ...)) OF INTEGER (0..9)
 
 
 def laid_out() -> Layout:
-    """A, and A in the other interpretation."""
+    """A, and A in the -ext form."""
     schema = schema_of(BODY, "A")
     message = schema.messages["A"]
     form = Message("A-ext", "a", 1, "test", message.pdu, (), (), 0, 2, form_of="A")
@@ -74,7 +74,7 @@ def test_both_forms_have_one_ros_2_type(name: str):
         assert package.editions == (both[0],)
 
 
-def test_a_page_tells_the_other_interpretation_of_its_message(tmp_path):
+def test_a_page_names_the_ext_form_of_its_message(tmp_path):
     docs.write(SCHEMA, ["cpm-2.1.1", "cpm-2.1.1-ext"], tmp_path, lambda what: None)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["README.md", "cpm-2.1.1.md"]
     assert "`cpm-2.1.1-ext`: ETSI TS 103 324 v2.1.1, with the extension bit" in (tmp_path / "cpm-2.1.1.md").read_text()
@@ -91,7 +91,7 @@ def test_a_form_differs_from_its_message_in_its_name_standard_and_rank_alone(nam
         assert getattr(form, what) == getattr(strict, what)
 
 
-def test_more_elements_than_the_root_has_are_sent_in_the_other_interpretation_alone():
+def test_more_elements_than_the_root_has_are_sent_in_the_ext_form_alone():
     # SIZE(1..8, ...) of cpmContainers
     strict, form = captain_messages.find("cpm-2.1.1"), captain_messages.find("cpm-2.1.1-ext")
     value = strict.decode(strict.from_json(LEAST))

@@ -112,7 +112,7 @@ def test_each_answer_is_checked_when_it_is_given_and_asked_for_again(
     started, _ = run(monkeypatch, "3", *answers)
     assert started == [["add", file, "--pdu", "MyPdu", "--name", "my-msg", "--id", "240", "--port", "2999"]]
     said = capsys.readouterr().out
-    for reason in ("no file nowhere.asn", "did you mean MyPdu", "v: my.asn defines no such type", "small letters",
+    for reason in ("no file nowhere.asn", "did you mean MyPdu", "v: my.asn defines no such type", "lower-case letters",
                    "choose another name", "'many' is no number from 0 to 255", "'256'", "'-1' is no number"):  # fmt: skip
         assert reason in said
 

@@ -1,4 +1,4 @@
-/* Values without names: what two editions of a message have in common where they read the same octets as the same values. */
+/* Values without field names: equal for two editions that decode the same octets to the same values. */
 #include "walk.h"
 
 #include <string.h>

@@ -199,9 +199,9 @@ typedef struct captain_message {
     const char *type;      /* the station's word: "cam" */
     const char *standard;  /* "ETSI EN 302 637-2 v1.4.1" */
     const char *module;    /* "CAM-PDU-Descriptions" */
-    const char *form_of;   /* name of the message of which it is the other interpretation: an extension marker stays through
-                            * serial constraints. Both have one C struct; what was decoded by one form is encoded by the same.
-                            * NULL of a message by X.680 50.11 */
+    const char *form_of;   /* name of the message of which this is the -ext form: an extension marker stays through serial
+                            * constraints. Both forms have one C struct; encode with the table that decoded.
+                            * NULL for a strict message */
     const captain_type *pdu;
     const uint8_t *ids;      /* messageID values that announce it */
     const uint8_t *versions; /* protocolVersion values that announce it */
@@ -254,9 +254,9 @@ bool captain_equal(const captain_type *type, const void *left, const void *right
 /* Text goes out through a sink; false from it ends the walk with CAPTAIN_NO_SPACE. */
 typedef bool (*captain_sink)(void *context, const char *text, size_t octets);
 
-/* Octets that stand for the values alone, in the order of the encoding and without names: numbers, places of set bits, indices of
- * items and alternatives, counts, octets. Two editions that read one encoding as the same values give the same octets here. Their
- * form may change. unknown: the number of additions, alternatives, items and open types that the type does not know. */
+/* Write the values as octets without field names, in the order of the encoding: numbers, places of set bits, indices of items
+ * and alternatives, counts, octets. Two editions that decode to the same values give the same octets here. The format may
+ * change. unknown: the number of additions, alternatives, items and open types that the type does not know. */
 captain_status captain_leaves(const captain_type *type, const void *value, captain_sink sink, void *context, uint32_t *unknown);
 
 /* Indented tree, one field a line, with names of special values, and all others in their unit: "speedValue: 0 (standstill)",
