@@ -16,7 +16,7 @@ setup: ## the command .venv/bin/captain and what it needs, the messages among it
 	@.ci/codec
 	@.ci/sim
 
-packages: ## the Debian packages that run and test need, for users who are not root: sudo make packages
+packages: ## install the Debian packages of run and test, for users without root: sudo make packages
 	@.ci/setup packages
 
 run: setup ## two simulated stations that talk to each other, and a live table (Ctrl-C ends it)
@@ -81,7 +81,7 @@ bench-ros2: setup-ros2 ## UPER to ROS 2's CDR and back beside typed messages and
 	@.venv/bin/python -m tests.bench.ros2 $(ROS2)
 	@.venv/bin/python -m tests.bench.gateway $(GATEWAY)
 
-truth: setup-test ## made values of every message, ours against every other codec; PDUs of each edition against the others; ARGS='--count 1000000'
+truth: setup-test ## compare our codec with others on generated messages, and each edition with the others; ARGS='--count 1000000'
 	@.venv/bin/python -m tests.asn1.truth $(ARGS)
 
 lab: setup-test ## ten messages at 10 Hz for 60 s between two stations: UDP, raw Ethernet, radios, a broker, both at once
@@ -144,7 +144,7 @@ programs-test: setup-image ## the same in new Debian 12 and 13 roots: installed 
 	@.ci/image programs
 	@.venv/bin/python -m tests.programs $(ARGS)
 
-release: setup-image ## all that is handed out, in build/release: card, update, binaries, Debian packages, checksums
+release: setup-image ## all files of a release, in build/release: card, update, binaries, Debian packages, checksums
 	@.ci/image release $(ARGS)
 
 image-test: setup-image ## the card in QEMU, part by part, looked at from outside; ARGS='--only start ports', ARGS=--short

@@ -1,4 +1,4 @@
-"""make image, programs, release, flash: builds the card and programs, looks it through, hands it out, writes it."""
+"""make image, programs, release, flash: builds, checks, releases and flashes card and programs."""
 
 import argparse
 import errno

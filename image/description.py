@@ -157,7 +157,7 @@ class Description:
 
     @property
     def released(self) -> Base:
-        """Where packages of the release's suite come from: the same archive; those beside are of the card's suite."""
+        """Archive of the release's suite: that of [base], without those beside it, which are of the card's suite."""
         return replace(self.base, suite=self.release.suite, beside=())
 
     @property

@@ -1,4 +1,4 @@
-"""captain of one Debian release for one processor, step by step, each kept."""
+"""Freezing of captain for one Debian release and processor, in cached steps."""
 
 import platform
 from collections.abc import Callable
@@ -55,7 +55,7 @@ class Freezing:
         return self._made("freezer", [str(there.packages), str(here.packages), PROJECT / frozen.LOCK], make)
 
     def foreign(self, freezer: Path) -> Path:
-        """What of captain is not ours, frozen: as long as our modules import the same, it stays."""
+        """Freeze the third-party modules; kept as long as our modules import the same."""
         names = frozen.imports(freezer / "root")
         return self._made(
             "foreign",

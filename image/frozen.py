@@ -116,12 +116,12 @@ def version(root: Path) -> str:
 
 
 def imports(root: Path) -> list[str]:
-    """What our modules import and is not ours."""
+    """Return the third-party modules that our modules import."""
     return foreign.imports(PROJECT, [root / f"usr/lib/python{version(root)}", root / WORK / "site"])
 
 
 def freeze(here: Path, root: Path, processor: Processor, names: Iterable[str], target: Path) -> None:
-    """What is not ours, as a directory of the root's processor. Raises ImageError."""
+    """Freeze the third-party modules as a directory, for the root's processor. Raises ImageError."""
     place = cleared(here / WORK / "foreign")
     shutil.copy(SPEC, place)
     (place / "__main__.py").write_text(foreign.script(names))
@@ -178,7 +178,7 @@ def join(here: Path, processor: Processor, frozen: Path, messages: Path, target:
 
 
 def documents(root: Path, program: Path) -> dict[str, bytes]:
-    """What is to be read about captain: files by their place below /usr/share/doc/captain."""
+    """Return the documents of captain, by their place below /usr/share/doc/captain."""
     packages = licences.of_libraries(program, (root / OWNERS).read_text())
     notices = [root / f"usr/share/doc/{name}/copyright" for name in packages]
     return licences.documents(program, root / WORK / "site", [path for path in notices if path.exists()])

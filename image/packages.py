@@ -54,7 +54,7 @@ class Archive:
         sites = _sites()
         for mends in self._base.mends:
             if mends not in sites and self._architecture == self._base.architecture:  # once of a build
-                what = f"{self._base.suite} gets no mends of it"
+                what = f"no updates for {self._base.suite}"
                 print(f"image: this machine's apt has no archive {mends}: {what}", file=sys.stderr)
         (self._folder / "sources.list").write_text(sources(self._base, sites))
         (self._folder / "conf").write_text(_CONF.format(folder=self._folder, architecture=self._architecture))
