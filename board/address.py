@@ -77,4 +77,5 @@ def check_device_name(text: str) -> None:
 def check_socket_path(path: str) -> None:
     """Raises ConfigurationError with the length of a path that no Unix socket can have."""
     if (octets := len(os.fsencode(path))) > MOST_SOCKET_PATH:
-        raise ConfigurationError(f"{show(path)} has {octets} octets", f"a socket's path has at most {MOST_SOCKET_PATH}")
+        what = f"socket path too long: {octets} octets: {show(path)}"
+        raise ConfigurationError(what, f"use at most {MOST_SOCKET_PATH}")

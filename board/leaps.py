@@ -196,17 +196,17 @@ def known(path: str, unix_s: float) -> Leaps:
         return listed
     expired = f"expired on {day(listed.expires or 0)}"
     if len(listed.rows) > len(BUILT_IN.rows):
-        return replace(listed, doubt=f"{path}: {expired}, and knows more leap seconds than are built in: it is used")
+        return replace(listed, doubt=f"{path}: {expired} but used: it has more leap seconds than the built-in table")
     if BUILT_IN.is_expired(unix_s):  # one fact: nobody here knows the leap seconds of today
         is_one_day = day(listed.expires or 0) == day(LEAPS_END)
-        also = "as did the leap seconds built in" if is_one_day else f"those built in on {day(LEAPS_END)}"
-        return replace(BUILT_IN, doubt=f"{path}: {expired}, {also}")
+        also = "like the built-in table" if is_one_day else f"the built-in table on {day(LEAPS_END)}"
+        return replace(BUILT_IN, doubt=f"{path}: {expired}, {also}; update tzdata")
     return _built_in(f"{path}: {expired}", unix_s)
 
 
 def _built_in(why: str, unix_s: float) -> Leaps:
     """With why it is no list, and whether there may be leap seconds by now that it does not know."""
-    used = "the leap seconds built in"
+    used = "the built-in table of leap seconds"
     if BUILT_IN.is_expired(unix_s):
         return replace(BUILT_IN, doubt=f"{why}; {used} expired on {day(LEAPS_END)}".removeprefix("; "))
-    return replace(BUILT_IN, doubt=f"{why}; {used} are used") if why else BUILT_IN
+    return replace(BUILT_IN, doubt=f"{why}; {used} is used") if why else BUILT_IN

@@ -50,9 +50,7 @@ def _parent() -> str:
 def _check_room(prefix: str) -> None:
     most = MOST_SOCKET_PATH - ROOM - len(prefix)
     if (octets := len(os.fsencode(_parent()))) > most:
-        raise ConfigurationError(
-            f"TMPDIR: {show(_parent())} has {octets} octets", f"sockets in it allow {most} at most"
-        )
+        raise ConfigurationError(f"TMPDIR too long: {octets} octets: {show(_parent())}", f"use at most {most}")
 
 
 def _held(prefix: str) -> tuple[Path, int]:

@@ -1,4 +1,4 @@
-"""Any receiver that speaks NMEA 0183, as it is: it gives positions and the time of day, and no word on pulses."""
+"""NMEA 0183 receiver without configuration: gives position and time of day, announces no pulses."""
 
 import re
 
@@ -13,8 +13,8 @@ from drivers.wire.gnss_stream import GnssStream
 from drivers.wire.nmea import Sentence, decode
 from drivers.wire.nmea_epochs import NmeaEpochs
 
-GIVE_UP_S = 15.0  # a receiver that says nothing for so long is not there, or has another rate
-# What no octets of another rate look like: talker and formatter, then fields.
+GIVE_UP_S = 15.0  # a receiver silent for so long is absent, or has another baud rate
+# Octets of another rate do not look like this: talker and formatter, then fields.
 _SENTENCE_LIKE = re.compile(rb"\$[A-Z]{5},[ -~]*")
 
 
@@ -106,10 +106,10 @@ class NmeaReceiver:
 
     def _silence(self, path: str) -> InterfaceError:
         if self._loop.clock() - self._heard_at < SILENT_S:
-            return InterfaceError(f"{path}: its sentences tell no position", "configure it to send GGA, RMC or both")
+            return InterfaceError(f"{path}: its sentences contain no position", "configure it to send GGA, RMC or both")
         if self._refusal:
-            remedy = "baud fits; have the receiver send GGA, RMC or both, with checksums"
+            remedy = "the baud rate is correct; configure the receiver to send GGA, RMC or both, with checksums"
             return InterfaceError(f"{path}: no sentence is valid: {self._refusal}", remedy)
-        what, first = ("only garbage comes", "") if self._garbage else ("nothing comes", "connect its TX, and ")
+        what, first = ("only garbage received", "") if self._garbage else ("no data received", "connect its TX, and ")
         remedy = f"{first}set baud to that of the receiver: mostly 4800, 9600, 38400 or 115200"
         return InterfaceError(f"{path}: {what} at {self._options.rate_baud} baud", remedy)

@@ -22,7 +22,7 @@ def names() -> list[str]:
 
 
 def is_file(name: str) -> bool:
-    """Whether it is the path of a profile, not the name of one that ships."""
+    """Return whether it is the path of a profile, not the name of one that ships."""
     return "/" in name or name.endswith(".toml")
 
 
@@ -41,16 +41,16 @@ def load(name: str) -> ProfileDescription:
 def codec(description: ProfileDescription, editions: Sequence[str] = ()) -> Codec | None:
     """The message library, if the profile needs it.
 
-    editions  that messages made of JSON are encoded in, before all others of their type; and decoded in, where two
-              editions read different values.
+    editions  to encode JSON payloads in, preferred to all others of their type; also to decode in, if two editions
+              decode to different values.
 
     Raises BlockedError where it cannot be imported, ConfigurationError for editions that it does not have or that the
     profile never encodes.
     """
     if not description.needs_codec:
         if editions:
-            what = f"editions: profile {description.name} carries octets as they are, and encodes nothing"
-            raise ConfigurationError(what, "leave it out, or choose a profile with JSON")
+            what = f"editions: profile {description.name} does not encode messages"
+            raise ConfigurationError(what, "remove the key, or choose a profile with JSON")
         return None
     try:
         import captain_messages
@@ -65,7 +65,7 @@ def codec(description: ProfileDescription, editions: Sequence[str] = ()) -> Code
 
 
 def library_file() -> str:
-    """Where the message library is; empty: there is none. Does not import it."""
+    """Return the path of the message library, empty if missing. Does not import it."""
     found = find_spec("captain_messages")
     return found.origin or "" if found else ""
 
@@ -73,8 +73,8 @@ def library_file() -> str:
 class MessageLibrary:
     """The editions of captain_messages, chosen by the ITS PDU header.
 
-    chosen  names of those that are encoded first, and that decide between editions which read different values.
-            Another interpretation of a message (form_of) is only encoded if it is among them.
+    chosen  names of those that are encoded first, and that decide between editions which decode to different values.
+            The -ext form of a message (form_of) is only encoded if it is among them.
     """
 
     def __init__(self, messages: Sequence[Any], chosen: Sequence[str] = ()) -> None:
@@ -83,13 +83,13 @@ class MessageLibrary:
         self._encoded = [*first, *(one for one in self._messages if one not in first and not one.form_of)]
 
     def decodings(self, pdu: bytes) -> Iterator[tuple[Edition, dict[str, Any]]]:
-        """Editions that the header announces, by preference; where it announces none, all of its messageID.
+        """Yield editions that the header announces, by preference; if it announces none, all of its messageID.
 
-        Those that give the same octets back, if there are any. Where two of them read other values, the first chosen
-        one of these alone; ValueError for none.
+        Those that give the same octets back, if there are any. If two of them decode to different values, only the
+        first chosen one. Raises ValueError if none is chosen.
         """
         messages = of_header(self._messages, pdu) or [one for one in self._messages if pdu[1] in one.ids]
-        decoded, failed = {}, ValueError(f"messageID {pdu[1]} is of no message of the library")
+        decoded, failed = {}, ValueError(f"unknown messageID {pdu[1]}")
         for message in reversed(messages):
             try:
                 decoded[message] = message.encode(message.view(pdu)) == pdu
@@ -104,7 +104,7 @@ class MessageLibrary:
             rivals = [ordered[0], *others]
             ordered = [message for message in self._chosen if message in rivals][:1]
             if not ordered:
-                raise ValueError(f"{names_of(rivals)} read different values in it")
+                raise ValueError(f"ambiguous edition: {names_of(rivals)} decode it to different values")
         for message in ordered:
             yield message, message.decode(pdu)
 

@@ -30,8 +30,8 @@ def mistakes(
     bearers = [name for name, driver in drivers.items() if Can.BEARER in driver.capabilities.can]
     for name, bearer in wanted.items():
         if bearer in drivers.keys() - set(bearers) or bearer not in tables:  # what has mistakes may become one
-            what = "carries no mobile network" if bearer in tables else "is no interface"
-            yield f"interfaces.{name}.bearer: {bearer!r} {what}; {remedy(bearer, bearers)}"
+            what = f"{bearer!r} carries no mobile network" if bearer in tables else f"unknown interface {bearer!r}"
+            yield f"interfaces.{name}.bearer: {what}; {remedy(bearer, bearers)}"
 
 
 def _bearer_of(table: Mapping[str, object]) -> str:

@@ -83,7 +83,7 @@ def load(board: str) -> Board:
 
 
 def examine(board: str) -> tuple[Board, list[str]]:
-    """What can be read of a board, and every mistake. Raises ConfigurationError for a file that cannot be read."""
+    """Return the readable part of a board, and every error. Raises ConfigurationError for an unreadable file."""
     path = path_of(board)
     if path.parent == BOARDS and not path.exists():
         known = ", ".join(sorted(entry.stem for entry in BOARDS.glob("*.toml")))

@@ -87,9 +87,9 @@ def load(
 def examine(
     path: str | None, overrides: Sequence[str] = (), board: str | None = None, defaults: str | None = None
 ) -> tuple[Config | None, list[ConfigurationError]]:
-    """What can be read of a configuration, and every mistake. None where captain.toml or the board cannot be read.
+    """Return the readable part of a configuration, and every error. None if captain.toml or the board is unreadable.
 
-    With mistakes, tables have defaults in place of what is wrong, and interfaces are those without a mistake.
+    With errors, tables have defaults in place of invalid values, and only valid interfaces are left.
     """
     errors: list[ConfigurationError] = []
     chosen = ("none" if path else "sim") if board is None else board
@@ -153,7 +153,7 @@ def _tables(merged: Mapping[str, Any], where: str, errors: list[ConfigurationErr
 
 
 def _readable(default: Any, value: Any) -> Any:
-    """What can be read of a table with mistakes, each key by itself; of interfaces, those that are tables."""
+    """Return the readable part of an invalid table, each key by itself; of interfaces, those that are tables."""
     if isinstance(default, dict) and isinstance(value, dict):
         return {name: table for name, table in value.items() if isinstance(table, dict)}
     for key, said in value.items() if is_dataclass(default) and isinstance(value, dict) else ():
@@ -224,7 +224,7 @@ def _interface(name: str, table: Mapping[str, Any], board: Board, where: str) ->
             own["usb"] = slot.usb
         options = _collect(errors, lambda: describe.read(driver.Options, own, place))
     elif isinstance(word, str):
-        what = f"{place}.driver: {word!r} is no driver; one of {', '.join(sorted(DRIVERS))}"
+        what = f"{place}.driver: unknown driver {word!r}; one of {', '.join(sorted(DRIVERS))}"
         errors.append(ConfigurationError(what))
     if errors or queue is None:
         raise ConfigurationError("\n".join(error.message for error in errors))

@@ -160,10 +160,10 @@ def _policy(tables: Table, interfaces: set[str]) -> Iterator[str]:
     for index, row in enumerate(_rows(tables, "policy")):
         where = f"policy[{index}]"
         for key, name in _unknown_interfaces(row, interfaces):
-            yield f"{where}.{key}: {name!r} is no interface; one of {', '.join(sorted(interfaces)) or 'none'}"
+            yield f"{where}.{key}: unknown interface {name!r}; one of {', '.join(sorted(interfaces)) or 'none'}"
         for name in _words(_table(row, "match"), "type"):
             if types is not None and name not in types:
-                yield f"{where}.match.type: {name!r} is no type; one of {', '.join(sorted(types))}"
+                yield f"{where}.match.type: unknown type {name!r}; one of {', '.join(sorted(types))}"
 
 
 def _known_types(tables: Table) -> set[str] | None:

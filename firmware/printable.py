@@ -21,4 +21,8 @@ def mistakes(error: StationError) -> list[str]:
     lines = error.message.split("\n")
     more = len(lines) - MOST_MISTAKES
     told = [clean(line) for line in lines[:MOST_MISTAKES]]
-    return [*told, f"{more} more {'mistake' if more == 1 else 'mistakes'}: is it the right file?"] if more > 0 else told
+    return (
+        [*told, f"{more} more {'mistake' if more == 1 else 'mistakes'}; check that this is the right file"]
+        if more > 0
+        else told
+    )

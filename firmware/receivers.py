@@ -35,8 +35,8 @@ def mistakes(
         if (
             name and name not in announcing and (name in drivers or name not in tables)
         ):  # with mistakes it may become one
-            what = "announces no pulses" if name in tables else "is no interface"
-            yield f"{key}: {name!r} {what}; {remedy(name, announcing)}"
+            what = f"{name!r} announces no pulses" if name in tables else f"unknown interface {name!r}"
+            yield f"{key}: {what}; {remedy(name, announcing)}"
     if pulse is not None and len(announcing) > 1 and not any(named.values()):
         yield f"time.receiver: {' and '.join(announcing)} announce pulses; name the one that drives that of the board"
 

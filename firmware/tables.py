@@ -30,13 +30,14 @@ def _mac(text: str) -> None:
 
 def _type_name(text: str) -> None:
     if not text.replace("_", "a").isalnum() or text != text.lower() or not text.isascii():
-        raise ConfigurationError(f"{show(text)} must be lower-case letters, digits and _", "it stands in v2x.<name>.")
+        hint = "use only a-z, 0-9 and _; the name becomes part of the topic v2x.<name>."
+        raise ConfigurationError(f"invalid type name {show(text)}", hint)
 
 
 def _ipc(address: str) -> None:
     path = address.removeprefix("ipc://")
     if address and path in ("", address):
-        raise ConfigurationError(f"{show(address)} is no path", "write for example ipc:///run/captain/ipc")
+        raise ConfigurationError(f"invalid path {show(address)}", "for example ipc:///run/captain/ipc")
     check_socket_path(path)
 
 
@@ -180,7 +181,7 @@ class Span:
 
     def __post_init__(self) -> None:
         if self.min is not None and self.max is not None and self.min > self.max:
-            raise ConfigurationError(f"min {self.min} is more than max {self.max}", "no message is so long")
+            raise ConfigurationError(f"min {self.min} is more than max {self.max}", "set min to at most max")
 
 
 @dataclass(frozen=True)
@@ -200,7 +201,9 @@ class PayloadMatch:
         if not value:
             raise ConfigurationError("value is empty", "give the octets to compare")
         if mask and len(mask) != len(value):
-            raise ConfigurationError(f"mask has {len(mask)} octets and value {len(value)}", "they must be as many")
+            raise ConfigurationError(
+                f"mask has {len(mask)} octets and value {len(value)}", "give value and mask the same length"
+            )
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Editions that a PDU fits: by its ITS PDU header, and by the values that they read."""
+"""Editions of a PDU, by its ITS PDU header and by the values that they decode to."""
 
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple, Protocol, TypeVar
@@ -30,9 +30,9 @@ class Readable(Announced, Protocol):
 
 
 class Leaves(NamedTuple):
-    """What an edition reads in octets.
+    """Values that an edition decodes.
 
-    values   without names.
+    values   without field names.
     unknown  number of parts that it does not know.
     is_read  False where it reads nothing; then the values are equal to those of no other edition.
     """
@@ -55,13 +55,13 @@ def of_header(messages: Iterable[Known], octets: bytes) -> list[Known]:
 
 
 def compared(messages: Sequence[One], octets: bytes) -> tuple[list[One], tuple[One, ...]]:
-    """Order editions that give the same octets back, and return those that read other values than the first.
+    """Order editions that give the same octets back, and return those that decode to other values than the first.
 
     messages  by preference.
 
-    Of the first one's type, the edition that knows most parts of the message comes first. One that knows less is not
-    among the others: a sender of that edition could not have written those parts. Limit: where no edition knows every
-    part, the one that knows most is taken, though the sender's may extend another one.
+    Of the first one's type, the edition that knows most parts of the message comes first. An edition that knows fewer
+    is not reported: its senders cannot encode those parts. Limit: if no edition knows every part, the one that knows
+    most is taken, though the sender's may extend another one.
     """
     messages = _settled(messages, octets)
     if len(messages) < 2:
@@ -79,14 +79,14 @@ def _knows_less(one: Leaves, first: Leaves) -> bool:
 
 
 def are_forms(one: Readable, other: Readable) -> bool:
-    """Return whether both are interpretations of one message, and not the same one."""
+    """Return whether they are the two forms of one message."""
     return one.name != other.name and (one.form_of or one.name) == (other.form_of or other.name)
 
 
 def _settled(messages: Sequence[One], octets: bytes) -> list[One]:
-    """Order two interpretations of one message: the one that keeps every constraint comes first.
+    """Order the two forms of one message: the one that keeps every constraint comes first.
 
-    Where both read the same, there is nothing to choose, and only the first is left.
+    If both decode to the same values, only the first is left.
     """
     left = list(messages)
     for one in messages:

@@ -92,7 +92,7 @@ class Codec(Protocol):
     def decodings(self, pdu: bytes) -> Iterator[tuple[Edition, dict[str, Any]]]:
         """The editions that a PDU can be of, likely ones first, and its value in each.
 
-        Raises ValueError for none, and for several that read different values, unless the user has chosen one of them.
+        Raises ValueError for none, and for several that decode to different values, unless the user has chosen one.
         """
 
     def editions(self, kind: str) -> Sequence[Edition]:

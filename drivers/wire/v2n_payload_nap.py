@@ -77,8 +77,8 @@ class NapToSend:
         body = {name: value for name, value in fields.items() if name != "header"}
         whole = next(iter(body.values())) if len(body) == 1 else body
         if other := self._taken_for(edition, sending, whole):
-            what = f"{sending.kind}: {edition.name} without its header is taken for {other}, whose values differ"
-            raise RequestError(what, 'take a payload with a header: "nap", or octets')
+            what = f"cannot send {edition.name} without its header: receivers would decode it as {other}"
+            raise RequestError(f"{sending.kind}: {what}", 'use payload "nap" or octets')
         return _dump(whole)
 
     def _taken_for(self, edition: Edition, sending: Sending, body: dict[str, Any]) -> str:

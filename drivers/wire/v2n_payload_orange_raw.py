@@ -2,7 +2,7 @@
 
 The numbers of a CAM of V1.3.2 (protocolVersion 1) are those of its data dictionary, TS 102 894-2 V1.2.1; the schema has
 those of V1.3.1 and later. CurvatureValue is converted: 1/30,000 there, 1/10,000 of 1/m in the schema. LanePosition is
-counted from the other side, and refused.
+refused: V1.3.2 counts from the outermost lane, the schema from the innermost.
 
 Source: schema/cam/cam_schema_2-4-0.json of its-client. Not there, and refused by path: causes of an incident, lanes
 that are closed, data of public transport; and every type but CAM.
@@ -129,7 +129,8 @@ def _read(kind: Type, value: Any, path: str) -> Any:
 def _is_fine(kind: Type, path: str) -> bool:
     """Is it the curvature of V1.2.1? Raises ConversionError for a number of V1.2.1 that is not converted."""
     if _FROM_OUTSIDE in kind.names:
-        raise ConversionError(path, "CAM V1.3.2 counts lanes from the other side than the schema does")
+        why = "it counts from the outermost lane, the schema from the innermost"
+        raise ConversionError(path, f"LanePosition of CAM V1.3.2 cannot be converted: {why}")
     return kind.name == "CurvatureValue" and kind.low == _FINE
 
 

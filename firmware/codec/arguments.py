@@ -1,4 +1,4 @@
-"""What decode, encode, convert and explain have in common: their arguments, and how they go through messages."""
+"""Arguments and message loop of decode, encode, convert and explain."""
 
 import argparse
 import io
@@ -22,28 +22,28 @@ standard input. Read are
   JSON          objects with `hex` or `base64`, as `captain listen --json` has
   captures      pcap and pcapng: Ethernet, 802.11, radiotap, Linux cooked, and
                 Ethernet frames inside UDP; GeoNetworking packets, whose
-                signatures nobody looks at
+                signatures are not verified
   MCAP          of `captain record` and of the gateway to ROS 2
-each known by its looks unless --from says. A frame with GeoNetworking may stand
-in place of a message: Ethernet, 802.11, radiotap, Linux cooked. Messages of SAE
-J2735 and XML (XER) are named and not read.
+captain detects the format; --from overrides it. The input may also be a whole
+frame with GeoNetworking: Ethernet, 802.11, radiotap, Linux cooked. captain
+identifies SAE J2735 messages and XML (XER) but does not decode them.
 """
 
 
 def add_input(parser: argparse.ArgumentParser) -> None:
-    """WHAT and how it is to be read; each() uses them."""
+    """Add WHAT and its format; each() uses them."""
     parser.add_argument("what", metavar="WHAT", nargs="*", help="a file, a folder, the message itself, or -")
-    parser.add_argument("--from", dest="form", choices=FORMS, help="how to read WHAT, whatever it looks like")
+    parser.add_argument("--from", dest="form", choices=FORMS, help="format of WHAT (default: detected)")
 
 
 def add_edition(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--edition",
         metavar="E",
-        help="it is of this edition (cam-1.4.1), or of one of this type (cam); `captain decode --list` has all",
+        help="edition (cam-1.4.1) or type (cam) of the input; list: `captain decode --list`",
     )
     parser.add_argument(
-        "--force", action="store_true", help="with --edition: whatever edition the ITS PDU header announces (for tests)"
+        "--force", action="store_true", help="use --edition even if the header announces another edition (tests)"
     )
 
 
@@ -53,7 +53,7 @@ def each(
     is_json: bool = False,
     failures: Failures | None = None,
 ) -> int:
-    """Do it with each message of WHAT; one that fails is reported, and the next goes on. Returns the exit status.
+    """Call `do` for each message of WHAT; report failures and continue. Returns the exit status.
 
     is_json   each failure is an object on standard output.
     failures  that `do` reports to as well, with warnings; None: it reports nothing.
@@ -86,7 +86,7 @@ def _reader(arguments: argparse.Namespace) -> Reader:
 
 
 def _tell_skipped(skipped: Counter[str]) -> None:
-    """What captures held beside messages."""
+    """Report the frames of captures that hold no message."""
     if skipped:
         each = ", ".join(f"{count} {what}" for what, count in sorted(skipped.items()))
         print(f"captain: without a message: {clean(each)}", file=sys.stderr)

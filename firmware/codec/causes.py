@@ -110,11 +110,12 @@ def _other_edition(case: Case) -> str:
     fits = [one for one in case.known if number in one.ids and attempt(one, case.octets).is_exact]
     if not fits:
         return ""
-    told = f"{names(fits)} give{'s' * (len(fits) == 1)} its octets back"
+    told = f"it decodes as {names(fits, 'or')}"
     if any(version in one.versions for one in fits):
         return f"it is of another edition: {told}"
-    header = f"protocolVersion {version} does not announce {names(fits, 'or')}"
-    return f"{told}, though {header}; `captain decode --edition {fits[0].name} --force` shows it so"
+    excluded = "that edition" if len(fits) == 1 else "these editions"
+    see = f"`captain decode --edition {fits[0].name} --force`"
+    return f"{told}, but protocolVersion {version} excludes {excluded}; to see it: {see}"
 
 
 def _wrong_port(case: Case) -> str:

@@ -33,7 +33,7 @@ class Decoder:
     """Finds the edition of octets among all of the library, or among those that a user asked for.
 
     edition  as `--edition` has it. Raises RequestError where the library has no such message.
-    is_forced  `--force`: the header has no say in it.
+    is_forced  `--force`: ignore the header.
     """
 
     def __init__(self, library: Library, edition: str | None = None, is_forced: bool = False) -> None:
@@ -79,7 +79,7 @@ def record(pdu: Pdu, found: Identity) -> str:
 
 
 def doubt_record(found: Identity) -> dict[str, object]:
-    """The members that say why the values may be wrong; none where nothing speaks against them."""
+    """Return the members that say why the values may be wrong; empty if there is no doubt."""
     if not found.doubt:
         return {}
     told: dict[str, object] = {"warning": found.doubt}

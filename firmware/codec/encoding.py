@@ -14,12 +14,12 @@ _FIELDS = "an object of the fields, as `captain decode` shows"
 
 
 class Wish(NamedTuple):
-    """What a user said of the edition.
+    """Editions that a user wants.
 
-    known      the messages of the library, those of `--edition` where that was given.
-    asked      what `--edition` says; None: nothing.
-    library    all messages, whose the header may be.
-    is_forced  the header has no say.
+    known      messages of the library; with `--edition` only those.
+    asked      value of `--edition`, or None.
+    library    all messages; the header may be of any of them.
+    is_forced  ignore the header.
     """
 
     known: Sequence[Message]
@@ -60,7 +60,7 @@ def encode(one: Object, wish: Wish) -> Encoded:
     if told and owners and not wish.is_forced:
         fits = [other for other in owners if other.type == message.type and not other.form_of]
         remedy_ = f"name {names(fits, 'or')}" if fits else "change the header"
-        raise RequestError(f"{one.origin}: {told}", f"{remedy_}, or take --force")
+        raise RequestError(f"{one.origin}: {told}", f"{remedy_}, or add --force")
     return Encoded(message, octets, f"{one.origin}: {told}" if told else "")
 
 
@@ -68,7 +68,7 @@ def _message(one: Object) -> dict[str, object] | list[object]:
     """The fields: the member `message`, or all where no edition is beside them."""
     if "message" not in one.value:
         if one.value.get("edition") is not None:
-            raise RequestError(f'{one.origin}: it has no "message"', _FIELDS)
+            raise RequestError(f'{one.origin}: "message" is missing', _FIELDS)
         return one.value
     value = one.value["message"]
     if not isinstance(value, dict | list):
@@ -79,7 +79,7 @@ def _message(one: Object) -> dict[str, object] | list[object]:
 def _by_name(one: Object, edition: str, wish: Wish) -> list[Message]:
     """The edition that is named; of a type those that the header announces, else all."""
     exact = [message for message in wish.known if edition.lower() == message.name]
-    if wish.asked is not None:  # both interpretations of a message have the same fields
+    if wish.asked is not None:  # both forms of a message have the same fields
         strict = strict_name(edition.lower())
         exact = exact or [message for message in wish.known if strict_name(message.name) == strict]
     if exact:
@@ -89,15 +89,15 @@ def _by_name(one: Object, edition: str, wish: Wish) -> list[Message]:
         return _announced(fits, _message(one), wish) or fits
     if wish.asked is not None:
         raise RequestError(
-            f"{one.origin}: edition: {edition} is not {wish.asked}",
-            "editions are not converted into each other: leave out --edition, or change the object's",
+            f"{one.origin}: edition: {edition} contradicts --edition {wish.asked}",
+            "omit --edition, or edit the object (captain does not convert editions)",
         )
     known = [message.name for message in wish.known]
-    raise RequestError(f"{one.origin}: edition: {edition!r} is no message of the library", remedy(edition, known))
+    raise RequestError(f"{one.origin}: edition: unknown edition {edition!r}", remedy(edition, known))
 
 
 def _by_header(one: Object, value: object, wish: Wish) -> list[Message]:
-    """Those that the header announces, where nothing else says the edition; another interpretation only by its name."""
+    """Return those that the header announces, if the edition is not named; the -ext form has to be named."""
     strict = [message for message in wish.known if not message.form_of]
     announced = _announced(strict or wish.known, value, wish)
     if announced:
@@ -105,7 +105,7 @@ def _by_header(one: Object, value: object, wish: Wish) -> list[Message]:
     _, number = _header(value)
     fits = [message.name for message in wish.known if number in message.ids]
     editions = " or ".join(fits or ["cam-1.4.1"])
-    raise RequestError(f'{one.origin}: it has no "edition"', f"say which: --edition {editions}")
+    raise RequestError(f"{one.origin}: edition is missing", f'add "edition" or pass --edition {editions}')
 
 
 def _announced(messages: Sequence[Message], value: object, wish: Wish) -> list[Message]:
@@ -157,14 +157,14 @@ def _first(messages: Sequence[Message], value: object, origin: str) -> tuple[Mes
 
 
 def _disagreement(message: Message, octets: bytes, library: Sequence[Message]) -> str:
-    """How the ITS PDU header contradicts the edition, else empty. Receivers go by the header."""
+    """Describe how the ITS PDU header contradicts the edition; empty if it does not. Receivers go by the header."""
     if not message.ids or len(octets) < 2 or of_header([message], octets):
         return ""
     version, number = octets[:2]
     if number not in message.ids:
         types = sorted({other.type for other in library if number in other.ids})
-        said = f"announces {' or '.join(types)}" if types else "announces no message of the library"
-        return f"{message.name}: header: messageID {number} {said}, {message.type} has {_numbers(message.ids)}"
+        said = f"announces {' or '.join(types)}" if types else "is unknown"
+        return f"{message.name}: header: messageID {number} {said}; {message.type} has {_numbers(message.ids)}"
     return f"{message.name}: header: protocolVersion is {version}, this edition has {_numbers(message.versions)}"
 
 

@@ -65,7 +65,10 @@ def damaged_message_frame(octets: bytes) -> str | None:
     found = _message_frame(octets)
     if found is None:
         return None
-    return f"it begins like a MessageFrame of SAE J2735 with {found.size} octets ({found}), and has {len(octets)}"
+    if found.size > len(octets):
+        return f"truncated SAE J2735 MessageFrame ({found}): {len(octets)} of {found.size} octets"
+    more = len(octets) - found.size
+    return f"{more} {'octet follows' if more == 1 else 'octets follow'} the SAE J2735 MessageFrame ({found})"
 
 
 class _MessageFrame(NamedTuple):

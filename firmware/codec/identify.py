@@ -1,4 +1,4 @@
-"""Which message of which edition some octets are: by the ITS PDU header, by the BTP port, by trial decoding."""
+"""Message type and edition of octets, by ITS PDU header, BTP port or trial decoding."""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
@@ -30,8 +30,8 @@ class Identity(NamedTuple):
     why       in words.
     is_exact  encoding it again gives the same octets.
     exact     all editions of which that is true, the preferred one first.
-    others    editions that fit the octets as well, and read other values.
-    doubt     why the values may be wrong; empty where nothing speaks against them.
+    others    editions that also fit the octets, and decode to different values.
+    doubt     why the values may be wrong; empty if there is no doubt.
     """
 
     message: Message
@@ -65,7 +65,7 @@ class Group(NamedTuple):
 
 
 class Try(NamedTuple):
-    """What came of one trial."""
+    """Result of one trial."""
 
     message: Message
     refusal: Refusal | None
@@ -85,7 +85,7 @@ def attempt(message: Message, octets: bytes) -> Try:
 
 
 def _refusal(message: Message, error: ValueError | MemoryError) -> Refusal:
-    """What a DecodeError of the library says; a MemoryError says that octets ask for more than it gives."""
+    """Convert a DecodeError of the library; a MemoryError means that the octets ask for too much memory."""
     if isinstance(error, MemoryError):
         return Refusal(message, "", 0, "it asks for more memory than a message may have")
     path, bit = getattr(error, "path", ""), getattr(error, "bit", 0)
@@ -98,12 +98,12 @@ class Identifier:
     known    the messages that they may be.
     is_asked a user has chosen these. The header has to be theirs, or no edition's.
     library  every message there is, whose header octets may have; without it `known`.
-    is_forced  the header has no say in what a user asked for.
+    is_forced  ignore the header, if a user asked for messages.
 
     The header selects the edition: where one has its messageID and protocolVersion, no other is tried. Of several
     those that give the same octets back are preferred, then those that know every part, then those of smaller rank.
-    What neither the header nor, where that says nothing, the port announces is a guess: it has to give the same octets
-    back and to keep every constraint of its standard.
+    A type that neither header nor port announces is a guess: it has to give the same octets back and to keep every
+    constraint of its standard.
     """
 
     def __init__(
@@ -119,7 +119,7 @@ class Identifier:
         self._is_forced = is_forced
 
     def identify(self, octets: bytes, port: int | None = None, is_quick: bool = False) -> Identity | Unknown:
-        """What octets are.
+        """Return type and edition of octets.
 
         port      BTP port that they came by, where that is known.
         is_quick  take the first edition that gives the same octets back: then `exact` and `others` have no other.
@@ -141,14 +141,14 @@ class Identifier:
         return Unknown(max(refused, key=lambda one: one.bit, default=None), why)
 
     def _port_of_others(self, decoded: Sequence[Try], port: int | None) -> str:
-        """What to say of the port, where it carries another type by the standard."""
+        """Return a remark if the port carries another type by the standard; else empty."""
         if port is None or any(one.message.btp_port == port for one in decoded):
             return ""
         carried = sorted({message.type for message in self._known if message.btp_port == port})
         return f"BTP port {port} is that of {' or '.join(carried)}" if carried else ""
 
     def _groups(self, octets: bytes, port: int | None) -> Iterator[Group]:
-        """What the octets may be: the likeliest first, none twice."""
+        """Yield possible messages, the likeliest first, none twice."""
         if self._is_asked:
             yield self._asked(octets)
             return
@@ -189,8 +189,8 @@ def _of_others(owners: Sequence[Message], asked: Sequence[Message], octets: byte
     strict = [one for one in owners if not one.form_of]
     owned = names(sorted(strict, key=lambda one: (one.type, one.rank)))
     header = f"header: messageID {octets[1]} and protocolVersion {octets[0]}"
-    why = f"{header} are those of {owned}, not of {asked[0].name if len(asked) == 1 else asked[0].type}"
-    return Unknown(None, why, f"leave out --edition, name {owned.replace(' and ', ' or ')}, or take --force")
+    why = f"{header} are those of {owned}, but --edition is {asked[0].name if len(asked) == 1 else asked[0].type}"
+    return Unknown(None, why, f"omit --edition, name {owned.replace(' and ', ' or ')}, or add --force")
 
 
 def _by_version(group: Group, octets: bytes) -> Group:
@@ -226,7 +226,7 @@ def _tries(group: Group, octets: bytes, is_quick: bool) -> list[Try]:
 
 
 def _is_apart(message: Message, group: Group, octets: bytes) -> bool:
-    """Whether no other interpretation of the message can come before it."""
+    """Return whether the other form of the message cannot come before it."""
     return not any(are_forms(message, other) for other in group.messages) or is_valid(message, octets)
 
 
@@ -245,7 +245,7 @@ def _identity(group: Group, tries: Sequence[Try], decoded: Sequence[Try], octets
         if one.message not in fits and not (one.is_exact and are_forms(one.message, message)):
             reasons.append(_passed_over(one))
         elif one.message in fits[1:] and one.message not in others:
-            reasons.append(f"{one.message.name} does not know every part of it")
+            reasons.append(f"{one.message.name} leaves some extensions undecoded")
     if not exact:
         reasons.append("it is encoded to other octets than these")
     else:
@@ -255,16 +255,17 @@ def _identity(group: Group, tries: Sequence[Try], decoded: Sequence[Try], octets
         reasons.append(other)
     if remark:
         reasons.append(remark)
-    told = [f"{names(others)} fit{'s' * (len(others) == 1)} it as well, with other values"] if others else []
+    told = [f"{names(others)} also decode{'s' * (len(others) == 1)} it, to different values"] if others else []
     doubt = "; ".join([group.doubt, *told] if group.doubt else told)
     return Identity(message, "; ".join(reasons), bool(exact), tuple(fits) if exact else (), others, doubt)
 
 
 def _told_of_forms(message: Message, tries: Sequence[Try]) -> str:
-    """The interpretation that comes after the message, where it is not that of these octets."""
+    """Return a reason: a less preferred form of the message does not decode; empty if there is none."""
     behind = tries[[one.message for one in tries].index(message) + 1 :]
-    refused = [one.message.name for one in behind if one.refusal is not None and are_forms(one.message, message)]
-    return f"its other interpretation, {refused[0]}, does not decode" if refused else ""
+    for other in (one.message for one in behind if one.refusal is not None and are_forms(one.message, message)):
+        return f"the form {other.name} ({'with' if other.form_of else 'without'} extension bit) does not decode"
+    return ""
 
 
 def _announcement(message: Message, number: str, version: int) -> str:
@@ -274,7 +275,7 @@ def _announcement(message: Message, number: str, version: int) -> str:
 
 
 def _passed_over(one: Try) -> str:
-    """Why an edition that would have come first is not the one."""
+    """Return why a preferred edition was not chosen."""
     if one.refusal is not None:
         return f"{one.message.name} does not decode ({one.refusal})"
     return f"{one.message.name} gives other octets back"

@@ -31,7 +31,7 @@ class Carried(NamedTuple):
     """A PDU, and what carried it.
 
     transport  shb, gbc_circle, tsb, ...: header type of GeoNetworking.
-    is_signed  it stood in a secured packet, whose signature nobody looked at.
+    is_signed  it was in a secured packet, whose signature is not verified.
     """
 
     pdu: bytes
@@ -50,7 +50,7 @@ class NoMessage(NamedTuple):
 
 
 def open_frame(link: int, frame: bytes) -> Carried | NoMessage:
-    """What a frame of a LINKTYPE_ carries. Raises ProtocolError where GeoNetworking or BTP is broken."""
+    """Open a frame of a LINKTYPE_. Raises ProtocolError for malformed GeoNetworking or BTP."""
     packet = packet_of(link, frame)
     return packet if isinstance(packet, NoMessage) else open_packet(packet)
 
@@ -67,7 +67,7 @@ def packet_of(link: int, frame: bytes) -> bytes | NoMessage:
 
 
 def open_packet(packet: bytes) -> Carried | NoMessage:
-    """What a GeoNetworking packet carries, from its basic header on. Raises ProtocolError."""
+    """Open a GeoNetworking packet, from its basic header on. Raises ProtocolError."""
     is_signed = bool(packet) and packet[0] & 15 == BasicNext.SECURED
     if is_signed:
         # The common header and all that follows are the signed payload: with it the packet reads as an open one.
@@ -87,7 +87,7 @@ def open_packet(packet: bytes) -> Carried | NoMessage:
 def link_of(octets: bytes) -> int | None:
     """Return the LINKTYPE_ of a frame with GeoNetworking or radiotap; None for a PDU and for other frames.
 
-    But for Ethernet no frame begins like an ITS PDU, whose protocolVersion is small and whose messageID is not 0.
+    Except Ethernet no frame begins like an ITS PDU, whose protocolVersion is small and whose messageID is not 0.
     """
     if is_radiotap(octets):
         return RADIOTAP
@@ -116,7 +116,7 @@ def _ethernet(frame: bytes) -> bytes | None:
 
 
 def _after_ethertype(frame: bytes, at: int) -> bytes | None:
-    """What follows an EtherType, one VLAN tag (IEEE 802.1Q) in front of it left out."""
+    """Return the payload behind an EtherType, and behind one VLAN tag (IEEE 802.1Q) before it."""
     if _number(frame, at) == VLAN:
         at += 4
     return frame[at + 2 :] if _number(frame, at) == GEONETWORKING else None
@@ -148,7 +148,7 @@ def _wlan(frame: bytes) -> bytes | None:
 
 
 def _udp_payload(frame: bytes, at: int) -> bytes:
-    """What stands in a datagram behind an EtherType at an octet; stations without radio carry whole frames there."""
+    """Return the payload of a UDP datagram, EtherType at an octet; stations without radio carry whole frames there."""
     ethertype, at = _number(frame, at), at + 2
     if ethertype == IPV4 and frame[at + 9 : at + 10] == UDP:
         return frame[at + 4 * (frame[at] & 15) + UDP_HEADER :]
@@ -161,7 +161,7 @@ RADIOTAP = 127
 NAMES = {1: "Ethernet", 105: "802.11", 113: "Linux cooked", RADIOTAP: "radiotap", 276: "Linux cooked"}
 RADIOTAP_HEADER, WLAN_HEADER = 8, 10  # octets, the least: of the second an acknowledgement
 
-# What frames of a link layer begin with: any address; a data frame of version 0; how it came; its EtherType.
+# First octets of frames: any address; a data frame of version 0; packet type; EtherType.
 _FIRST_OCTETS: dict[int, Callable[[bytes], bool]] = {
     1: lambda octets: True,
     105: lambda octets: octets[:1] != b"" and octets[0] & 0x0F == 0x08,

@@ -10,7 +10,7 @@ from board.describe import remedy
 from board.errors import RequestError, StationError
 from drivers.wire.v2n_type import Type
 
-FORM = "-ext"  # behind the name of a message: its other interpretation (asn1/editions.toml, form_of)
+FORM = "-ext"  # suffix of the -ext form (asn1/editions.toml, form_of)
 
 
 class NoLibraryError(StationError):
@@ -50,7 +50,7 @@ class Step(Protocol):
 class Message(Protocol):
     """A message of one edition of its standard.
 
-    form_of  name of the message of which it is the other interpretation; "" of none.
+    form_of  name of the message of which this is the -ext form; "" for the strict form.
     """
 
     @property
@@ -106,7 +106,7 @@ def load() -> Library:
 
 
 def strict_name(edition: str) -> str:
-    """Return the name of the message of which an edition is the other interpretation, or its own: cpm-2.1.1."""
+    """Return the name of the strict form of an edition: cpm-2.1.1."""
     return edition.removesuffix(FORM)
 
 
@@ -122,7 +122,7 @@ def editions(library: Library, asked: str | None) -> list[Message]:
     if not chosen:
         names = dict.fromkeys([message.type for message in known] + [message.name for message in known])
         raise RequestError(
-            f"--edition: {asked!r} is no message of the library",
+            f"--edition: unknown edition {asked!r}",
             f"{remedy(asked.lower(), names)}; `captain decode --list` shows them all",
         )
     return chosen

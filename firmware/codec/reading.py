@@ -162,7 +162,7 @@ class Reader:
             yield RequestError(f"{where}: {error.message}")
 
     def frame(self, frame: capture.Frame, origin: str) -> Iterator[Item]:
-        """What a frame of a capture gives: one message, or none."""
+        """Yield the message of a frame of a capture, if it has one."""
         try:
             found = layers.open_frame(frame.link, frame.octets)
         except ProtocolError as error:
@@ -219,7 +219,7 @@ def opened(octets: bytes, origin: str) -> Pdu:
     except ProtocolError as error:
         raise RequestError(f"{origin}: {error.message}") from error
     if isinstance(found, layers.NoMessage):
-        raise RequestError(f"{origin}: it is a frame without a message, with {layers.NAMES[link]}: {found.what}")
+        raise RequestError(f"{origin}: {layers.NAMES[link]} frame without an ITS message: {found.what}")
     return Pdu(found.pdu, origin, found.btp_port, None, str(found), octets if link == capture.ETHERNET else b"")
 
 
@@ -294,6 +294,6 @@ def _lines(head: bytes, stream: BinaryIO) -> Iterator[bytes]:
 
 
 def _decoded(lines: Iterable[bytes]) -> Iterator[str]:
-    """What is no UTF-8 becomes what is no hexadecimal either, and is told where it stands."""
+    """Decode lines; invalid UTF-8 becomes escapes, which the reader of hexadecimal refuses with their place."""
     for line in lines:
         yield line.decode(errors="backslashreplace")

@@ -8,7 +8,7 @@ from firmware.printable import clean
 
 
 def tree(pdu: Pdu, found: Identity, width: int) -> str:
-    """A heading, why it is this edition and what speaks against it, the fields, an empty line."""
+    """Heading, reasons for and doubts of the edition, fields, an empty line."""
     head = f"{found.message.name}: {found.message.standard}, {len(pdu.octets)} octets, {pdu.origin}"
     if pdu.carried:
         head += f" ({pdu.carried})"

@@ -30,7 +30,7 @@ examples:
 
 exit codes:
   0    every message was converted
-  1    one was not (the others are), or there was none
+  1    a message was not converted (the others were), or there was none
   2    wrong usage
   130  Ctrl-C
 """

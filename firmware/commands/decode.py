@@ -15,10 +15,10 @@ from firmware.user.table import Table, lines_for, width_of
 DESCRIPTION = f"""\
 Decodes messages and shows their fields with units and meanings. Type and
 edition are found by the ITS PDU header, by the BTP port of a capture and by
-trial: an edition fits that gives the same octets back. It is said which one was
-taken and why. The header selects the edition: octets whose header announces
-another than --edition names are refused, unless --force. Where editions of one
-protocolVersion read other values, a warning names them.
+trial: an edition fits that gives the same octets back. The output names the
+edition and the reason. The header selects the edition: a header that
+contradicts --edition is refused, unless --force. A warning lists other editions
+of the same protocolVersion that decode to different values.
 
 {FORMS_HELP}"""
 EPILOG = """\
@@ -38,14 +38,14 @@ JSON, one object a line:
         of a capture
   is_exact (false), hex
         where the message is encoded to other octets than were decoded
-  warning, others (editions that read other values)
+  warning, others (editions that decode to different values)
         where the values may be wrong
   error (reason, cause, edition, path, bit), hex
         in place of `message` where it does not decode
 
 exit codes:
   0    every message was decoded
-  1    one was not (the others are shown), or there was none
+  1    a message was not decoded (the others are shown), or there was none
   2    wrong usage
   130  Ctrl-C
 """

@@ -12,9 +12,9 @@ from firmware.user.failures import Failures
 DESCRIPTION = """\
 Encodes messages: JSON objects {"edition": "cam-1.4.1", "message": {...}} as
 `captain decode --json` prints them, one after the other, on one line or many.
-With --edition, or where its ITS PDU header announces the edition, the object may
-be the message alone. A header of another edition than the one named is refused,
-unless --force: receivers go by the header.
+With --edition, or if its ITS PDU header announces the edition, the object may be
+the message alone. A header that contradicts --edition is refused, unless
+--force: receivers go by the header.
 
 WHAT is a file, a folder of files, or the object itself; - or nothing is
 standard input. The octets come out as hexadecimal digits, a message a line,
@@ -33,7 +33,7 @@ examples:
 
 exit codes:
   0    every message was encoded
-  1    one was not (the others are), or there was none
+  1    a message was not encoded (the others were), or there was none
   2    wrong usage
   130  Ctrl-C
 """
@@ -54,7 +54,9 @@ def main(arguments: argparse.Namespace) -> int:
 
     def write(item: Pdu | Object) -> None:
         if isinstance(item, Pdu):
-            raise RequestError(f"{item.origin}: it is octets already, not JSON")
+            raise RequestError(
+                f"{item.origin}: input is octets, expected JSON", "to change the format use `captain convert`"
+            )
         made = encode(item, wish)
         if made.warning:
             failures.warn(made.warning)

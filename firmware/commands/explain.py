@@ -35,7 +35,7 @@ JSON, one object a line:
 
 exit codes:
   0    every message was decoded
-  1    one was not, or there was none
+  1    a message was not decoded, or there was none
   2    wrong usage
   130  Ctrl-C
 """

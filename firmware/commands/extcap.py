@@ -89,7 +89,7 @@ def _capture(arguments: argparse.Namespace) -> int:
 
 
 def _pass_over(note: str) -> None:
-    """Wireshark shows each line of standard error as an error: what is ordinary is in the capture itself."""
+    """Suppress notes: Wireshark shows each line of standard error as an error."""
 
 
 def _install(folder: str) -> int:

@@ -49,7 +49,7 @@ examples:
 exit codes:
   0    every message was sent by at least one interface (with --no-confirm:
        was given to the station)
-  1    one was not or is invalid, or no station answers
+  1    a message was invalid or not sent, or no station answers
   2    wrong usage
   130  Ctrl-C
 """

@@ -37,17 +37,18 @@ frequency container every 500 ms and the way behind in it; on demand CPMs of
 the other stations around each (TS 103 324), and DENMs of accidents, repeated
 each second ten times and then cancelled. --rate has CAMs at a fixed rate.
 
-Without another option the station of this machine hears them, in UDP datagrams:
-that of `captain run` by its simulated radio, A of `make run` and any other by
-its `udp` interface. Its status says where; its users receive the messages, as
-`captain listen` shows. Other ways are --udp and --ethernet, where somebody has
-to hear them, and --endpoint: a station's PULL, which sends them.
+By default the swarm sends UDP to the station of --station. That station must
+receive UDP: by its simulated radio (`captain run`) or a `udp` interface with
+`listen` (both stations of `make run`). The swarm reads the address from the
+station's status, and fails if no user of the station receives a message.
+--udp and --ethernet send frames to any receiver. --endpoint gives messages to
+the station's PULL socket, and the station sends them.
 """
 EPILOG = """\
 examples:
   captain swarm 20                          around the station of this machine:
                                             `captain run` or `make run`
-  captain swarm 20 --station :5565          around B of `make run`
+  captain swarm 20 --station :5565          around station B of `make run`
   captain swarm 200 --rate 10 --duration 600 --udp 127.0.0.1:8947
                                             2,000 frames a second: more than one
                                             channel of ITS-G5 carries
@@ -64,8 +65,8 @@ exit codes:
   0    the duration is reached, or SIGTERM, and everything was taken: by the
        kernel, or by the station's PULL, which has sent each by at least one
        interface
-  1    something was not, the station's users received nothing, no station
-       answers, or there is no message library
+  1    a message was not sent, the station's users received nothing, no
+       station answers, or there is no message library
   2    wrong usage
   130  Ctrl-C
 """
@@ -81,7 +82,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     more = number("messages a second", 1000.0, is_zero_allowed=True)
     parser.add_argument("--cpm", metavar="HZ", type=more, default=0.0, help="CPMs a second of each (default none)")
-    parser.add_argument("--cpm-edition", choices=CPMS, default=CPMS[0], help=f"of the CPMs (default {CPMS[0]})")
+    parser.add_argument("--cpm-edition", choices=CPMS, default=CPMS[0], help=f"edition of the CPMs (default {CPMS[0]})")
     parser.add_argument(
         "--denm", metavar="HZ", type=more, default=0.0, help="new events a second of all together (default none)"
     )
@@ -134,9 +135,11 @@ def _vehicles(arguments: argparse.Namespace, writer: Writer) -> Iterator[Vehicle
 
 
 class Air:
-    """Where messages go. refused: those that nothing took; why: for which reasons.
+    """Destination of the messages.
 
-    ear, audience  of the station that hears them by default; None where another way is named.
+    refused        count of messages that were not sent.
+    why            their reasons, counted.
+    ear, audience  of the station that receives them by default; None with --udp, --ethernet or --endpoint.
     """
 
     def __init__(self, arguments: argparse.Namespace, ending: ExitStack) -> None:
@@ -173,7 +176,7 @@ class Air:
 
     @property
     def is_received(self) -> bool | None:
-        """Whether a user of the station has received one; None where that is not known."""
+        """Has a user of the station received one? None if unknown."""
         return None if self.audience is None else self.audience.is_reached
 
     @property
@@ -222,7 +225,7 @@ def _lines(sent: Sent, out: Air, cpu_s: float) -> Iterator[str]:
         yield f"{sent.late} were more than {LATE_S:g} s late, up to {sent.latest_s:.2f} s: this machine is too slow"
     if out.ear is not None:
         got = "its users receive them" if out.is_received else "its users received none: `captain status` may say why"
-        yield f"station {out.ear.station} hears at {out.ear.to}; {got}"
+        yield f"station {out.ear.station} listens on {out.ear.to}; {got}"
     if out.unheard:
         yield f"nobody listened to {out.unheard} of them"
     for why, times in sorted(out.why.items()):

@@ -23,7 +23,7 @@ class Hearing:
     on_status  is told who it is: before the first frame, and each time that it is another one or was started again;
                empty where it does not say.
     on_time    has its time object, once a second.
-    note       is given what is ordinary; None: standard error, as for the rest.
+    note       receives notes; None: standard error, as for the rest.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""What a station's users receive, as messages of ROS 2 in the form MCAP."""
+"""MCAP recording of the messages that users receive, as messages of ROS 2."""
 
 import re
 import time
@@ -25,7 +25,7 @@ QOS = {"offered_qos_profiles": ""}
 
 
 class Topic(NamedTuple):
-    """Of an edition; `write` makes CDR of a decoded message."""
+    """Topic of an edition; `write` makes CDR of a decoded message."""
 
     name: str
     channel: int
@@ -33,9 +33,9 @@ class Topic(NamedTuple):
 
 
 def topic_names(library: Library) -> dict[str, str]:
-    """What stands before /received, for each edition: `cam` for the preferred one, `cam_2_1_1` for others.
+    """Return the topic prefix of each edition, before /received: `cam` for the preferred one, `cam_2_1_1` for others.
 
-    Both interpretations of a message have one topic.
+    Both forms of a message have one topic.
     """
     preferred = {library.find(message.type).name for message in library.all()}
     names = {message.name: message.form_of or message.name for message in library.all()}
@@ -106,7 +106,7 @@ class Recording:
         self._mcap.close()
 
     def summary(self) -> str:
-        """How many of which, in words."""
+        """Counts of the messages of each edition, in words."""
         words = [f"{self._mcap.counts[topic.channel]} {edition}" for edition, topic in sorted(self._topics.items())]
         words += [f"{count} {name} that no edition takes, as octets" for name, count in sorted(self._unknown.items())]
         words += [f"{count} doubtful {doubt}" for doubt, count in sorted(self._doubtful.items())]

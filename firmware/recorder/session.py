@@ -24,7 +24,7 @@ def record(
     """Frames of a station into what is made once it is there; returns the exit status.
 
     name  of where they go, in words.
-    note  is given what is ordinary; losses and a station that falls silent go to standard error.
+    note  receives notes; losses and a station that falls silent go to standard error.
 
     The status is 1 where some could not be written. Raises StationError, and KeyboardInterrupt once all is written.
     """

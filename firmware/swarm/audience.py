@@ -1,4 +1,4 @@
-"""The station that a swarm drives around: where it hears frames in UDP, and whether its users receive them."""
+"""Station of a swarm: address where it receives UDP, and reception by its users."""
 
 import time
 from collections.abc import Iterator, Mapping
@@ -13,14 +13,14 @@ from firmware.user.untrusted import named, text, within
 
 FRAMINGS = ("ethernet", "btp", "pdu")
 ANYWHERE = "0.0.0.0"
-LATE_S = 1.0  # what no user has received so long after the end is not received
-REMEDY = "name another way: --udp HOST:PORT, --ethernet DEVICE or --endpoint; or start `captain run`, which hears"
+LATE_S = 1.0  # after the end: messages that a user receives later do not count
+REMEDY = "use --udp HOST:PORT, --ethernet DEVICE or --endpoint, or start `captain run`"
 
 
 class Ear(NamedTuple):
-    """Where a station hears.
+    """UDP address on which a station receives.
 
-    framing  of the datagrams there, as option framing of a `udp` interface has it.
+    framing  of the datagrams, as option framing of a `udp` interface.
     """
 
     to: Address
@@ -29,18 +29,20 @@ class Ear(NamedTuple):
 
 
 def ear_of(status: Mapping[str, object], host: str) -> Ear:
-    """Where the station with this status hears datagrams: its simulated radio, else its first `udp` interface.
+    """Return the address on which a station receives UDP: its simulated radio, else its first `udp` interface.
 
-    host  that the station was reached at. Raises StationError where it hears none, or none from this machine.
+    host  of the station. Raises StationError if it receives no UDP, or none from this machine.
     """
     name = clean(text(status, "station"))
     for place, framing in _ears(status):
         if place.host == ANYWHERE:
             return Ear(Address(host, place.port), framing, name)
         if place.host.startswith("127.") and host not in client.LOCAL:
-            raise StationError(f"station {name} at {host} hears at {place} alone, of its own machine", REMEDY)
+            raise StationError(
+                f"station {name} at {host} listens on {place}, which only its own machine can reach", REMEDY
+            )
         return Ear(place, framing, name)
-    raise StationError(f"station {name} at {host} has no interface that hears UDP", REMEDY)
+    raise StationError(f"station {name} at {host} has no interface that receives UDP", REMEDY)
 
 
 def _ears(status: Mapping[str, object]) -> Iterator[tuple[Address, str]]:
@@ -57,12 +59,12 @@ def _ears(status: Mapping[str, object]) -> Iterator[tuple[Address, str]]:
 
 
 class Audience:
-    """A user of the station, who waits for the first message of the swarm.
+    """User of the station that waits for the first message of the swarm.
 
-    stations     numbers of the swarm's stations.
-    is_reached   whether one has come.
+    stations     stationIDs of the swarm.
+    is_reached   a message was received.
 
-    Raises StationError where nobody serves users.
+    Raises StationError if the station has no user endpoint.
     """
 
     def __init__(self, context: client.Context, place: client.Address, stations: range) -> None:

@@ -14,10 +14,10 @@ from firmware.user.table import Table, lines_for
 
 
 class Account:
-    """Tells of each message that is over, and of all together at the end.
+    """Reports each finished message, and the counts at the end.
 
-    is_brief  leave out those that were sent; of the others tell three of each kind.
-    invalid   count of what was not sent because it is no message. failures: where that is reported.
+    is_brief  omit sent messages; report three of each other kind.
+    invalid   count of invalid messages, which are not sent. failures: reports them.
     """
 
     def __init__(self, is_json: bool) -> None:
@@ -28,7 +28,7 @@ class Account:
         self._told: Counter[tuple[tuple[str, str, str], ...]] = Counter()
 
     def valid(self, items: Iterable[Item]) -> Iterator[Payload]:
-        """The messages; the invalid items are reported."""
+        """Yield the valid messages, and report the invalid items."""
         for item in items:
             if isinstance(item, Payload):
                 yield item

@@ -9,10 +9,10 @@ from board.errors import StationError
 from firmware.printable import clean
 
 TOLD = 3  # of each kind, one by one
-MOST_KINDS = 12  # a broken capture has nearly as many as frames
+MOST_KINDS = 12  # a malformed capture has nearly as many as frames
 MOST_COMPARED = 300  # characters of a message: a value in it may be a megabyte
 
-# What differs between failures of one kind: quoted values, paths of fields and files, numbers, hexadecimal digits.
+# Parts that differ between failures of one kind: quoted values, paths of fields and files, numbers, hexadecimal digits.
 _VALUE = re.compile(r"'[^']*'|\"[^\"]*\"|[\w/[\]-]+(?:\.[\w/[\]-]+)+|\b[\w.-]*\d[\w.-]*")
 _OTHERS = "others"
 
@@ -41,7 +41,7 @@ class Failures:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        """Also after Ctrl-C: what was left out until then is counted."""
+        """Report the counts, also after Ctrl-C."""
         for one in self._kinds.values():
             if one.last:
                 _say(
@@ -54,7 +54,7 @@ class Failures:
         self._tell(error.message, clean(error.hint))
 
     def warn(self, text: str) -> None:
-        """Report what is valid and surprising, or count it; text begins with its place."""
+        """Report a valid but surprising item, or count it; text begins with its place."""
         self._tell(text, "", "warning: ")
 
     def _tell(self, message: str, hint: str, head: str = "") -> None:

@@ -33,7 +33,7 @@ TYPE = re.compile(r"[a-z0-9_]*")
 
 
 class Payload(NamedTuple):
-    """A PDU to send; type is empty where its header shall tell; origin says where it stood."""
+    """A PDU to send. type: empty to classify it by its header. origin: its place in the input."""
 
     pdu: bytes
     type: str
@@ -119,7 +119,7 @@ def _standard_input(stream: BinaryIO, form: str | None) -> Iterator[Item]:
 
 
 def _texts(lines: Iterable[bytes], kind: str, where: str) -> Iterator[Item]:
-    """What lines of text hold; invalid ones are items, too."""
+    """Yield the PDUs of text lines, and an error for each invalid one."""
     count = 0
     for item in _json(lines, where) if kind == "json" else _coded(lines, kind, where):
         count += 1
@@ -138,8 +138,8 @@ def _coded(lines: Iterable[bytes], kind: str, where: str) -> Iterator[Item]:
         except RequestError as error:
             yield error
         except UnicodeDecodeError as error:
-            what = f"{origin}: octet {error.start + 1} is not text, which {kind} is"
-            yield RequestError(what, "octets are read with --format binary")
+            what = f"{origin}: octet {error.start + 1}: invalid UTF-8 in a {kind} file"
+            yield RequestError(what, "for raw octets use --format binary")
 
 
 def _decode(kind: str) -> Callable[[str, str], bytes]:

@@ -87,8 +87,11 @@ def test_a_list_from_before_the_last_leap_seconds_is_no_contradiction(path):
     assert read(str(path)).rows == BUILT_IN.rows[:3]
     leaps = known(str(path), NOW)
     assert leaps.source == "built in"
-    assert leaps.doubt == f"{path}: expired on 2014-06-28; the leap seconds built in are used"
-    assert known(str(path), EXPIRES).doubt == f"{path}: expired on 2014-06-28, those built in on 2026-06-28"
+    assert leaps.doubt == f"{path}: expired on 2014-06-28; the built-in table of leap seconds is used"
+    assert (
+        known(str(path), EXPIRES).doubt
+        == f"{path}: expired on 2014-06-28, the built-in table on 2026-06-28; update tzdata"
+    )
 
 
 # Which table is taken.
@@ -111,12 +114,12 @@ def test_a_list_that_holds_is_taken_and_without_one_what_is_built_in(path):
 def test_what_is_built_in_is_doubted_once_it_may_lack_leap_seconds(name, why):
     leaps = known(name, EXPIRES)
     assert leaps.rows == BUILT_IN.rows
-    assert leaps.doubt == f"{why}the leap seconds built in expired on 2026-06-28"
+    assert leaps.doubt == f"{why}the built-in table of leap seconds expired on 2026-06-28"
 
 
 def test_a_list_that_expired_with_what_is_built_in_is_told_once(path):
     path.write_text(listed())
-    assert known(str(path), EXPIRES).doubt == f"{path}: expired on 2026-06-28, as did the leap seconds built in"
+    assert known(str(path), EXPIRES).doubt == f"{path}: expired on 2026-06-28, like the built-in table; update tzdata"
 
 
 def test_a_list_that_expired_is_taken_only_where_it_knows_more(path):
@@ -127,14 +130,15 @@ def test_a_list_that_expired_is_taken_only_where_it_knows_more(path):
     path.write_text(listed(more, expires=timegm((2027, 12, 28, 0, 0, 0))))
     leaps = known(str(path), IN_2029)
     assert leaps.source == str(path)
-    assert "expired on 2027-12-28, and knows more leap seconds than are built in: it is used" in leaps.doubt
+    assert "expired on 2027-12-28 but used: it has more leap seconds than the built-in table" in leaps.doubt
 
 
 def test_a_list_that_is_refused_is_named_with_its_reason_and_what_is_built_in_is_taken(path):
     leaps = known(str(path), NOW)
     assert leaps.rows == BUILT_IN.rows
     assert leaps.doubt == (
-        f"{path}: the list of leap seconds cannot be read: No such file or directory; the leap seconds built in are used"
+        f"{path}: the list of leap seconds cannot be read: No such file or directory; "
+        "the built-in table of leap seconds is used"
     )
 
 

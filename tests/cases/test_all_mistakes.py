@@ -56,21 +56,21 @@ MISTAKES = {
     'station.mac="zz"': 'station.mac: "zz" is no address of one station',
     'endpoint.pull="x"': 'endpoint.pull: "x" is text in quotes',
     "endpoint.to_users=5555": "endpoint: port 5555 is given to two sockets",
-    "endpoint.ipc_in=tcp://x": 'endpoint.ipc_in: "tcp://x" is no path',
+    "endpoint.ipc_in=tcp://x": 'endpoint.ipc_in: invalid path "tcp://x"',
     "reception.gn_versions=[16]": "reception.gn_versions[0]: 16 is out of range",
-    'time.receiver="gnsss"': "time.receiver: 'gnsss' is no interface",
+    'time.receiver="gnsss"': "time.receiver: unknown interface 'gnsss'",
     'time.chrony="relative"': "time.chrony: 'relative': chronyd cannot",
     "recorder.folder=3": "recorder.folder: 3 is an integer",
-    'types.0.name="MyTest"': 'types[0].name: "MyTest" must be lower-case',
+    'types.0.name="MyTest"': 'types[0].name: invalid type name "MyTest"',
     "types.0.btp_port=70000": "types[0].btp_port: 70000 is out of range",
     "types.1.number=200": "types: number 200 stands 2 times",
     'policy.0.match.type="denm"': 'policy[0].match.type: "denm" is text in quotes',
-    'policy.0.interfaces=["nope"]': "policy[0].interfaces: 'nope' is no interface",
-    'policy.1.match.type=["denmm"]': "policy[1].match.type: 'denmm' is no type",
-    'policy.1.fallback=["nowhere"]': "policy[1].fallback: 'nowhere' is no interface",
+    'policy.0.interfaces=["nope"]': "policy[0].interfaces: unknown interface 'nope'",
+    'policy.1.match.type=["denmm"]': "policy[1].match.type: unknown type 'denmm'",
+    'policy.1.fallback=["nowhere"]': "policy[1].fallback: unknown interface 'nowhere'",
     "policy.1.match.size={min=3, max=1}": "policy[1].match.size: min 3 is more than max 1",
     "policy.1.priority=9": "policy[1].priority: 9 is out of range",
-    'policy.2.match.link_up=["gone"]': "policy[2].match.link_up: 'gone' is no interface",
+    'policy.2.match.link_up=["gone"]': "policy[2].match.link_up: unknown interface 'gone'",
     'policy.2.match.neighbours={interface="away", count=-1}': "policy[2].match.neighbours.count: -1 is out of range",
     'policy.2.match.payload=[{offset=2, value="zz"}]': "policy[2].match.payload[0]: value 'zz' and mask '' must be",
     "policy.2.lifetime=3": "policy[2].lifetime: is not a known key",
@@ -78,14 +78,16 @@ MISTAKES = {
     "interfaces.g5.device=7": "interfaces.g5: device: 7 is an integer",
     'interfaces.g5.slot="nix"': "interfaces.g5.slot: the board has no slot 'nix'",
     'interfaces.v2n.url="http://x"': 'interfaces.v2n: url: "http://x" begins with',
-    'interfaces.v2n.bearer="none"': "interfaces.v2n.bearer: 'none' is no interface",
+    'interfaces.v2n.bearer="none"': "interfaces.v2n.bearer: unknown interface 'none'",
     'interfaces.line.baud="x"': 'interfaces.line: baud: "x" is text',
     'interfaces.second.device="/dev/ttyS8"': 'interfaces.second.device: "/dev/ttyS8" is that of line already',
     "interfaces.odd=3": "interfaces.odd: 3 is an integer",
 }
 # What one override takes away from another: it has two mistakes, which are told together.
 WITH = {
-    'policy.2.match.neighbours={interface="away", count=-1}': ["policy[2].match.neighbours.interface: 'away' is no"]
+    'policy.2.match.neighbours={interface="away", count=-1}': [
+        "policy[2].match.neighbours.interface: unknown interface 'away'"
+    ]
 }
 
 
@@ -142,8 +144,8 @@ def test_a_policy_with_a_wrong_type_and_a_missing_interface_is_told_at_once(tmp_
     assert cli.main(["run", "--config", str(path)]) == 1
     assert capsys.readouterr().err.split("\n")[:3] == [
         f'captain: {path}: policy[0].match.type: "denm" is text in quotes; give an array',
-        f"{path}: policy[0].interfaces: 'g5' is no interface; one of none",
-        f"{path}: policy[0].fallback: 'backhaul' is no interface; one of none",
+        f"{path}: policy[0].interfaces: unknown interface 'g5'; one of none",
+        f"{path}: policy[0].fallback: unknown interface 'backhaul'; one of none",
     ]
 
 
@@ -182,7 +184,7 @@ def test_mistakes_of_the_board_and_of_the_configuration_are_told_together(tmp_pa
         f"{board}: slots.v2x.usb: 3 is an integer",
         f"{board}: slots.gnss.ids: 3 is an integer",
         f'{own}: station.type: "car" is text in quotes',
-        f"{own}: policy[0].interfaces: 'nope' is no interface",
+        f"{own}: policy[0].interfaces: unknown interface 'nope'",
     ]
 
 

@@ -90,8 +90,8 @@ def test_explain_of_a_cam_of_protocol_version_1_has_a_row_of_16_bits(capsys):
 def test_an_edition_that_the_header_does_not_announce_is_refused_without_force(capsys, command):
     case = str(HERE / "cam-v1-silent.hex")
     said = failed(capsys, command, "--edition", "cam-1.4.1", case)
-    assert "header: messageID 2 and protocolVersion 1 are those of cam-1.3.2, not of cam-1.4.1" in said
-    assert "(leave out --edition, name cam-1.3.2, or take --force)" in said
+    assert "header: messageID 2 and protocolVersion 1 are those of cam-1.3.2, but --edition is cam-1.4.1" in said
+    assert "(omit --edition, name cam-1.3.2, or add --force)" in said
     assert main([command, "--edition", "cam-1.4.1", "--force", case]) == 0
     assert "curvatureValue" in capsys.readouterr().out
 
@@ -100,7 +100,7 @@ def test_json_of_another_edition_than_its_header_is_refused_without_force(capsys
     found = shown(capsys, "decode", "--json", str(HERE / "cam-v1-silent.hex"))
     (tmp_path / "x.json").write_text(json.dumps(found | {"edition": "cam-1.4.1"}))
     said = failed(capsys, "encode", str(tmp_path / "x.json"))
-    assert "cam-1.4.1: header: protocolVersion is 1, this edition has 2\n  (name cam-1.3.2, or take --force)" in said
+    assert "cam-1.4.1: header: protocolVersion is 1, this edition has 2\n  (name cam-1.3.2, or add --force)" in said
     # Alone, or with the type, it is of the edition of its header.
     for one in (found["message"], {"edition": "cam", "message": found["message"]}):
         (tmp_path / "y.json").write_text(json.dumps(one))

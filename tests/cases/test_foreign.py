@@ -59,7 +59,7 @@ def test_a_message_of_j2735_as_json_has_its_octets_and_its_name(run):
 
 def test_a_message_of_j2735_that_is_cut_off_is_named_with_its_sizes(run):
     _, told = run(1, "decode", J2735[0][:-10])
-    cause = "it begins like a MessageFrame of SAE J2735 with 41 octets (messageId 29, SignalRequestMessage (SRM)), and has 36"
+    cause = "truncated SAE J2735 MessageFrame (messageId 29, SignalRequestMessage (SRM)): 36 of 41 octets"
     assert told[-1] == f"  ({cause})"
 
 
@@ -80,7 +80,7 @@ def test_radiotap_in_hexadecimal_is_decoded_and_what_carried_it_is_shown(run):
 def test_radiotap_without_a_message_is_named(run):
     frame = RADIOTAP + b"\x80\0" + bytes(40)  # a beacon of 802.11
     _, told = run(1, "decode", frame.hex())
-    assert told == ["captain: the argument: it is a frame without a message, with radiotap: not GeoNetworking"]
+    assert told == ["captain: the argument: radiotap frame without an ITS message: not GeoNetworking"]
 
 
 def test_radiotap_with_a_packet_that_is_cut_off_is_refused_with_its_reason(run):

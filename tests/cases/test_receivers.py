@@ -122,14 +122,17 @@ def test_an_interface_tells_of_each_odd_line_why_it_is_refused(bench):
     assert (full.latitude, full.longitude, full.altitude, full.horizontal) == (NORTH, EAST, 587_400, 1200)
 
 
+CONFIGURE = "the baud rate is correct; configure the receiver to send GGA, RMC or both"
+
+
 @pytest.mark.parametrize(
     ("octets", "what", "remedy"),
     [
-        (b"", "nothing comes at 38400 baud", "connect its TX, and set baud to that of the receiver: mostly 4800"),
-        (b"\xb7\x00\xff" * 50, "only garbage comes at 38400 baud", "set baud to that of the receiver: mostly 4800"),
-        (GGA + b"\r\n", "no sentence is valid: framing: $GNGGA,094503.00,", "baud fits; have the receiver send"),
-        (GGA + b"*00\r\n", "no sentence is valid: checksum: $GNGGA,094503.00,", "baud fits; have the receiver send"),
-        (nmea.encode("GNRMC,1"), "no sentence is valid: GNRMC with 1 fields: it has 9", "baud fits; have the"),
+        (b"", "no data received at 38400 baud", "connect its TX, and set baud to that of the receiver: mostly 4800"),
+        (b"\xb7\x00\xff" * 50, "only garbage received at 38400 baud", "set baud to that of the receiver: mostly 4800"),
+        (GGA + b"\r\n", "no sentence is valid: framing: $GNGGA,094503.00,", CONFIGURE),
+        (GGA + b"*00\r\n", "no sentence is valid: checksum: $GNGGA,094503.00,", CONFIGURE),
+        (nmea.encode("GNRMC,1"), "no sentence is valid: GNRMC with 1 fields: it has 9", CONFIGURE),
     ],
     ids=["silence", "garbage", "no-checksum", "wrong-checksum", "few-fields"],
 )

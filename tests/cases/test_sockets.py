@@ -35,8 +35,8 @@ def mistakes(*overrides):
 @pytest.mark.parametrize("octets", [MOST + 1, 125, 3000])
 def test_a_socket_path_of_more_than_107_octets_is_refused_with_its_length(key, octets):
     (line,) = mistakes(f"endpoint.{key}={written(key, path_of(octets))}")
-    assert line.startswith(f'--set: endpoint.{key}: "')
-    assert line.endswith(f" has {octets} octets; a socket's path has at most 107")
+    assert line.startswith(f'--set: endpoint.{key}: socket path too long: {octets} octets: "')
+    assert line.endswith("; use at most 107")
 
 
 @pytest.mark.parametrize("key", KEYS)
@@ -45,13 +45,13 @@ def test_the_octets_of_a_socket_path_are_counted_and_not_its_letters(key):
     assert len(path) == MOST - 2
     config.load(None, [f"endpoint.{key}={written(key, path)}"], "none")
     (line,) = mistakes(f"endpoint.{key}={written(key, path + 'x')}")
-    assert "has 108 octets" in line
+    assert "too long: 108 octets" in line
 
 
 @pytest.mark.parametrize("start", ["ipc://@", "ipc://"])
 def test_a_long_abstract_or_relative_name_is_refused_too(start):
     (line,) = mistakes(f"endpoint.ipc_in={start}{'x' * 108}")
-    assert f"has {108 + start.count('@')} octets" in line
+    assert f"too long: {108 + start.count('@')} octets" in line
 
 
 def test_both_paths_are_reported_at_once_with_any_other_mistake():
@@ -85,15 +85,15 @@ def test_a_control_path_of_a_command_is_refused_with_its_length(command, capsys)
     with pytest.raises(SystemExit) as caught:
         cli.main([*command, "--control", path_of(125)])
     assert caught.value.code == 2
-    assert '--control: "/run/xxx' in (said := capsys.readouterr().err)
-    assert "has 125 octets; a socket's path has at most 107" in said
+    assert '--control: socket path too long: 125 octets: "/run/xxx' in (said := capsys.readouterr().err)
+    assert "use at most 107" in said
 
 
 def test_a_default_control_path_that_is_too_long_is_reported_with_its_length():
     with closing(Loop()) as loop, pytest.raises(InterfaceError) as caught:
         ControlSocket(loop, path_of(125), None)
-    assert caught.value.message.startswith('endpoint.control: "/run/xxx')
-    assert caught.value.message.endswith("has 125 octets")
+    assert caught.value.message.startswith('endpoint.control: socket path too long: 125 octets: "/run/xxx')
+    assert "use at most 107" in caught.value.hint
     assert "choose another path with endpoint.control" in caught.value.hint
 
 
@@ -104,6 +104,6 @@ def test_a_temporary_folder_that_leaves_no_room_for_sockets_is_refused(monkeypat
     monkeypatch.setattr(tempfile, "tempdir", None)
     with pytest.raises(ConfigurationError) as caught:
         Scratch("captain-sim-")
-    assert caught.value.message.startswith("TMPDIR: ")
-    assert f"has {len(str(folder))} octets" in caught.value.message
+    assert caught.value.message.startswith(f"TMPDIR too long: {len(str(folder))} octets: ")
+    assert caught.value.hint.startswith("use at most ")
     assert list(folder.iterdir()) == []

@@ -164,8 +164,8 @@ listen = "127.0.0.1:0"
 @pytest.mark.parametrize(
     ("bearer", "says"),
     [
-        ("modm", "interfaces.v2n.bearer: 'modm' is no interface; did you mean modem?"),
-        ("zzz", "interfaces.v2n.bearer: 'zzz' is no interface; known: modem"),
+        ("modm", "interfaces.v2n.bearer: unknown interface 'modm'; did you mean modem?"),
+        ("zzz", "interfaces.v2n.bearer: unknown interface 'zzz'; known: modem"),
         ("air", "interfaces.v2n.bearer: 'air' carries no mobile network; known: modem"),
         ("v2n", "interfaces.v2n.bearer: 'v2n' carries no mobile network; known: modem"),
     ],

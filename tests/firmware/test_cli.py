@@ -235,4 +235,4 @@ def test_a_file_of_2003_mistakes_gives_fifty_and_their_count(
     assert cli.main([verb, "--config", str(wrong)]) == 1
     said = " ".join("".join(capsys.readouterr()).split())  # the doctor folds lines
     assert said.count("is not a known key") == 50
-    assert "1953 more mistakes: is it the right file?" in said
+    assert "1953 more mistakes; check that this is the right file" in said

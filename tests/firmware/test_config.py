@@ -269,11 +269,11 @@ def test_a_mistake_is_looked_for_in_the_file_that_has_it(folder: Path) -> None:
     board = folder / "miss.toml"
     board.write_text('name = "miss"\n[interfaces.air]\ndriver = "nosuch"\n')
     (of_board,) = mistakes(folder, "", board=str(board))
-    assert of_board.startswith(f"{board}: interfaces.air.driver: 'nosuch' is no driver")
+    assert of_board.startswith(f"{board}: interfaces.air.driver: unknown driver 'nosuch'")
     (of_file,) = mistakes(folder, '[interfaces.air]\ndriver = "other"\n', board=str(board))
-    assert of_file.startswith(f"{folder}/captain.toml: interfaces.air.driver: 'other'")
+    assert of_file.startswith(f"{folder}/captain.toml: interfaces.air.driver: unknown driver 'other'")
     (given,) = mistakes(folder, "", "interfaces.air.driver=third", board=str(board))
-    assert given.startswith(f"{folder}/captain.toml: interfaces.air.driver: 'third'")
+    assert given.startswith(f"{folder}/captain.toml: interfaces.air.driver: unknown driver 'third'")
 
 
 def test_a_bearer_that_is_none_is_told_with_the_other_mistakes(folder: Path) -> None:
@@ -295,8 +295,8 @@ name = ""
 """
     )
     told = [line.removeprefix(f"{folder}/captain.toml: ") for line in mistakes(folder, text)]
-    assert [line.partition(" is ")[0].partition(" carries ")[0] for line in told if "bearer" in line] == [
-        "interfaces.v2n.bearer: 'celular'",
+    assert [line.partition(";")[0].partition(" carries ")[0] for line in told if "bearer" in line] == [
+        "interfaces.v2n.bearer: unknown interface 'celular'",
         "interfaces.v3n.bearer: 'g5'",
     ]
     assert any("qos" in line for line in told)
@@ -316,14 +316,14 @@ match.neighbours = { interface = "g8" }
 match.no_neighbours = { interface = "g9" }
 """
     )
-    told = [line.removeprefix(f"{folder}/captain.toml: ").partition(" is ")[0] for line in mistakes(folder, text)]
+    told = [line.removeprefix(f"{folder}/captain.toml: ").partition(";")[0] for line in mistakes(folder, text)]
     assert told == [
-        "policy[0].interfaces: 'radio'",
-        "policy[0].fallback: 'g6'",
-        "policy[0].match.link_up: 'g7'",
-        "policy[0].match.link_down: '*'",
-        "policy[0].match.neighbours.interface: 'g8'",
-        "policy[0].match.no_neighbours.interface: 'g9'",
+        "policy[0].interfaces: unknown interface 'radio'",
+        "policy[0].fallback: unknown interface 'g6'",
+        "policy[0].match.link_up: unknown interface 'g7'",
+        "policy[0].match.link_down: unknown interface '*'",
+        "policy[0].match.neighbours.interface: unknown interface 'g8'",
+        "policy[0].match.no_neighbours.interface: unknown interface 'g9'",
     ]
 
 
@@ -408,7 +408,7 @@ def test_a_socket_that_chronyd_cannot_make_is_a_mistake(folder: Path, path: str)
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("gns", "time.receiver: 'gns' is no interface; did you mean gnss?"),
+        ("gns", "time.receiver: unknown interface 'gns'; did you mean gnss?"),
         ("g5", "time.receiver: 'g5' announces no pulses; known: gnss"),
     ],
 )

@@ -82,7 +82,7 @@ def test_a_received_message_of_another_edition_is_not_published_and_its_edition_
     assert bench.channel.publisher.said == []
     assert bench.channel.counts.not_published == {"edition": 1}
     (line,) = bench.lines
-    assert "header.protocol_version: 1 is that of cam-1.3.2, not of cam-1.4.1" in line
+    assert "header.protocol_version: 1 selects cam-1.3.2, not cam-1.4.1" in line
 
 
 def test_an_inactive_handler_decodes_nothing(bench, monkeypatch):
@@ -103,7 +103,7 @@ def test_a_received_message_that_another_edition_reads_otherwise_is_published_an
     assert bench.channel.receive(Arrival("vam", vam, None)) is not None
     assert bench.channel.counts.doubtful == 1
     (line,) = bench.lines
-    assert "published as vam-2.1.1: vam-2.3.1 read other values in 0310" in line
+    assert "published as vam-2.1.1, but vam-2.3.1 decodes it to different values: 0310" in line
 
 
 def test_nothing_is_noted_while_nobody_wants_to_know_but_the_sequence_goes_on(bench):

@@ -204,13 +204,16 @@ def test_the_header_selects_the_edition_of_a_service(services):
     assert encoded(services, type="cam-1.3.2", json=found.json).pdu == VERSION_1
     for refused in (decoded(services, VERSION_1, "cam"), encoded(services, json=found.json)):
         assert not refused.success
-        assert "header.protocol_version: 1 is that of cam-1.3.2, not of cam-1.4.1" in refused.reason
+        assert "header.protocol_version: 1 selects cam-1.3.2, not cam-1.4.1" in refused.reason
 
 
 def test_a_service_names_the_edition_that_reads_other_values(services):
     vam = bytes.fromhex("031000001267ce004137480ef6c6b49d2000004dd1c2148d5b0006ea6afffb98031010")
     found = decoded(services, vam, "vam-2.3.1")
-    assert (found.success, found.reason) == (True, "warning: vam-2.1.1 read other values in it")
+    assert (found.success, found.reason) == (
+        True,
+        "warning: ambiguous edition: vam-2.3.1 and vam-2.1.1 decode it to different values",
+    )
 
 
 @pytest.mark.parametrize("name", ["cam", "cam-1.4.1", "cam_msgs/msg/CAM"])

@@ -169,7 +169,9 @@ def test_a_cpm_whose_form_is_not_encoded_is_written_without_its_header():
 
 
 def test_a_cam_1_3_2_is_not_written_without_its_header():
-    with pytest.raises(RequestError, match=r"cam-1\.3\.2 without its header is taken for cam-1\.4\.1"):
+    with pytest.raises(
+        RequestError, match=r"cannot send cam-1\.3\.2 without its header: receivers would decode it as cam-1\.4\.1"
+    ):
         NapToSend(1, LIBRARY).write(Sending("cam", 1, VERSION_1, HERE, NOW_MS))
 
 
@@ -193,7 +195,9 @@ def test_a_body_without_a_header_is_not_sent_as_an_older_edition_for_a_value_out
 def test_a_message_that_two_editions_read_with_different_values_is_not_written():
     vam = bytes.fromhex("031000001267ce004137480ef6c6b49d2000004dd1c2148d5b0006ea6afffb98031010")
     for payload in (NapReceived(8, LIBRARY), NapToSend(8, LIBRARY)):
-        with pytest.raises(RequestError, match=r"vam-2\.3\.1 and vam-2\.1\.1 read different values in it"):
+        with pytest.raises(
+            RequestError, match=r"ambiguous edition: vam-2\.3\.1 and vam-2\.1\.1 decode it to different values"
+        ):
             payload.write(Sending("vam", 2018, vam, HERE, NOW_MS))
 
 

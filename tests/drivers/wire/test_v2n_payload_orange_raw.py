@@ -34,7 +34,7 @@ VALIDATOR = Draft202012Validator(SCHEMA)
 
 # Versions that there are CAMs of, and what is refused by path: containers that json/raw does not carry both ways.
 VERSIONS = (1, 2)
-# CAM V1.3.2 has no temporary zones, and counts lanes from the other side.
+# CAM V1.3.2 has no temporary zones, and counts lanes from the outermost one.
 LEFT_OUT_OF_1 = {"protected_zone_type", "lane_position"}
 LEFT_OUT = {"pt_activation", "closed_lanes", "incident_indication"}
 
@@ -162,11 +162,14 @@ def test_the_curvature_of_a_cam_1_3_2_is_written_in_the_unit_of_the_schema(fine:
 
 def test_the_lane_of_a_cam_1_3_2_is_refused_both_ways():
     message = changed(FIRST, f"{CAR}.lane_position", 1) | {"protocol_version": 1}
-    with pytest.raises(RefusedError, match=r"lane_position: CAM V1\.3\.2 counts lanes from the other side"):
+    with pytest.raises(
+        RefusedError,
+        match=r"lane_position: LanePosition of CAM V1\.3\.2 cannot be converted: it counts from the outermost lane",
+    ):
         taken(message)
     value = of_version_1(FIRST)
     value["cam"]["camParameters"]["highFrequencyContainer"][1]["lanePosition"] = 1
-    with pytest.raises(RequestError, match="counts lanes from the other side"):
+    with pytest.raises(RequestError, match="it counts from the outermost lane, the schema from the innermost"):
         sent(captain_messages.find("cam-1.3.2").encode(value))
 
 

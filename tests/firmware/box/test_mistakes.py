@@ -43,7 +43,7 @@ def test_a_card_without_files_is_taken_and_says_that_nobody_can_log_in(look: Loo
         ({"captain.toml": "[station]\nname = rsu\n"}, "captain.toml:2: is not TOML: Invalid value; text stands in quotes: key = \"value\""),
         ({"captain.toml": '[interfaces.g5]\nqueue = 0\ndriver = "udp"\nlisten = "127.0.0.1:0"\n'}, "captain.toml:2: interfaces.g5: queue: 0 is out of range; give at least 1 and at most 65536"),
         ({"captain.toml": '[[policy]]\n[[policy]]\nrate_per_s = "x"\n'}, 'captain.toml:3: policy[1].rate_per_s: "x" is text in quotes; give a number'),
-        ({"captain.toml": '[interfaces.a]\ndriver = "upd"\n'}, "captain.toml:2: interfaces.a.driver: 'upd' is no driver; one of ethernet, morse, mqtt, sim8202g, som301e, uart, udp, zed_f9p"),
+        ({"captain.toml": '[interfaces.a]\ndriver = "upd"\n'}, "captain.toml:2: interfaces.a.driver: unknown driver 'upd'; one of ethernet, morse, mqtt, sim8202g, som301e, uart, udp, zed_f9p"),
         # box.toml
         ({"box.toml": 'host_name = "rsu_7"\n'}, 'box.toml:1: host_name: "rsu_7" is no host name: letters, digits, and - between them; write rsu-7'),
         ({"box.toml": 'host_name = "rsu-7.local"\n'}, 'box.toml:1: host_name: "rsu-7.local" is no host name: letters, digits, and - between them; write rsu-7'),
@@ -236,7 +236,7 @@ def test_an_address_that_the_box_was_given_may_be_the_endpoint_s(look: Look):
         ('control = "/run/x/y.sock"', 'endpoint.control: the station cannot write /run/x on a box; leave it out, or write "/run/captain/NAME"'),
         ('control = "/run/captain/../x.sock"', 'endpoint.control: the station cannot write /run on a box; leave it out, or write "/run/captain/NAME"'),
         ('control = "here.sock"', 'endpoint.control: the station cannot write /data/owner/current on a box; leave it out, or write "/run/captain/NAME"'),
-        (f'control = "/run/captain/{100 * "x"}"', 'endpoint.control: "/run/captain/xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx... has 113 octets; a socket\'s path has at most 107'),
+        (f'control = "/run/captain/{100 * "x"}"', 'endpoint.control: socket path too long: 113 octets: "/run/captain/xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx...; use at most 107'),
         ('control = "/run/captain/a\\u0000b"', 'endpoint.control: has a zero, which no name of a file or a device has; leave it out'),
         ('control = "/run/captain"', 'endpoint.control: the station cannot write /run on a box; leave it out, or write "/run/captain/NAME"'),
     ],

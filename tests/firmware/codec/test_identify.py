@@ -70,7 +70,7 @@ def test_an_edition_that_reads_other_values_is_named():
     found = identity(octets(OLD, 7, version=2), [*ALL, OTHER])
     assert found.message is SAME
     assert found.others == (OTHER,)
-    assert found.doubt == "ball-3.1 fits it as well, with other values"
+    assert found.doubt == "ball-3.1 also decodes it, to different values"
 
 
 def test_an_edition_that_knows_every_part_comes_before_one_of_smaller_rank_that_does_not():
@@ -79,7 +79,7 @@ def test_an_edition_that_knows_every_part_comes_before_one_of_smaller_rank_that_
         found = Identifier([partial, SAME]).identify(octets(SAME, 7), is_quick=is_quick)
         assert isinstance(found, Identity)
         assert (found.message, found.doubt) == (SAME, "")
-    assert "ball-0.9 does not know every part of it" in identity(octets(SAME, 7), [partial, SAME]).why
+    assert "ball-0.9 leaves some extensions undecoded" in identity(octets(SAME, 7), [partial, SAME]).why
 
 
 def test_an_edition_that_gives_other_octets_back_comes_after_one_that_gives_the_same():
@@ -105,8 +105,8 @@ def test_a_user_who_asks_for_an_edition_gets_it_whatever_the_header_says():
 def test_octets_whose_header_is_that_of_another_edition_than_was_asked_for_are_refused():
     found = Identifier([NEW], True, ALL).identify(octets(OLD, 7, version=1))
     assert isinstance(found, Unknown)
-    assert found.why == "header: messageID 66 and protocolVersion 1 are those of ball-1.1, not of ball-2.1"
-    assert found.remedy == "leave out --edition, name ball-1.1, or take --force"
+    assert found.why == "header: messageID 66 and protocolVersion 1 are those of ball-1.1, but --edition is ball-2.1"
+    assert found.remedy == "omit --edition, name ball-1.1, or add --force"
 
 
 def test_the_header_selects_among_the_editions_that_were_asked_for():
@@ -206,34 +206,34 @@ def test_any_octets_are_something_or_unknown(pdu, port):
         assert full.message is quick.message
 
 
-# Two interpretations of one message: the other one has a bound of its own, and counts from another value.
+# Two forms of one message: the -ext form has a bound of its own, and counts from another value.
 STRICT = Message("box-1", ids=(68,), versions=(2,), fields={"size": 100}, strict=50)
 FORM = Message("box-1-ext", ids=(68,), versions=(2,), fields={"size": 200}, rank=2, form_of="box-1", offset=2)
 
 
-def test_an_interpretation_that_alone_decodes_is_taken_and_both_are_named():
+def test_a_form_that_alone_decodes_is_taken_and_both_are_named():
     found = identity(octets(FORM, 150), [STRICT, FORM])
     assert (found.message, found.exact) == (FORM, (FORM,))
     assert "box-1 does not decode" in found.why
     found = identity(octets(STRICT, 30), [STRICT, Message("box-1-ext", (68,), (2,), {"size": 9}, 2, form_of="box-1")])
     assert found.message is STRICT
-    assert found.why.endswith("its other interpretation, box-1-ext, does not decode")
+    assert found.why.endswith("the form box-1-ext (with extension bit) does not decode")
 
 
-def test_two_interpretations_that_fit_are_both_named_in_the_order_of_their_rank():
+def test_two_forms_that_fit_are_both_named_in_the_order_of_their_rank():
     found = identity(octets(STRICT, 30), [FORM, STRICT])
     assert found.exact == (STRICT, FORM)
     assert "it gives the same octets back, as do box-1-ext" in found.why
-    assert found.doubt == "box-1-ext fits it as well, with other values"
+    assert found.doubt == "box-1-ext also decodes it, to different values"
 
 
 @pytest.mark.parametrize("is_quick", [False, True])
-def test_of_two_interpretations_that_fit_the_one_that_keeps_every_constraint_comes_first(is_quick: bool):
+def test_of_two_forms_that_fit_the_one_that_keeps_every_constraint_comes_first(is_quick: bool):
     found = Identifier([STRICT, FORM]).identify(octets(STRICT, 90), is_quick=is_quick)
     assert isinstance(found, Identity)
     assert found.exact == (FORM, STRICT)
 
 
-def test_an_interpretation_that_says_the_same_is_not_named():
+def test_a_form_with_the_same_values_is_not_named():
     same = Message("box-1-ext", ids=(68,), versions=(2,), fields={"size": 100}, rank=2, form_of="box-1")
     assert identity(octets(STRICT, 30), [STRICT, same]).exact == (STRICT,)

@@ -29,5 +29,5 @@ def test_an_edition_or_all_of_a_type_may_be_asked_for(standin, asked, found):
 def test_an_edition_that_is_not_there_is_refused_with_what_is(standin, asked, remedy):
     with pytest.raises(RequestError) as told:
         editions(standin, asked)
-    assert f"{asked!r} is no message of the library" in told.value.message
+    assert f"unknown edition {asked!r}" in told.value.message
     assert remedy in told.value.hint

@@ -136,7 +136,7 @@ def test_octets_of_standard_input_are_one_pdu():
     [
         ("x.pcap", b"\xd4\xc3\xb2\xa1", ".pcap is no known kind of file"),
         ("noname", b"0202", "a name without a suffix is no known kind of file"),
-        ("x.hex", b"02\xff", "line 1: octet 3 is not text, which hex is"),
+        ("x.hex", b"02\xff", "line 1: octet 3: invalid UTF-8 in a hex file"),
         ("x.hex", b"# nothing\n", "it holds no PDU"),
         ("x.bin", b"", "it has no octets"),
         ("x.bin", bytes(70_000), "more than 65535 octets are no PDU"),

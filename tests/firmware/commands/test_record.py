@@ -124,7 +124,7 @@ def test_another_edition_than_the_preferred_one_has_a_topic_of_its_own():
     assert len(set(names.values())) == len(names) - len(forms)
 
 
-def test_both_interpretations_of_a_message_are_recorded_on_one_topic_and_told_apart(tmp_path):
+def test_both_forms_of_a_message_are_recorded_on_one_topic_and_told_apart(tmp_path):
     form = bytes.fromhex((CASES / "cpm-extension-bit.hex").read_text().splitlines()[2])
     strict = captain_messages.find("cpm-2.1.1").encode(captain_messages.find("cpm-2.1.1-ext").decode(form))
     _, found = recorded(tmp_path / "a.mcap", ("cpm", form), ("cpm", strict))

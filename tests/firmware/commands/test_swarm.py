@@ -103,7 +103,7 @@ def test_a_swarm_goes_where_the_stations_status_says_that_it_hears(ear, monkeypa
     with FakeStation(received=[(b"v2x.cam.", cam)]) as station:
         assert cli.main(around(station, ear, monkeypatch)) == 0
     assert isinstance(frame.unwrap(ear.recv(2048)), frame.Ethernet)
-    assert "station fake hears at 127.0.0.1:" in (said := capsys.readouterr().out)
+    assert "station fake listens on 127.0.0.1:" in (said := capsys.readouterr().out)
     assert "its users receive them" in said
 
 

@@ -137,7 +137,7 @@ def entry(message: Any, priority: int = 6, who: Any = "captain", at: int = 1_795
 def test_errors_of_all_and_warnings_of_the_station_are_troubles() -> None:
     output = "\n".join(
         (
-            entry("captain.time: WARNING: the leap seconds built in are used"),
+            entry("captain.time: WARNING: the built-in table of leap seconds is used"),
             entry("captain: INFO: captain is ready"),
             entry("mmc0: error -110 whilst initialising SD card", 3, "kernel"),
             entry("a warning of somebody", 4, "sshd"),
@@ -145,7 +145,7 @@ def test_errors_of_all_and_warnings_of_the_station_are_troubles() -> None:
         )
     )
     assert troubles(output) == [
-        Trouble(1795370000.0, "captain", "captain.time: WARNING: the leap seconds built in are used"),
+        Trouble(1795370000.0, "captain", "captain.time: WARNING: the built-in table of leap seconds is used"),
         Trouble(1795370000.0, "kernel", "mmc0: error -110 whilst initialising SD card"),
         Trouble(1795369000.0, "captain", "captain: ERROR: the policy stays as it was"),
     ]

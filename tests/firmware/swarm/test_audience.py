@@ -40,11 +40,14 @@ def test_an_ear_has_the_framing_of_its_interface(framing):
     ],
 )
 def test_a_station_that_hears_no_datagrams_is_refused_with_other_ways(status):
-    with pytest.raises(StationError, match="has no interface that hears UDP") as refused:
+    with pytest.raises(StationError, match="has no interface that receives UDP") as refused:
         ear_of({"station": "box", **status}, "127.0.0.1")
     assert "--udp HOST:PORT" in refused.value.hint
 
 
 def test_a_station_elsewhere_that_hears_its_own_machine_alone_is_refused():
-    with pytest.raises(StationError, match=r"station box at 10\.0\.0\.7 hears at 127\.0\.0\.1:9001 alone"):
+    with pytest.raises(
+        StationError,
+        match=r"station box at 10\.0\.0\.7 listens on 127\.0\.0\.1:9001, which only its own machine can reach",
+    ):
         ear_of({"station": "box", "interfaces": {"air": udp()}}, "10.0.0.7")

@@ -116,10 +116,11 @@ class Channel:
         return edition.to_cdr(pdu)
 
     def _doubt(self, pdu: bytes, edition: Edition) -> None:
-        """Say which editions of the same header read other values."""
+        """Report editions of the same header that decode to different values."""
         if others := edition.others(pdu):
             self.counts.doubtful += 1
-            text = f"published as {edition.name}: {' and '.join(others)} read other values in {pdu[:16].hex()}..."
+            named = f"{' and '.join(others)} decode{'s' * (len(others) == 1)} it to different values"
+            text = f"published as {edition.name}, but {named}: {pdu[:16].hex()}..."
             self._complain("received", "doubtful", text)
 
     def _listed(self, cdr: bytes, arrival: Arrival, published_ns: int) -> bytes:

@@ -45,7 +45,7 @@ class Edition:
     """One edition of a message in one profile.
 
     kind       whose paths are read, as far as this edition has them.
-    has_forms  other interpretations of the message (form_of) are received as well.
+    has_forms  the other form of the message (form_of) is received as well.
     Raises GatewayError for a name that the library does not have, of another type, or that the profile cannot say.
     """
 
@@ -69,9 +69,9 @@ class Edition:
         self._forms = [Edition(library, other, profile, kind, has_forms=False) for other in others]
 
     def of(self, pdu: bytes) -> "Edition":
-        """The interpretation of the message that a PDU is of; itself where it is of neither. Both have one ROS type.
+        """Return the form of the message that fits a PDU; itself if neither fits. Both have one ROS type.
 
-        Where both give the octets back, the one that keeps every constraint, as in the station's own programs.
+        If both give the octets back, the one that keeps every constraint, as in the station's own programs.
         """
         if not self._forms:
             return self
@@ -124,13 +124,13 @@ class Edition:
         """
         named = "" if pdu[0] in self.message.versions else self._owners(pdu)
         if named:
-            raise RefusedError("edition", f"header.protocol_version: {pdu[0]} is that of {named}, not of {self.name}")
+            raise RefusedError("edition", f"header.protocol_version: {pdu[0]} selects {named}, not {self.name}")
 
     def others(self, pdu: bytes) -> tuple[str, ...]:
-        """Return editions of the same header that give the octets back and read other values in them.
+        """Return editions of the same header that give the octets back and decode to different values.
 
-        One of the same type that knows fewer parts of the message is none: its sender could not have said them. One
-        that cannot be read is among them. The station's own programs compare likewise: drivers/wire/editions.py.
+        An edition of the same type that knows fewer parts is not reported: its senders cannot encode those parts. One
+        that cannot be read is reported. The station's own programs compare likewise: drivers/wire/editions.py.
         """
         rivals = self._of_header(pdu)
         if not rivals or pdu[0] not in self.message.versions:
@@ -147,7 +147,7 @@ class Edition:
         return [one for one in self._rivals if pdu[1] in one.ids and pdu[0] in one.versions]
 
     def _owners(self, pdu: bytes) -> str:
-        """Return the names of the editions whose header a PDU has; another interpretation has that of its message."""
+        """Return the names of the editions whose header a PDU has; the -ext form has that of its message."""
         return " or ".join(one.name for one in self._of_header(pdu) if not one.form_of)
 
     def check(self, pdu: bytes) -> None:
@@ -161,7 +161,7 @@ class Edition:
             expected = " or ".join(map(str, self.message.versions))
             owners = self._owners(pdu)
             told = f"header.protocol_version: {pdu[0]} is not that of {self.name}: {expected}"
-            raise RefusedError("header", f"{told}; it is that of {owners}" if owners else told)
+            raise RefusedError("header", f"{told}; it selects {owners}" if owners else told)
         if len(pdu) > MAX_PDU:
             raise RefusedError("too-long", f"the message has {len(pdu)} octets; a station takes {MAX_PDU}")
 
@@ -173,14 +173,14 @@ class Edition:
             raise RefusedError("undecodable", str(error)) from error
 
     def is_exact(self, pdu: bytes) -> bool | None:
-        """Whether encoding it again gives the same octets; None where it does not decode."""
+        """Return whether encoding it again gives the same octets; None if it does not decode."""
         try:
             return bool(self.message.encode(self.message.view(pdu)) == pdu)
         except (ValueError, MemoryError):
             return None
 
     def is_valid(self, pdu: bytes) -> bool:
-        """Whether a message keeps every constraint of the standard."""
+        """Return whether a message keeps every constraint of the standard."""
         try:
             self.message.validate(pdu)
         except (ValueError, MemoryError):
@@ -188,7 +188,7 @@ class Edition:
         return True
 
     def unknown_parts(self, pdu: bytes) -> int:
-        """How many parts of a message this edition does not know."""
+        """Return the number of parts of a message that this edition does not know."""
         return _leaves(self.message, pdu).unknown
 
     def _is_made_of(self, cdr: bytes, original: bytes) -> bool:
@@ -240,7 +240,7 @@ class Kept:
 
 
 class Leaves(NamedTuple):
-    """The values without names, and the number of unknown parts. Not read: the values are those of no other edition."""
+    """Values without field names, and the number of unknown parts. Not read: the values are unique."""
 
     values: bytes
     unknown: int
@@ -266,13 +266,13 @@ def _is_exact(message: Any, pdu: bytes) -> bool:
 
 
 def _is_broken(error: BaseException) -> bool:
-    """Whether octets are no message of the type at all, in contrast to one with a value that is not allowed."""
+    """Return whether octets are no message of the type at all, in contrast to one with an invalid value."""
     reason = str(getattr(error, "reason", ""))
     return not getattr(error, "path", "") or reason.startswith(("truncated", "octets behind"))
 
 
 def _other_forms(library: ModuleType, message: Any) -> list[str]:
-    """Names of the messages that are interpretations of the same one."""
+    """Return the names of the other forms of a message."""
     strict = message.form_of or message.name
     forms = [one.name for one in library.all() if strict in (one.name, one.form_of)]
     return [name for name in forms if name != message.name]

@@ -49,7 +49,7 @@ def of_handler(name: str, counts: Counts, since: Counts, strangers: list[str], a
         "received": str(counts.received),
         "published": str(counts.published),
         "with parts left out": str(counts.left_out),
-        "with other values in another edition": str(counts.doubtful),
+        "ambiguous edition": str(counts.doubtful),
         "taken": str(counts.taken),
         "sent": str(counts.sent),
     }

@@ -49,7 +49,8 @@ class Services:
             response.left_out = [part.path for part in left_out]
             response.edition, response.type = edition.name, edition.ros_type
             if others := edition.others(pdu) if edition.message.ids and len(pdu) >= ITS_HEADER else ():
-                response.reason = f"warning: {' and '.join(others)} read other values in it"
+                named = " and ".join((edition.name, *others))
+                response.reason = f"warning: ambiguous edition: {named} decode it to different values"
             response.success = True
         except (GatewayError, RefusedError, ValueError, MemoryError) as error:
             response.reason = str(error)

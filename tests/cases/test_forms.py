@@ -61,7 +61,7 @@ def test_the_same_cpm_without_the_bit_decodes_and_names_both_forms(octets: bytes
     strict = STRICT.encode(FORM.decode(octets))
     told = shown(strict)
     assert told["edition"] == "cpm-2.1.1"
-    assert str(told["why"]).endswith("its other interpretation, cpm-2.1.1-ext, does not decode")
+    assert str(told["why"]).endswith("the form cpm-2.1.1-ext (with extension bit) does not decode")
     assert told["message"] == shown(octets)["message"]
 
 
@@ -151,7 +151,7 @@ def test_the_places_of_all_messages_where_a_serial_constraint_takes_a_marker_are
     assert found == PLACES
 
 
-def test_each_of_them_has_a_second_form_and_a_row_in_the_readme():
+def test_each_of_them_has_an_ext_form_and_a_row_in_the_readme():
     assert {message.form_of for message in SCHEMA.messages.values() if message.form_of} == set(PLACES)
     readme = (HERE.parents[1] / "asn1" / "README.md").read_text()
     for name in PLACES:
