@@ -68,8 +68,8 @@ def _first_set_with_mistakes(card: Path, folder: Path, key: Key) -> Iterator[Row
 def _later_set_with_mistakes(card: Path, folder: Path, key: Key) -> Iterator[Row]:
     """Of a box that has taken one: that one stays in force."""
     authority = Authority(folder)
-    pair = authority.issue("box", "extendedKeyUsage=clientAuth\n", 2)
-    other = authority.issue("other", "extendedKeyUsage=clientAuth\n", 2)
+    pair = authority.issue("box", "extendedKeyUsage=clientAuth\n", ("-days", "2"))
+    other = authority.issue("other", "extendedKeyUsage=clientAuth\n", ("-days", "2"))
     broker = '[interfaces.cloud]\ndriver = "mqtt"\nurl = "mqtts://broker.example"\n'
     files: dict[str, str | bytes] = {
         "captain.toml": f'{broker}ca = "mqtt/ca.pem"\ncertificate = "mqtt/box.pem"\nkey = "mqtt/box.key"\n',

@@ -24,14 +24,14 @@ key = "mqtt/box.key"
 def files(tmp_path_factory: pytest.TempPathFactory) -> Files:
     """A sound set."""
     authority = Authority(tmp_path_factory.mktemp("ca"))
-    pair = authority.issue("box", "extendedKeyUsage=clientAuth\n", 2)
+    pair = authority.issue("box", "extendedKeyUsage=clientAuth\n", ("-days", "2"))
     return {
         "captain.toml": CONFIG,
         "authorized_keys": KEY,
         "mqtt/ca.pem": Path(authority.certificate).read_bytes(),
         "mqtt/box.pem": pair.certificate.read_bytes(),
         "mqtt/box.key": pair.key.read_bytes(),
-        "other.pem": authority.issue("other", "extendedKeyUsage=clientAuth\n", 2).key.read_bytes(),
+        "other.pem": authority.issue("other", "extendedKeyUsage=clientAuth\n", ("-days", "2")).key.read_bytes(),
     }
 
 
