@@ -11,7 +11,7 @@ from board.address import check_device_name
 from board.describe import Range, all_of, at_key, remedy
 from board.errors import BlockedError, ConfigurationError
 from drivers.mqtt_broker import broker
-from drivers.mqtt_profile import is_file, library_file, names
+from drivers.mqtt_profile import check_editions, is_file, library_file, names
 from drivers.wire.quadkey import MAX_DEPTH
 from drivers.wire.v2n_message import MAX_SOURCE
 
@@ -93,7 +93,7 @@ class MqttOptions:
         checks += [partial(self._check_pair, *pair) for pair in pairs]
         if self.device:
             checks.append(partial(at_key, "device", check_device_name, self.device))
-        all_of([*checks, self._check_depths])
+        all_of([*checks, self._check_depths, partial(check_editions, self.profile, self.editions)])
 
     def _check_broker(self) -> None:
         there = broker(self.url)

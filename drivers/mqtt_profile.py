@@ -7,7 +7,7 @@ from typing import Any
 
 from board import describe
 from board.errors import BlockedError, ConfigurationError
-from drivers.wire.editions import compared, of_header
+from drivers.wire.editions import NAMES, compared, of_header
 from drivers.wire.editions import names as names_of
 from drivers.wire.v2n_description import ProfileDescription
 from drivers.wire.v2n_message import Codec, Edition
@@ -38,29 +38,41 @@ def load(name: str) -> ProfileDescription:
     return describe.read(ProfileDescription, describe.load(path), str(path))
 
 
+def check_editions(profile: str, editions: Sequence[str]) -> None:
+    """Raise ConfigurationError for an unknown edition, and for any if a profile that ships never encodes.
+
+    profile  as in captain.toml; a file of a user's own is read by the worker alone.
+    """
+    for name in editions:
+        if name not in NAMES:
+            alike = [known for known in NAMES if known.split("-")[0] == name.split("-")[0]]
+            raise ConfigurationError(f"editions: unknown edition {name!r}", f"one of {', '.join(alike or NAMES)}")
+    if editions and profile in names():
+        _check_encodes(load(profile), editions)
+
+
+def _check_encodes(description: ProfileDescription, editions: Sequence[str]) -> None:
+    if editions and not description.needs_codec:
+        what = f"editions: profile {description.name} does not encode messages"
+        raise ConfigurationError(what, "remove the key, or choose a profile with JSON")
+
+
 def codec(description: ProfileDescription, editions: Sequence[str] = ()) -> Codec | None:
     """The message library, if the profile needs it.
 
     editions  to encode JSON payloads in, preferred to all others of their type; also to decode in, if two editions
               decode to different values.
 
-    Raises BlockedError where it cannot be imported, ConfigurationError for editions that it does not have or that the
-    profile never encodes.
+    Raises BlockedError where it cannot be imported, ConfigurationError for editions of a profile that never encodes.
     """
+    _check_encodes(description, editions)
     if not description.needs_codec:
-        if editions:
-            what = f"editions: profile {description.name} does not encode messages"
-            raise ConfigurationError(what, "remove the key, or choose a profile with JSON")
         return None
     try:
         import captain_messages
     except ImportError as error:
         what = f"profile {description.name} decodes, and the message library cannot be imported: {error}"
         raise BlockedError(what, "`make codec` builds it") from error
-    known = [message.name for message in captain_messages.all() if message.ids]
-    for name in editions:
-        if name not in known:
-            raise ConfigurationError(f"editions: unknown edition {name!r}", describe.remedy(name, known))
     return MessageLibrary(captain_messages.all(), editions)
 
 

@@ -3,6 +3,15 @@
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple, Protocol, TypeVar
 
+# Names that captain.toml may give: the router checks them without the message library, which is for workers.
+NAMES = (
+    "cam-1.3.2", "cam-1.4.1", "cam-2.1.1", "cam-2.3.1", "cam-2.3.1-ext", "cpm-2.1.1", "cpm-2.1.1-ext", "cpm-tr-2.1.1",
+    "denm-1.2.2", "denm-1.3.1", "denm-2.2.1", "denm-2.2.1-ext", "denm-2.3.1", "denm-2.3.1-ext", "ev_rsr-1.1.1",
+    "evcsn-1.1.1", "imzm-2.1.1", "ivim-2.1.1", "ivim-2.2.1", "ivim-2.2.1-ext", "mapem-2.1.1", "mcm-1", "poi-2.1.1",
+    "poi-2.1.1-ext", "rtcmem-2.1.1", "spatem-2.1.1", "spatem-2.2.1", "srem-2.1.1", "ssem-2.1.1",
+    "tistpgtransaction-1.1.1", "vam-1", "vam-2.1.1", "vam-2.3.1",
+)  # fmt: skip
+
 
 class Announced(Protocol):
     """A message of one edition, by the ITS PDU header."""

@@ -55,6 +55,12 @@ def _fake(monkeypatch):
         ({"depths": [18, 14]}, "[18, 14] is not the least and the most", "[14, 18]"),
         ({"depths": [14]}, "is not the least and the most", "[14, 18]"),
         ({"depths": [0, 14]}, "depths[0]: 0 is out of range", "at least 1 and at most 30"),
+        (
+            {"profile": "nap", "editions": ["cpm-9"]},
+            "editions: unknown edition 'cpm-9'",
+            "one of cpm-2.1.1, cpm-2.1.1-ext",
+        ),
+        ({"editions": ["cpm-2.1.1"]}, "editions: profile vcaptain does not encode messages", "remove the key"),
         ({"version": 4}, "version: 4 is not a choice", "known: 5"),
         ({"qos": 2}, "qos: 2 is out of range", "at most 1"),
         ({"keep_alive_s": 1}, "keep_alive_s: 1 is out of range", "at least 5"),

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from board.errors import BlockedError, ConfigurationError
-from drivers.mqtt_profile import FOLDER, TEMPLATE, codec, load, names
+from drivers.mqtt_profile import FOLDER, TEMPLATE, check_editions, codec, load, names
 from drivers.wire.v2n import Delivery, Identity, Profile
 from drivers.wire.v2n_description import ProfileDescription, PublishRow, Status, SubscribeRow, Tiles, TypeRule
 from drivers.wire.v2n_payload_nap import NapReceived
@@ -207,13 +207,14 @@ def test_an_edition_of_captain_toml_that_does_not_fit_decides_nothing():
 @pytest.mark.parametrize(
     ("profile", "edition", "what", "hint"),
     [
-        ("nap", "cpm-2.1.1-x", "editions: unknown edition 'cpm-2.1.1-x'", "did you mean cpm-2.1.1"),
+        ("nap", "cpm-2.1.1-x", "editions: unknown edition 'cpm-2.1.1-x'", "one of cpm-2.1.1, cpm-2.1.1-ext"),
+        ("nap", "hello-1", "editions: unknown edition 'hello-1'", "one of cam-1.3.2"),
         ("orange", "cpm-2.1.1", "editions: profile orange does not encode messages", "remove the key"),
     ],
 )
 def test_editions_that_a_profile_cannot_encode_are_refused(profile: str, edition: str, what: str, hint: str):
     with pytest.raises(ConfigurationError) as error:
-        codec(load(profile), [edition])
+        check_editions(profile, [edition])
     assert what in error.value.message
     assert hint in error.value.hint
 

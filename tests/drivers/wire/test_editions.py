@@ -2,9 +2,10 @@
 
 from dataclasses import replace
 
+import captain_messages
 import pytest
 
-from drivers.wire.editions import compared
+from drivers.wire.editions import NAMES, compared
 from firmware.gateway.captain_gateway.captain_gateway.codec import Edition
 from firmware.gateway.captain_gateway.captain_gateway.handlers import KINDS
 from tests.firmware.codec.standin import Message, octets
@@ -73,3 +74,7 @@ def test_an_edition_that_cannot_be_read_comes_last_and_is_named(unknown: int):
 
 def test_editions_that_cannot_be_read_are_named():
     assert others(UNREADABLE, replace(UNREADABLE, name="cam-2.1.1")) == ["cam-2.1.1"]
+
+
+def test_names_of_editions_are_those_of_the_message_library():
+    assert sorted(NAMES) == sorted(message.name for message in captain_messages.all() if message.ids)
