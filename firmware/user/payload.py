@@ -208,4 +208,5 @@ def _item(item: object, where: str) -> Payload:
         text = item.get(key)
         if isinstance(text, str):
             return Payload(decode(text, f"{where}: {key}"), kind.lower(), where)
-    raise RequestError(f"{where}: it has neither `hex` nor `base64`", ACCEPTED)
+    remedy = "`captain encode` makes octets of a decoded message" if "message" in item else ACCEPTED
+    raise RequestError(f"{where}: `hex` or `base64` is missing", remedy)

@@ -80,3 +80,12 @@ def test_a_frame_of_each_valid_line_leaves_where_it_is_replayed_as_frames():
         ear.settimeout(5)
         assert cli.main(["replay", str(LIST), "--udp", "{}:{}".format(*ear.getsockname()), "--rate", "0"]) == 1
         assert all(isinstance(frame.unwrap(ear.recv(2048)), frame.Ethernet) for _ in VALID)
+
+
+@pytest.mark.parametrize("verb", ["decode", "send"])
+def test_a_decoded_message_in_place_of_octets_is_refused_with_the_command_that_encodes_it(
+    verb: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    (tmp_path / "one.json").write_text('{"edition": "cam-1.4.1", "message": {}}')
+    assert cli.main([verb, str(tmp_path / "one.json")]) == 1
+    assert "captain encode" in capsys.readouterr().err

@@ -143,7 +143,7 @@ def test_octets_of_standard_input_are_one_pdu():
         ("x.json", b"", "it holds no PDU"),
         ("x.json", b"[1]", "item 0: '1' is no object"),
         ("x.json", b'[{"hex": "0"}]', "item 0: hex: 1 hexadecimal digits"),
-        ("x.json", b'[{"hex": 7}]', "item 0: it has neither `hex` nor `base64`"),
+        ("x.json", b'[{"hex": 7}]', "item 0: `hex` or `base64` is missing"),
         ("x.json", b'[{"hex": "02", "type": "a.b"}]', "item 0: type 'a.b' is no name of a type"),
         ("x.json", b"[{", "it is not JSON: Expecting property name enclosed in double quotes at line 1, character 3"),
         ("x.jsonl", b'{"hex": "02"}\n{"hex"}\n', "line 2: it is not JSON"),
