@@ -31,7 +31,7 @@ CABLE = ("captain-a", "captain-b")  # the names of its ends
 UP_S = 15.0
 RECORD_BUFFER = 8 << 20  # octets
 
-# Neither is decoded by Debian's tshark beyond BTP: a message of 8 octets, and a type that it does not know.
+# tshark decodes them down to BTP only: a MAPEM of 8 octets with protocolVersion 9, and, before Wireshark 4.4, a VAM.
 BESIDE = (("mapem", 8), ("vam", 34))
 
 UDP = '[interfaces.air]\ndriver = "udp"\nframing = "ethernet"\nlisten = "{own}"\npeers = ["{recorder}", "{other}"]\n'

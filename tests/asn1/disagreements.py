@@ -70,7 +70,15 @@ TABLE = (
     ),
     Disagreement(
         "category of a GddStructure", ("tshark",), "X.691 23.5",
-        "the CHOICE of module GDD has a marker, and so a bit for it; Wireshark 4.0 knows it without one",
+        "the CHOICE of module GDD has a marker, and so a bit for it; Wireshark 4.0 and 4.4 know it without one",
+    ),
+    Disagreement(
+        "polygon of a PolygonalShape", ("tshark 4.4",), "X.680 49.1, X.691 20.5",
+        "SIZE (3..16, ...) on a list of 1..16, ...: its number is counted from 3; Wireshark 4.4 counts from 1",
+    ),
+    Disagreement(
+        "maxVehicleHeight of module AddGrpC", ("tshark 4.4",), "X.680 13, X.691 11.5.6",
+        "AddGrpC takes VehicleHeight from DSRC, 0..127; Wireshark 4.4 from the ITS data dictionary, 1..128",
     ),
     Disagreement(
         "identifier of no row", ("tshark",), "X.681 14.2, X.682 10.16",
@@ -95,9 +103,21 @@ TABLE = (
 )  # fmt: skip
 
 
+# Components of types of the standards, which no rule about their syntax tells from others.
+NAMED = {
+    "GddStructure": ("category", "category of a GddStructure"),
+    "PolygonalShape": ("polygon", "polygon of a PolygonalShape"),
+    "LaneAttributes-addGrpC": ("maxVehicleHeight", "maxVehicleHeight of module AddGrpC"),
+}
+
+
 def explained(codec: str, constructs: set[str], is_healed: bool) -> list[str]:
-    """The rows that explain a difference of a codec on a value with these constructs."""
-    rows = (one for one in TABLE if codec in one.codecs and one.construct in constructs)
+    """The rows that explain a difference of a codec on a value with these constructs.
+
+    codec  as asn1tools or tshark 4.4: a row of tshark is about all its versions.
+    """
+    names = (codec, codec.partition(" ")[0])
+    rows = (one for one in TABLE if one.construct in constructs and set(names) & set(one.codecs))
     return [one.construct for one in rows if one.is_healed == is_healed]
 
 
@@ -121,8 +141,9 @@ class Constructs:
             return
         if key_of(type_) in self._around:
             add("type within itself")
-        if type_.name == "GddStructure":
-            add("category of a GddStructure")
+        named, construct = NAMED.get(type_.name, ("", ""))
+        if named and named in value:
+            add(construct)
         self._around.append(key_of(type_))
         self._look(type_, value, add)
         self._around.pop()

@@ -11,7 +11,7 @@ import pytest
 
 from asn1 import asn
 from tests.asn1 import oracles
-from tests.asn1.disagreements import TABLE, Constructs
+from tests.asn1.disagreements import TABLE, Constructs, explained
 from tests.asn1.effective import effective
 from tests.asn1.imported import snippet
 from tests.asn1.oracles import Asn1tools, Oracle, Pycrate
@@ -32,6 +32,9 @@ GDD = """
     GddStructure ::= SEQUENCE { category CHOICE {
         sign ENUMERATED { danger, ... }, facility ENUMERATED { any, ... }, road ENUMERATED { dry, wet, ... }, ... } }
 """
+
+POLYGONAL = "PolygonalShape ::= SEQUENCE { polygon SEQUENCE (SIZE (3..16, ...)) OF BOOLEAN }"
+LANE = "LaneAttributes-addGrpC ::= SEQUENCE { maxVehicleHeight INTEGER (0..127) OPTIONAL, ... }"
 
 
 class Example(NamedTuple):
@@ -69,6 +72,12 @@ EXAMPLES = (
     # The marker's bit, the third of three, an item without additions of its own.
     Example("category of a GddStructure", GDD + "Root ::= SEQUENCE { code GddStructure }",
             {"code": {"category": ("road", "wet")}}, "0 10 0 1"),
+    # The marker's bit, four more than three of fourteen lengths, in four bits.
+    Example("polygon of a PolygonalShape", POLYGONAL + " Root ::= SEQUENCE { shape PolygonalShape }",
+            {"shape": {"polygon": [True] * 7}}, "0 0100 1111111"),
+    # The marker's bit, that of the component, 24 from 0 on.
+    Example("maxVehicleHeight of module AddGrpC", LANE + " Root ::= SEQUENCE { lane LaneAttributes-addGrpC }",
+            {"lane": {"maxVehicleHeight": 24}}, "0 1 0011000"),
     Example("SIZE of a UTF8String", "Root ::= UTF8String (SIZE (1..24))", "\u00e9", "00000010 11000011 10101001"),
     Example("DELETE in an IA5String", "Root ::= IA5String", "\x7f", "00000001 1111111"),
     Example("group of three with a mandatory one",
@@ -122,6 +131,14 @@ def test_a_constraint_in_its_effective_form_is_read_rightly_by_all(example: Exam
     schema, root = snippet(example.text, "Root")
     assert is_right(Asn1tools(effective(schema), root), example)
     assert is_right(Pycrate(effective(schema), root), example)
+
+
+def test_a_row_of_one_version_explains_nothing_of_another():
+    construct = "polygon of a PolygonalShape"
+    assert explained("tshark 4.4", {construct}, is_healed=False) == [construct]
+    assert explained("tshark 4.0", {construct}, is_healed=False) == []
+    for name in ("tshark 4.0", "tshark 4.4"):
+        assert explained(name, {"SIZE of a UTF8String"}, is_healed=False) == ["SIZE of a UTF8String"]
 
 
 def test_asn1tools_reads_a_default_by_name_as_text():

@@ -176,7 +176,7 @@ class Trial:
             if tshark.is_same(leaves, written):
                 tally.agreed["tshark"] += 1
                 continue
-            reasons = explained("tshark", self._constructs.of(self._message.pdu, value), is_healed=False)
+            reasons = explained(tshark.NAME, self._constructs.of(self._message.pdu, value), is_healed=False)
             what = f"{self._message.name}: tshark reads {leaves}\n  written  {written}\n  ours     {octets.hex()}"
             tally.differ("tshark", reasons, what)
 

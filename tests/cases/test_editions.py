@@ -56,7 +56,9 @@ def test_a_message_is_of_the_edition_of_its_header_and_encoded_to_the_same_octet
 
 @pytest.mark.parametrize("case", CASES)
 def test_tshark_reads_the_same_values(tmp_path, capsys, case):
-    edition = shown(capsys, "decode", "--json", str(HERE / f"{case}.hex"))["edition"]
+    # Wireshark 4.4 reads a CAM of V1.4.1 as one of V2.1.1, which has the same bits.
+    edition = tshark.edition(octets(case))
+    assert edition in ("cam-2.1.1", shown(capsys, "decode", "--json", str(HERE / f"{case}.hex"))["edition"])
     message = schema().messages[edition]
     value = codec.captain_messages.find(edition).decode(octets(case))
     (read,) = tshark.leaves_read(tmp_path / "x.pcap", [octets(case)], message.btp_port)

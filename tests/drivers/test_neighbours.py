@@ -134,7 +134,7 @@ def test_options_that_cannot_be_meant_are_refused(table):
 
 
 def _dissected(tmp_path, pdu, port):
-    """What tshark says of a PDU, as a flat list of its lines."""
+    """What tshark says of a PDU, as a flat list of its lines, in the names of Wireshark 4.0: 4.4 has stationId."""
     header = bytes.fromhex("11001a01 20500280") + struct.pack(">HBB", len(pdu) + 4, 1, 0) + bytes(28)
     octets = frame.wrap(MAC, header + struct.pack(">HH", port, 0) + pdu)
     capture = tmp_path / "one.pcap"
@@ -145,7 +145,7 @@ def _dissected(tmp_path, pdu, port):
     command = [tshark, "-r", str(capture), "-V", "-O", "its"]
     run = subprocess.run(command, check=True, capture_output=True, text=True, env={"TZ": "UTC", "HOME": str(tmp_path)})
     assert "Malformed" not in run.stdout
-    return [line.strip() for line in run.stdout.splitlines()]
+    return [line.strip().replace("tationId: ", "tationID: ") for line in run.stdout.splitlines()]
 
 
 def test_the_changed_fields_of_a_cam_are_where_tshark_sees_them(tmp_path):
