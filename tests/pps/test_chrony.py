@@ -230,7 +230,7 @@ def test_a_path_where_chronyd_cannot_make_a_socket_is_a_mistake_of_the_configura
 
 
 def test_a_path_of_chronyds_socket_that_is_too_long_is_a_mistake_with_its_length() -> None:
-    with pytest.raises(ConfigurationError, match=r"^time\.chrony: .* has 108 octets"):
+    with pytest.raises(ConfigurationError, match=r"^time\.chrony: socket path too long: 108 octets"):
         refclock("/" + "x" * 107)
 
 
