@@ -103,7 +103,7 @@ class FrameWatch(Protocol):
         """A frame was received; pdu is what of it will be indicated, the very object, or empty."""
 
     def made(self, interface: str, frame: bytes, request: Request | None) -> None:
-        """A request's frame is about to leave, which its confirm tells; without a request a beacon has left."""
+        """A request's frame is about to leave, which its confirm tells; without one a beacon or an answer has left."""
 
 
 class Witness:

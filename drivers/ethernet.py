@@ -42,6 +42,7 @@ class EthernetOptions:
     receive_buffer  octets that the kernel keeps while the station is busy, of each message type: all types together
                     may take that much some twenty times.
     beacon_s        seconds without a packet of ours until a beacon; 0 for none.
+    gn_version      GeoNetworking protocol version of what is sent; it is accepted as well.
     """
 
     device: str
@@ -49,6 +50,7 @@ class EthernetOptions:
     promiscuous: bool = False
     receive_buffer: Annotated[int, Range(2048, 268_435_456)] = 4_194_304
     beacon_s: Annotated[float, Range(0.0, 3600.0)] = 3.0
+    gn_version: Annotated[int, Range(0, 1)] = 1
 
     def __post_init__(self) -> None:
         """Raises ConfigurationError with a line for each mistake."""
@@ -122,7 +124,7 @@ class Ethernet:
             raise InterfaceError(f"{options.device}: no such network device", "`ip link` lists them")
         self._is_up = device.is_usable
         shared = self._own(device)
-        self._link = GeoLink(self._host, shared, shared.mac, options.beacon_s, self._beacon)
+        self._link = GeoLink(self._host, shared, shared.mac, options.beacon_s, self._beacon, options.gn_version)
         opening.callback(self._link.stop)
         self._transmitter = opening.enter_context(_socket())
         self._transmitter.bind((options.device, 0))

@@ -35,8 +35,9 @@ Deliver = Callable[[bytes, int], None]
 class Intake:
     """A socket on the loop whose datagrams go to one call, each with the Unix time in ns of its arrival.
 
-    The intake owns the socket: close() closes it. A datagram from `own` (a sender of ours, as sockaddr() has it)
-    is an echo. `broken` is called with what the socket reports beside datagrams. `urgent` is the lane that goes first.
+    The intake owns the socket: close() closes it. A datagram from `own` (a sender of ours, as sockaddr() has it) is the
+    kernel's copy of what was sent to a group: passed over, and not counted. `broken` is called with what the socket
+    reports beside datagrams. `urgent` is the lane that goes first.
     """
 
     def __init__(
@@ -98,9 +99,7 @@ class Intake:
             octets = memory[octets_at : octets_at + length]
             if flags & MSG_TRUNC:
                 self._host.drop(Reason.LONG_PDU, octets)
-            elif own and memory[name_at : name_at + len(own)] == own:
-                self._host.drop(Reason.OWN_ECHO, octets)
-            else:
+            elif not own or memory[name_at : name_at + len(own)] != own:
                 seconds, nanoseconds = timespec(memory, stamp_at)
                 deliver(octets, seconds * 1_000_000_000 + nanoseconds)
             if not self._is_open:  # what deliver() caused has stopped the interface

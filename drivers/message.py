@@ -101,7 +101,8 @@ class MessageType(NamedTuple):
     btp_port  that it leaves by in the profile in use; None where it has none.
     priority  0 leaves first; what the policy's default gives it.
     row       of the table of types, and of its counters; unknown ids share the last.
-    lifetime  seconds after which it is too old to leave, unless the policy or the user says otherwise.
+    lifetime  seconds after which it is too old to leave, unless the policy or the user says otherwise; in the
+              header of its single hop broadcast.
     traffic_class  octet of the GeoNetworking common header, under the same condition.
     """
 

@@ -42,6 +42,7 @@ class Reason(StrEnum):
     GN_DUPLICATE = "gn-duplicate"
     GN_OUTSIDE_AREA = "gn-outside-area"
     GN_NOT_FOR_US = "gn-not-for-us"
+    GN_REQUESTS = "gn-requests"
     GN_NEXT_HEADER = "gn-next-header"
     SECURED = "secured"
     SECURED_FORMAT = "secured-format"
@@ -89,6 +90,7 @@ MEANING: dict[Reason, str] = {
     Reason.GN_DUPLICATE: "this GeoNetworking packet was received before",
     Reason.GN_OUTSIDE_AREA: "the station is outside the packet's destination area",
     Reason.GN_NOT_FOR_US: "the packet is addressed to another station, or carries no message for a user",
+    Reason.GN_REQUESTS: "more requests for the station's position than the 10 per second that it answers",
     Reason.GN_NEXT_HEADER: "what follows the GeoNetworking headers is not BTP",
     Reason.SECURED: "it is signed, the station cannot verify, and reception.unverified is drop",
     Reason.SECURED_FORMAT: "its security envelope cannot be read: not signed data, or encrypted",

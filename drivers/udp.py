@@ -45,6 +45,7 @@ class UdpOptions:
     receive_buffer  octets that the kernel keeps while the station is busy, of each message type: all types together
                     may take that much some twenty times. A group's datagrams share one queue.
     beacon_s        framing ethernet: seconds without a packet of ours until a beacon; 0 for none.
+    gn_version      framing ethernet: GeoNetworking protocol version of what is sent; it is accepted as well.
     """
 
     framing: Literal["pdu", "btp", "ethernet"] = "ethernet"
@@ -54,6 +55,7 @@ class UdpOptions:
     device: str = ""
     receive_buffer: Annotated[int, Range(2048, 268_435_456)] = 4_194_304
     beacon_s: Annotated[float, Range(0.0, 3600.0)] = 3.0
+    gn_version: Annotated[int, Range(0, 1)] = 1
 
     def __post_init__(self) -> None:
         """Raises ConfigurationError with a line for each mistake."""
@@ -156,7 +158,7 @@ class Udp:
             return PduFraming(host)
         if options.framing == "btp":
             return BtpFraming(host, shared)
-        return GeoLink(host, shared, shared.mac, options.beacon_s, self._beacon)
+        return GeoLink(host, shared, shared.mac, options.beacon_s, self._beacon, options.gn_version)
 
     def _take(
         self, opening: ExitStack, receiver: socket.socket, framing: Framing, urgent: Intake | None = None

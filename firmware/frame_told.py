@@ -62,9 +62,10 @@ class Told:
         )
         if kind is not None:
             pdu = one.pdu
+            station_id = int.from_bytes(pdu[2:ITS_HEADER], "big") if len(pdu) >= ITS_HEADER else "null"
             said += (
                 f', "type": {_quoted(kind.name)}, "message_id": {pdu[1] if len(pdu) > 1 else "null"}, '
-                f'"station_id": {int.from_bytes(pdu[2:ITS_HEADER], "big")}, "digest": "{digest_of(pdu)}"'
+                f'"station_id": {station_id}, "digest": "{digest_of(pdu)}"'
             )
         if one.indication is not None and one.indication.rx.rssi_dbm is not None:
             said += f', "rssi_dbm": {one.indication.rx.rssi_dbm}'

@@ -103,8 +103,8 @@ class Interface:
 
     def indicate(self, pdu: bytes, received_ns: int, rx: RxInfo = NO_RX_INFO) -> None:
         size = len(pdu)
-        if not ITS_HEADER <= size <= MAX_PDU:
-            self.drop(_size_reason(size), pdu)
+        if not ITS_HEADER <= size <= MAX_PDU and (reason := self._size_reason(size, rx.btp_port)) is not None:
+            self.drop(reason, pdu)
             return
         who, rssi_dbm = pdu[2:6], None
         if rx is not NO_RX_INFO:
@@ -116,7 +116,7 @@ class Interface:
                 who = rx.source_mac
             elif rx.source:
                 who = rx.source.encode()
-        kind = self._by_number[pdu[1]]
+        kind = self._by_number[pdu[1]] if size >= ITS_HEADER else self._topics.unknown
         self.received[kind.row] += 1
         self.received_octets += size
         now = self._clock()
@@ -125,6 +125,20 @@ class Interface:
         quality = above.quality if now < above.quality_until else above.renewed_quality()
         # tuple.__new__ is what Indication() comes to, at half the price.
         self._indicate(_new(Indication, (kind, pdu, self.name, received_ns, now, rx, quality)))
+
+    def _size_reason(self, size: int, btp_port: int | None) -> Reason | None:
+        """Why a PDU of an impossible size is dropped; None for a short one of an unknown port that is wanted.
+
+        What such a port carries need not begin with an ITS PDU header.
+        """
+        is_unknown = btp_port is not None and btp_port not in self._topics.ports
+        if is_unknown and not self._any_port:
+            return Reason.BTP_PORT
+        if size == 0:
+            return Reason.EMPTY_PDU
+        if size > MAX_PDU:
+            return Reason.LONG_PDU
+        return None if is_unknown else Reason.SHORT_PDU
 
     def heard(self, mac: bytes, rssi_dbm: int | None) -> None:
         self.neighbours.heard(mac, self.loop.clock(), rssi_dbm)
@@ -216,12 +230,6 @@ class Interface:
             "queue": {"length": outlet.length, "capacity": outlet.capacity, "longest": outlet.longest},
             **({"details": self.details} if self.details else {}),
         }
-
-
-def _size_reason(size: int) -> Reason:
-    if size == 0:
-        return Reason.EMPTY_PDU
-    return Reason.SHORT_PDU if size < ITS_HEADER else Reason.LONG_PDU
 
 
 def _by_name(topics: Topics, counts: list[int]) -> dict[str, int]:

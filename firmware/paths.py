@@ -14,6 +14,7 @@ CAPACITY = 1024
 SHOWN = 32  # of them in a status, which is sent once a second
 
 Who = bytes  # octets 1 to 5 of a PDU: messageID and stationID (TS 102 894-2, ItsPduHeader)
+WHO = 5
 Lone = tuple[float, int, str, Who]  # when a PDU came, its hash, the interface, who sent what
 
 
@@ -71,7 +72,7 @@ class Paths:
 
     def status(self) -> dict[str, object]:
         """The most recent ones, by station and type."""
-        recent = sorted(islice(reversed(self._paths.items()), SHOWN), key=lambda item: (item[0][1:], item[0][0]))
+        recent = sorted(islice(reversed(self._paths.items()), SHOWN), key=lambda item: (item[0][1:], item[0][:1]))
         return {
             "paths": list(self._rows(recent)),
             "paths_kept": len(self._paths),
@@ -80,9 +81,10 @@ class Paths:
 
     def _rows(self, paths: Iterable[tuple[Who, Path]]) -> Iterator[dict[str, object]]:
         for who, path in paths:
+            is_header = len(who) == WHO  # of a port that no table has a PDU may be shorter
             yield {
-                "station": int.from_bytes(who[1:]),
-                "type": self._topics.by_number[who[0]].name,
+                "station": int.from_bytes(who[1:]) if is_header else None,
+                "type": self._topics.by_number[who[0]].name if is_header else "",
                 "first": {name: count for name, (count, _) in path.first.items()},
                 "lead_ms": {name: round(1000 * sum_s / count, 3) for name, (count, sum_s) in path.first.items()},
                 "alone": dict(path.alone),

@@ -193,7 +193,7 @@ class Report:
         said = {
             "sequence": number,
             "type": one.kind.name,
-            "station_id": int.from_bytes(pdu[2:ITS_HEADER], "big"),
+            "station_id": int.from_bytes(pdu[2:ITS_HEADER], "big") if len(pdu) >= ITS_HEADER else None,
             "octets": len(pdu),
             "digest": digest_of(pdu),
             "interface": one.interface,

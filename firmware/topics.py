@@ -14,7 +14,7 @@ class TypeRow(NamedTuple):
     standard  BTP port of TS 103 248; None where the type is not sent.
     legacy    BTP port of the legacy profile; None where that does not send it.
     priority  0 leaves first.
-    lifetime  seconds.
+    lifetime  seconds: how long it may wait, and the lifetime in the header of its single hop broadcast.
     traffic_class  octet of the GeoNetworking common header; its TC ID is the DCC profile.
     """
 
@@ -31,6 +31,9 @@ class TypeRow(NamedTuple):
 # and 102 are those of existing vehicleCAPTAIN boxes. Priorities: DENM before infrastructure before awareness.
 # Traffic classes are the DCC profiles of TS 102 724 V1.1.1: DP0 DENM of high priority (its user says so), DP1 DENM,
 # DP2 CAM and what is as frequent, DP3 everything that can wait; ITS-G5 sends them by AC_VO, AC_VI, AC_BE, AC_BK.
+# Lifetimes: CAM by EN 302 637-2 V1.4.1 clause 5.3.4.1, at most 1000 ms. The others are ours, all below the default of
+# 60 s (itsGnDefaultPacketLifetime, EN 302 636-4-1 V1.4.1 Annex H): 1 s for what its sender renews as often as a CAM,
+# 10 s for an event, 5 s for what changes slowly.
 ROWS = (
     TypeRow(1, "denm", 2002, 2002, priority=0, lifetime=10.0, traffic_class=1),
     TypeRow(2, "cam", 2001, 2001, priority=2),

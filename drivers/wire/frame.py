@@ -18,9 +18,9 @@ class Ethernet(NamedTuple):
     packet: bytes
 
 
-def wrap(source: bytes, packet: bytes) -> bytes:
-    """The frame of a packet to all, without a checksum: the link adds it. The address has 6 octets."""
-    return BROADCAST + source + _ETHERTYPE + packet
+def wrap(source: bytes, packet: bytes, destination: bytes = BROADCAST) -> bytes:
+    """The frame of a packet, without a checksum: the link adds it. Addresses have 6 octets."""
+    return destination + source + _ETHERTYPE + packet
 
 
 def unwrap(frame: bytes) -> Ethernet | Reason:

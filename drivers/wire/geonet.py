@@ -2,17 +2,18 @@
 
 from collections.abc import Set
 
-from drivers.wire.geonet_receiver import Discard, Heard, Received, Receiver
+from drivers.wire.geonet_receiver import Asked, Discard, Heard, Received, Receiver
 from drivers.wire.geonet_sender import Sender
 
-__all__ = ["Discard", "GeoNetworking", "Heard", "Received"]
+__all__ = ["Asked", "Discard", "GeoNetworking", "Heard", "Received"]
 
 
 class GeoNetworking:
     """Both directions; the parameters and methods are those of Receiver and Sender.
 
-    receive(packet, source_mac, now, ego) -> Received | Heard | Discard
+    receive(packet, source_mac, now, ego) -> Received | Heard | Asked | Discard
     encode(request, now, ego) -> packet
+    answer(position, now, ego) -> the answer to Asked, or nothing
     deadline() -> when expire() wants to be called; expire(now) -> whether a beacon is due; take(ego) -> that beacon
     """
 
@@ -25,11 +26,13 @@ class GeoNetworking:
         station_type: int = 0,
         is_mobile: bool = True,
         is_mac_configured: bool = False,
+        gn_version: int = 1,
     ) -> None:
         receiver = Receiver(mac, gn_versions, deliver_unverified)
-        sender = Sender(mac, beacon_s, station_type, is_mobile, is_mac_configured)
+        sender = Sender(mac, beacon_s, station_type, is_mobile, is_mac_configured, gn_version)
         self.receive = receiver.receive
         self.encode = sender.encode
+        self.answer = sender.answer
         self.deadline = sender.deadline
         self.expire = sender.expire
         self.take = sender.take

@@ -34,7 +34,7 @@ _SOURCE = Struct(">2x6s4xii")  # of a long position vector: MAC, latitude, longi
 _NUMBER = Struct(">H")  # sequence number; destination port of BTP-A and BTP-B
 _AREA = Struct(">iiHHH")
 
-_BASIC_SIZE, _COMMON_SIZE, _SEQUENCE_SIZE, _LONG_SIZE = 4, 8, 4, 24
+_BASIC_SIZE, _COMMON_SIZE, _SEQUENCE_SIZE, _LONG_SIZE, _SHORT_SIZE = 4, 8, 4, 24, 20
 _BTP = frozenset({CommonNext.BTP_A, CommonNext.BTP_B})
 
 
@@ -49,6 +49,17 @@ class Heard(NamedTuple):
     """A neighbour showed itself without a PDU: a beacon."""
 
     mac: bytes
+
+
+class Asked(NamedTuple):
+    """A Location Service request for this station.
+
+    mac       of the station that sent the frame: the first hop of the answer.
+    position  of the station that asks: its short position vector, 20 octets.
+    """
+
+    mac: bytes
+    position: bytes
 
 
 class Discard(NamedTuple):
@@ -94,7 +105,7 @@ class Receiver:
         self._deliver_unverified = deliver_unverified
         self._duplicates = Duplicates()
 
-    def receive(self, packet: bytes, source_mac: bytes, now: float, ego: Ego) -> Received | Heard | Discard:
+    def receive(self, packet: bytes, source_mac: bytes, now: float, ego: Ego) -> Received | Heard | Asked | Discard:
         """What a packet brings, from its basic header on. Never raises, whatever the octets.
 
         source_mac  who sent the frame; of a packet that was passed on, not the one who made it.
@@ -118,7 +129,7 @@ class Receiver:
 
     def _secured(
         self, packet: bytes, hop_limit: int, source_mac: bytes, now: float, ego: Ego
-    ) -> Received | Heard | Discard:
+    ) -> Received | Heard | Asked | Discard:
         """The common header and all that follows are the signed payload; the basic header is not signed."""
         try:
             payload, its_aid, ssp = unwrap(packet[_BASIC_SIZE:])
@@ -138,7 +149,7 @@ class Receiver:
         source_mac: bytes,
         now: float,
         ego: Ego,
-    ) -> Received | Heard | Discard:
+    ) -> Received | Heard | Asked | Discard:
         """From the common header on, which begins at an octet of the packet."""
         try:
             next_header, header_type, traffic_class, length, max_hop_limit = _COMMON.unpack_from(packet, at)
@@ -164,6 +175,9 @@ class Receiver:
             if self._duplicates.seen(mac, sequence, now):
                 return Discard(Reason.GN_DUPLICATE)
             destination = self._destination(header_type, packet, at + source + _LONG_SIZE, ego)
+            if destination is None and header_type == HeaderType.LS_REQUEST:
+                # A short position vector is the start of a long one (clauses 9.5.2, 9.5.3).
+                return Asked(source_mac, packet[at + source : at + source + _SHORT_SIZE])
             if isinstance(destination, Reason):
                 return Discard(destination)
             area = destination
@@ -180,9 +194,9 @@ class Receiver:
         """The area of a packet for us; None where it has none. What says so begins behind the source position."""
         if header_type == HeaderType.TSB:
             return None
-        if header_type == HeaderType.GUC:
+        if header_type in (HeaderType.GUC, HeaderType.LS_REQUEST):
             return None if packet[at + 2 : at + 8] == self._mac else Reason.GN_NOT_FOR_US
-        if header_type in (HeaderType.LS_REQUEST, HeaderType.LS_REPLY):
+        if header_type == HeaderType.LS_REPLY:
             return Reason.GN_NOT_FOR_US
         latitude, longitude, distance_a, distance_b, angle = _AREA.unpack_from(packet, at)
         area = Area(Shape(header_type & 15), Position(latitude, longitude), distance_a, distance_b, angle)

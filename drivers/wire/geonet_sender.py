@@ -1,4 +1,4 @@
-"""GeoNetworking out: single hop broadcasts, GeoBroadcasts and beacons. EN 302 636-4-1 V1.4.1 (2020-01)."""
+"""GeoNetworking out: broadcasts, beacons, Location Service replies. EN 302 636-4-1 V1.4.1 (2020-01)."""
 
 import struct
 from random import Random
@@ -11,21 +11,21 @@ from drivers.wire import btp
 from drivers.wire.geonet_header import BasicNext, CommonNext, HeaderType, lifetime_octet
 
 # Clause 9 and the defaults of Annex H.
-_VERSION = 1
-_FIRST = _VERSION << 4 | BasicNext.COMMON
 _LIFETIME = 6 << 2 | 2  # itsGnDefaultPacketLifetime, 60 s, as other stations code it: 6 x 10 s
+_HOP_LIMIT = 10  # itsGnDefaultHopLimit
 _MOBILE = 0x80  # flags: itsGnIsMobile
 _MANUAL = 0x8000  # M of GN_ADDR, clause 6.3
 _JITTER = 0.25  # itsGnBeaconServiceMaxJitter over itsGnBeaconServiceRetransmitTimer
 
-# What is the same in all: basic header, then the common header's NH, HT and HST.
-_SINGLE_HOP = bytes((_FIRST, 0, _LIFETIME, 1, CommonNext.BTP_B << 4, HeaderType.SHB))
-_BEACON = bytes((_FIRST, 0, _LIFETIME, 1, CommonNext.ANY << 4, HeaderType.BEACON))
+# Location Service replies in a second. A station asks once a second, itsGnLocationServiceRetransmitTimer, and seldom;
+# a flood of requests must not take the channel.
+ANSWERS_PER_S = 10
 
 # The rest: traffic class, flags, payload length, maximum hop limit; headers; BTP-B's port and empty port info.
 _POSITION = "8sIiiHH"
 _SINGLE_HOP_OUT = Struct(">6sBBHBx" + _POSITION + "4xH2x")
 _BEACON_OUT = Struct(">6sBBHBx" + _POSITION)
+_REPLY_OUT = Struct(">6sBBHBxH2x" + _POSITION + "20s")
 _GEO_BROADCAST_OUT = Struct(">BxBBBBBBHBxH2x" + _POSITION + "iiHHH2xH2x")
 
 
@@ -37,6 +37,7 @@ class Sender:
     station_type       of the GN address (TS 102 894-2, StationType): 0 unknown, 5 passenger car; 0..31.
     is_mobile          itsGnIsMobile: whether the station may move.
     is_mac_configured  whether mac was configured by hand.
+    gn_version         protocol version: 1; 0 as in EN 302 636-4-1 V1.2.1, with the same headers.
     """
 
     def __init__(
@@ -46,7 +47,14 @@ class Sender:
         station_type: int = 0,
         is_mobile: bool = True,
         is_mac_configured: bool = False,
+        gn_version: int = 1,
     ) -> None:
+        self._first = gn_version << 4 | BasicNext.COMMON
+        self._single_hops: dict[float, bytes] = {}  # by lifetime: one for each that the table of types has
+        self._beacon = self._head(_LIFETIME, 1, CommonNext.ANY, HeaderType.BEACON)
+        self._reply = self._head(_LIFETIME, _HOP_LIMIT, CommonNext.ANY, HeaderType.LS_REPLY)
+        self._answers = float(ANSWERS_PER_S)  # that are left
+        self._answered_at = 0.0
         self._address = struct.pack(">H6s", _MANUAL * is_mac_configured | station_type << 10, mac)
         self._flags = _MOBILE * is_mobile
         self._sequence = 0  # of the next packet that others may pass on
@@ -60,7 +68,7 @@ class Sender:
         """A packet for a request: a GeoBroadcast where it has an area, a single hop broadcast otherwise.
 
         The lifetime of a GeoBroadcast is what is left of the request's, its hop limit is the request's. A single
-        hop broadcast keeps the default of 60 s. Raises RequestError when a number does not fit its header.
+        hop broadcast has the lifetime of its type. Raises RequestError when a number does not fit its header.
         """
         try:
             packet = self._packet(request, now, ego)
@@ -91,14 +99,40 @@ class Sender:
         if not self._is_due:
             return b""
         self._is_due = False
-        return _BEACON_OUT.pack(_BEACON, 0, self._flags, 0, 1, *self._position(ego))
+        return _BEACON_OUT.pack(self._beacon, 0, self._flags, 0, 1, *self._position(ego))
+
+    def answer(self, position: bytes, now: float, ego: Ego) -> bytes:
+        """The Location Service reply to a station (clause 10.2.7); empty above ANSWERS_PER_S.
+
+        position  short position vector of that station, 20 octets.
+        """
+        self._answers += (now - self._answered_at) * ANSWERS_PER_S
+        self._answers = min(self._answers, ANSWERS_PER_S)
+        self._answered_at = now
+        if self._answers < 1:
+            return b""
+        self._answers -= 1
+        self._sent_at = now
+        own = self._position(ego)
+        packet = _REPLY_OUT.pack(self._reply, 0, self._flags, 0, _HOP_LIMIT, self._sequence, *own, position)
+        self._sequence = (self._sequence + 1) & 0xFFFF
+        return packet
+
+    def _head(self, lifetime: int, hop_limit: int, next_header: CommonNext, header_type: HeaderType) -> bytes:
+        """The basic header, then NH, HT and HST of the common header."""
+        return bytes((self._first, 0, lifetime, hop_limit, next_header << 4, header_type))
+
+    def _single_hop(self, lifetime: float) -> bytes:
+        head = self._head(lifetime_octet(lifetime), 1, CommonNext.BTP_B, HeaderType.SHB)
+        self._single_hops[lifetime] = head
+        return head
 
     def _packet(self, request: Request, now: float, ego: Ego) -> bytes:
         if request.area is not None:
             return self._geo_broadcast(request, request.area, now, ego)
-        pdu = request.pdu
+        pdu, lifetime = request.pdu, request.kind.lifetime
         head = _SINGLE_HOP_OUT.pack(
-            _SINGLE_HOP,
+            self._single_hops.get(lifetime) or self._single_hop(lifetime),
             request.traffic_class,
             self._flags,
             len(pdu) + btp.SIZE,
@@ -113,7 +147,7 @@ class Sender:
         # Clause 9.8.5.2: a circle's radius is distance a, and nothing else is filled in.
         distance_b, angle = (0, 0) if area.shape is Shape.CIRCLE else (area.distance_b, area.angle)
         head = _GEO_BROADCAST_OUT.pack(
-            _FIRST,
+            self._first,
             lifetime_octet(request.deadline - now),
             request.hop_limit,
             CommonNext.BTP_B << 4,

@@ -109,6 +109,10 @@ def test_a_port_that_no_table_knows_is_delivered_where_that_is_wanted(launch: La
     bench = launch("btp", reception={"unknown_btp_port": "deliver"})
     bench.air.send(pdu_of(2), 42)
     assert bench.user.receive().envelope == b"v2x.cam."
+    for size in range(1, 6):
+        bench.air.send(pdu_of(2)[:size], 42)
+        received = bench.user.receive()
+        assert (received.envelope, received.pdu) == (b"v2x..", pdu_of(2)[:size])
 
 
 EXPERIMENTAL = """

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from drivers.message import NOT_SECURED, Area, Position, RxInfo, Security, SecurityStatus, Shape
 from drivers.reason import Reason
-from drivers.wire.geonet import Discard, GeoNetworking, Heard, Received
+from drivers.wire.geonet import Asked, Discard, GeoNetworking, Heard, Received
 from drivers.wire.geonet_header import (
     Address,
     BasicHeader,
@@ -219,13 +219,27 @@ def test_a_beacon_shows_a_neighbour():
     ("header_type", "extended"),
     [
         (HeaderType.ANY, None),
-        (HeaderType.LS_REQUEST, LocationRequest(1, 0, SOURCE, TO_US.address)),
+        (HeaderType.LS_REQUEST, LocationRequest(1, 0, SOURCE, TO_OTHERS.address)),
         (HeaderType.LS_REPLY, Unicast(1, 0, SOURCE, TO_US)),
     ],
 )
 def test_a_packet_without_a_message_for_users_is_dropped(header_type, extended):
     octets = made(header_type, extended, payload=b"" if extended else bytes(60))
     assert received(octets) == Discard(Reason.GN_NOT_FOR_US)
+
+
+def test_a_request_for_the_own_position_names_the_station_that_asks():
+    asked = received(made(HeaderType.LS_REQUEST, LocationRequest(1, 0, SOURCE, TO_US.address), payload=b""))
+    assert isinstance(asked, Asked)
+    assert asked.mac == NEIGHBOUR
+    assert asked.position == ShortPosition(*SOURCE[:4]).write()
+
+
+def test_a_repeated_request_for_the_own_position_is_a_duplicate():
+    core = station()
+    octets = made(HeaderType.LS_REQUEST, LocationRequest(1, 0, SOURCE, TO_US.address), payload=b"")
+    assert isinstance(received(octets, core), Asked)
+    assert received(octets, core) == Discard(Reason.GN_DUPLICATE)
 
 
 @pytest.mark.parametrize("header_type", [0x11, 0x21, 0x33, 0x43, 0x52, 0x62, 0x70, 0xFF])

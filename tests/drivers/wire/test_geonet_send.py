@@ -36,7 +36,7 @@ def test_a_request_without_an_area_leaves_as_a_single_hop_broadcast():
     sent = parse(station().encode(REQUEST, 0.0, HERE))
     basic, common = sent.basic, sent.common
     assert (basic.version, basic.next_header, basic.reserved, basic.hop_limit) == (1, 1, 0, 1)
-    assert seconds(basic.lifetime) == 60
+    assert seconds(basic.lifetime) == CAM.lifetime == 1
     assert (common.next_header, common.header_type, common.max_hop_limit) == (2, HeaderType.SHB, 1)
     assert (common.traffic_class, common.flags, common.reserved, common.reserved_2) == (2, 0x80, 0, 0)
     assert sent.payload == bytes.fromhex("07d10000") + PDU
@@ -49,8 +49,10 @@ def test_the_same_station_and_time_give_the_octets_of_the_captured_station():
     # cam-shb: the position vector's longitude there is one unit less than the CAM's
     core = GeoNetworking(bytes.fromhex("02000000000b"), is_mac_configured=True)
     ego = Ego(168 * 2**32 + 757_810_499, Position(487668616, 114320679), True)
-    request = REQUEST._replace(pdu=parse(packet("cam-shb")).payload[4:], traffic_class=0)
-    assert core.encode(request, 0.0, ego) == packet("cam-shb")
+    kind = CAM._replace(lifetime=60.0)
+    request = REQUEST._replace(kind=kind, pdu=parse(packet("cam-shb")).payload[4:], traffic_class=0)
+    # Its lifetime is coded as 6 x 10 s, ours as 60 x 1 s.
+    assert core.encode(request, 0.0, ego) == packet("cam-shb").replace(b"\x11\x00\x1a", b"\x11\x00\xf1", 1)
 
 
 def test_the_station_type_stands_in_the_address():
