@@ -234,8 +234,8 @@ class Mqtt:
             self._host.link(*link)
 
     def _dropped(self, message: bytes) -> None:
-        reason, count, sample = wire.parse_dropped(message)
-        self._host.drop(reason, sample, count)
+        reason, count, sample, why = wire.parse_dropped(message)
+        self._host.drop(reason, sample, count, why)
 
     def _told(self, message: bytes) -> None:
         self._details = wire.parse_details(message)

@@ -17,7 +17,7 @@ from board.errors import InterfaceError, ProtocolError
 from drivers import mqtt_trouble
 from drivers.mqtt_backoff import STEADY_S
 from drivers.mqtt_connector import Connector
-from drivers.mqtt_line import Line
+from drivers.mqtt_line import MAX_PACKET, Line
 from drivers.mqtt_paho import Paho, accepted_of, check_version, words_of
 from drivers.mqtt_session import Session
 from drivers.mqtt_settings import MqttSettings
@@ -273,15 +273,15 @@ class Network:
             self._acknowledge(message.mid)
         try:
             topic = message.topic
-        except UnicodeDecodeError:
-            self.session.drop(Reason.TOPIC, bytes(message.payload))
+        except UnicodeDecodeError as error:
+            self.session.drop(Reason.TOPIC, bytes(message.payload), why=f"topic {error.object[:32]!r} is not UTF-8")
             return
         self.session.received(Delivery(topic, bytes(message.payload), message.retain), now)
 
     def _oversized(self, packet: Oversized) -> None:
         if packet.number:
             self._acknowledge(packet.number)
-        self.session.drop(Reason.PAYLOAD, packet.sample)
+        self.session.drop(Reason.PAYLOAD, packet.sample, why=f"the packet is longer than {MAX_PACKET} octets")
 
     def _acknowledge(self, number: int) -> None:
         paho = self._paho

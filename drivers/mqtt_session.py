@@ -179,17 +179,19 @@ class Session:
         try:
             found = self._profile.receive(delivery)
         except RefusedError as error:
-            self.drop(error.reason, delivery.payload)
+            self.drop(error.reason, delivery.payload, why=error.message)
             return
         if self._echoes and not found.source and self._echoes.holds(delivery.topic, delivery.payload, now):
-            self.drop(Reason.OWN_ECHO, found.pdu)
+            self.drop(Reason.OWN_ECHO, found.pdu, why=f"{delivery.topic[:64]}: this station published it")
             return
+        if self._profile.noted:
+            self._report.tally.note(f"{delivery.topic[:64]}: {self._profile.noted}")
         self._report.tally.received += 1
         self._report.tell(talk.received(received_ns, found))
 
-    def drop(self, reason: Reason, sample: bytes, count: int = 1) -> None:
-        """Something received is not passed on: the station hears of it with the next beat."""
-        self._report.tally.drop(reason, sample, count)
+    def drop(self, reason: Reason, sample: bytes, count: int = 1, why: str = "") -> None:
+        """Something received is not passed on: the station hears of it with the next beat. why: in words."""
+        self._report.tally.drop(reason, sample, count, why)
 
     # Time.
 

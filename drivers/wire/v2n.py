@@ -60,6 +60,7 @@ class Profile:
         self.description = description
         self.identity = identity
         self.missing = ""  # of the last message: why it is not published by all rows that it should be
+        self.noted = ""  # of the last delivery: what was read in another unit
         self._codec = codec
         self._own = {
             "host": identity.host,
@@ -134,14 +135,18 @@ class Profile:
         return any(by_tile) and all(by_tile), f"no position: nothing is {' or '.join(undone)} by tile" if undone else ""
 
     def receive(self, delivery: Delivery) -> Received:
-        """The PDU of a delivery. Raises RefusedError."""
+        """The PDU of a delivery; what is worth a note in it, `noted` says. Raises RefusedError."""
+        self.noted = ""
         topic, payload, is_retained = delivery
         if len(payload) > MAX_PAYLOAD:
             raise RefusedError(Reason.PAYLOAD, f"{topic[:64]}: {len(payload)} octets are above {MAX_PAYLOAD}")
         place, kind, port = self._find(topic)
         if is_retained and not self._rule(kind).accept_retained:
             raise RefusedError(Reason.RETAINED, f"{topic[:64]}: the broker had kept it")
-        pdu, source = place.payload.read(kind, payload)
+        try:
+            pdu, source = place.payload.read(kind, payload)
+        except RefusedError as error:
+            raise RefusedError(error.reason, f"{topic[:64]}: {error.message}", error.hint) from None
         _check_pdu(topic, pdu)
         return Received(pdu, port, source)
 
@@ -238,7 +243,10 @@ class Profile:
         if form == "orange-raw":
             check_value("uuid", self.identity.uuid)
             return OrangeRaw(self.identity.uuid, self.description.types, self._codec)
-        return (NapReceived if form == "nap" else NapToSend)(self.identity.station, self._codec)
+        return (NapReceived if form == "nap" else NapToSend)(self.identity.station, self._codec, self._note)
+
+    def _note(self, text: str) -> None:
+        self.noted = text
 
     def _check_identity(self) -> None:
         rows: tuple[Row, ...] = (*self.description.publish, *self.description.subscribe)

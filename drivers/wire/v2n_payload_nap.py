@@ -24,18 +24,28 @@ from drivers.wire.v2n_type import Type
 
 NOT_MEASURED_DBM = -1  # as in its examples
 UNKNOWN_STATION_TYPE = 0
+RELEASE_2 = frozenset((1, 2))  # messageID of DENM and CAM: out_*.json has the members' names of release 2, actionId
 STATION_IDS = ("stationID", "stationId")  # in the header, by release; and beside the body, where the sender wants one
+
+
+Note = Callable[[str], None]
+
+
+def _ignore(text: str) -> None:
+    """Nobody wants to know."""
 
 
 class NapReceived:
     """The envelope around header and body.
 
     station  stationID of this one: who received.
+    note     is called with what of a message was read in another unit, in words.
     """
 
-    def __init__(self, station: int, codec: Codec) -> None:
+    def __init__(self, station: int, codec: Codec, note: Note = _ignore) -> None:
         self._station = station
         self._codec = codec
+        self._note = note
 
     def write(self, sending: Sending) -> bytes:
         _, fields = _decoded(self._codec, sending)
@@ -59,18 +69,24 @@ class NapReceived:
             raise RefusedError(Reason.OWN_ECHO, f"receiverID: {self._station} is this station")
         fields = member(envelope, "fields", dict)
         header = member(fields, "header", dict, "fields")
-        return _encoded(self._codec, kind, header, lambda edition: from_json(edition.type_tree(), fields, "fields")), ""
+
+        def convert(edition: Edition, note: Note) -> Any:
+            return from_json(edition.type_tree(), fields, "fields", note)
+
+        return _encoded(self._codec, kind, header, convert, self._note), ""
 
 
 class NapToSend:
     """The body, with a header of this station.
 
     station  stationID in headers that are made here.
+    note     as NapReceived has it.
     """
 
-    def __init__(self, station: int, codec: Codec) -> None:
+    def __init__(self, station: int, codec: Codec, note: Note = _ignore) -> None:
         self._station = station
         self._codec = codec
+        self._note = note
 
     def write(self, sending: Sending) -> bytes:
         edition, fields = _decoded(self._codec, sending)
@@ -88,31 +104,46 @@ class NapToSend:
             if set(other.versions) & set(edition.versions):
                 continue
             with contextlib.suppress(ConversionError):
-                self._value(other, editions, sending.kind, body)
+                self._value(other, editions, sending.kind, body, _ignore)
                 return other.name
         return ""
 
     def read(self, kind: str, payload: bytes) -> tuple[bytes, str]:
         given = read_object(payload)
         editions = self._codec.editions(kind)
-        header = given.get("header")
-        return _encoded(self._codec, kind, header, lambda edition: self._value(edition, editions, kind, given)), ""
 
-    def _value(self, edition: Edition, editions: Sequence[Edition], kind: str, given: dict[str, Any]) -> Any:
+        def convert(edition: Edition, note: Note) -> Any:
+            return self._value(edition, editions, kind, given, note)
+
+        return _encoded(self._codec, kind, given.get("header"), convert, self._note), ""
+
+    def _value(
+        self, edition: Edition, editions: Sequence[Edition], kind: str, given: dict[str, Any], note: Note
+    ) -> Any:
         tree = edition.type_tree()
         if "header" in given:
-            return from_json(tree, given, kind)
+            return from_json(tree, given, kind, note)
         body = {name: value for name, value in given.items() if name not in STATION_IDS}
         station = next((given[name] for name in STATION_IDS if name in given), self._station)
         components = [field.name for field in tree.fields if field.name != "header"]
         whole = {components[0]: body} if len(components) == 1 else body
-        return from_json(tree, {"header": _header(tree, edition, editions, kind, station), **whole}, kind)
+        numbers = _version(edition, editions), self._message_id(edition, editions, kind)
+        return from_json(
+            tree, {"header": dict(zip(_names(tree), (*numbers, station), strict=True)), **whole}, kind, note
+        )
+
+    def _message_id(self, edition: Edition, editions: Sequence[Edition], kind: str) -> int:
+        """That of the topic; else the edition's first one that no other type has: 14 of the first VAMs is CPM's."""
+        if kind.isdecimal() and int(kind) in edition.ids:
+            return int(kind)
+        names = {one.name for one in editions}
+        own = [number for number in edition.ids if names >= {one.name for one in self._codec.editions(str(number))}]
+        return (own or edition.ids)[0]
 
 
-def _header(tree: Type, edition: Edition, editions: Sequence[Edition], kind: str, station: object) -> dict[str, Any]:
-    number = int(kind) if kind.isdecimal() and int(kind) in edition.ids else edition.ids[0]
-    version, message, sender = (field.name for field in tree.fields[0].type.fields)
-    return {version: _version(edition, editions), message: number, sender: station}
+def _names(tree: Type) -> list[str]:
+    """protocolVersion, messageID and stationID as an edition's header calls them."""
+    return [field.name for field in tree.fields[0].type.fields]
 
 
 def _version(edition: Edition, editions: Sequence[Edition]) -> int:
@@ -128,22 +159,28 @@ def _preferred(editions: Sequence[Edition], edition: Edition) -> list[Edition]:
 
 
 def _decoded(codec: Codec, sending: Sending) -> tuple[Edition, dict[str, Any]]:
-    """Header and body as JSON, in the first edition that has a name for all of it. Raises RequestError."""
+    """Header and body as JSON, in the first edition that has a name for all of it. Raises RequestError.
+
+    Of RELEASE_2 those of it come first: the editions read the same, and differ in the names.
+    """
     first: ValueError | None = None
     try:
-        for edition, value in codec.decodings(sending.pdu):
+        found = list(codec.decodings(sending.pdu))
+        if sending.pdu[1] in RELEASE_2:
+            found.sort(key=lambda one: "messageId" not in _names(one[0].type_tree()))
+        for edition, value in found:
             try:
-                found: dict[str, Any] = to_json(edition.type_tree(), value, sending.kind)
+                fields: dict[str, Any] = to_json(edition.type_tree(), value, sending.kind)
             except ConversionError as error:
                 first = first or error
             else:
-                return edition, found
+                return edition, fields
     except ValueError as error:
         first = first or error
     raise RequestError(f"{sending.kind} is not to be had as JSON: {first}") from first
 
 
-def _encoded(codec: Codec, kind: str, header: object, convert: Callable[[Edition], Any]) -> bytes:
+def _encoded(codec: Codec, kind: str, header: object, convert: Callable[[Edition, Note], Any], note: Note) -> bytes:
     """The PDU, in the first edition that it fits. Raises RefusedError with what came closest to fit.
 
     header  of the JSON, which selects the editions; None: it has none. Then what has all names of an edition and a
@@ -159,10 +196,13 @@ def _encoded(codec: Codec, kind: str, header: object, convert: Callable[[Edition
         if named and not named & set(edition.versions):
             continue
         after = math.inf
+        notes: list[str] = []
         try:
-            value = convert(edition)
+            value = convert(edition, notes.append)
             pdu = edition.encode(value)
             if of_header([edition], pdu) or not of_header(editions, pdu):
+                if notes:
+                    note(f"{notes[0]}; {len(notes) - 1} more" if len(notes) > 1 else notes[0])
                 return pdu
             why, after = f"header: protocolVersion {pdu[0]} is not of this edition", -1.0
         except ConversionError as error:

@@ -4,9 +4,10 @@ SEQUENCE       an object; extension addition groups are objects `ext1`, `ext2` i
 SEQUENCE OF    an array
 CHOICE         an object with one member
 ENUMERATED     the number
-BIT STRING     an object of booleans where bits have names; else hexadecimal digits, with a length where that varies
+BIT STRING     an object of booleans where bits have names; else hexadecimal digits, with a length where that varies;
+               {} for one of fixed size without names and without a bit that is set: countryCode
 OCTET STRING   hexadecimal digits
-open type      an object whose one member has the type's name
+open type      its value, without a name of its type; containerId and regionId say which it is
 INTEGER        a number, in SI units for the types of v2n_payload_units
 
 Source: the examples and vanetza/asn1/rj of nap-it/vanetza-nap.
@@ -97,11 +98,11 @@ def row_of(kind: Type, siblings: dict[str, Any], path: str) -> Type:
     return _no(path, f"what {shown(numbers[0]) if numbers else 'no number'} stands for is not known")
 
 
-def _opened(kind: Type, siblings: dict[str, Any], path: str, value: Any) -> dict[str, Any]:
+def _opened(kind: Type, siblings: dict[str, Any], path: str, value: Any) -> Any:
     row = row_of(kind, siblings, path)
     if isinstance(value, bytes):
         _no(path, "its content could not be decoded")
-    return {row.name or "": to_json(row, value, f"{path}.{row.name}")}
+    return to_json(row, value, path)
 
 
 def _bits(kind: Type, value: tuple[bytes, int], path: str) -> Any:
@@ -113,7 +114,9 @@ def _bits(kind: Type, value: tuple[bytes, int], path: str) -> Any:
                 _no(path, f"bit {at} has no name")
         return {name: at < size and _is_set(octets, at) for name, at in kind.names}
     digits = octets.hex().upper()
-    return digits if kind.low == kind.high else {"value": digits, "length": size}
+    if kind.low != kind.high:
+        return {"value": digits, "length": size}
+    return digits if any(octets) else {}
 
 
 def _is_set(octets: bytes, at: int) -> bool:

@@ -1,6 +1,10 @@
-"""JSON in SI units as values of the message library: the other way of v2n_payload_si."""
+"""JSON in SI units as values of the message library: the other way of v2n_payload_si.
+
+An open type is read with the name of its type around it as well, as newer versions of Vanetza-NAP write it.
+"""
 
 import math
+from collections.abc import Callable
 from typing import Any, NoReturn
 
 from drivers.wire.v2n_payload_json import KINDS, shown
@@ -11,16 +15,24 @@ from drivers.wire.v2n_type import Type
 LARGEST = 1 << 63  # no integer of a message is larger
 
 
-def from_json(kind: Type, value: Any, path: str) -> Any:
-    """A value for the message library. Ranges are its business. Raises ConversionError."""
-    return _Reading().value(kind, value, path)
+# Vanetza-NAP's examples have 3.25 in; the number of an ASN.1 lane is an integer.
+_IN_METRES = {"LaneWidth": 100, "IviLaneWidth": 100}  # units of 0.01 m
+
+
+def from_json(kind: Type, value: Any, path: str, note: Callable[[str], None] = lambda text: None) -> Any:
+    """A value for the message library. Ranges are its business. Raises ConversionError.
+
+    note  is called with what was read in another unit than it has, in words.
+    """
+    return _Reading(note).value(kind, value, path)
 
 
 class _Reading:
     """One message, in the order in which the JSON has it."""
 
-    def __init__(self) -> None:
+    def __init__(self, note: Callable[[str], None]) -> None:
         self._count = 0
+        self._note = note
 
     def value(self, kind: Type, value: Any, path: str) -> Any:
         """A value for the message library. Ranges are its business. Raises ConversionError."""
@@ -83,17 +95,21 @@ class _Reading:
 
     def _from_opened(self, kind: Type, siblings: dict[str, Any], path: str, value: Any) -> Any:
         row = row_of(kind, siblings, path)
-        content = self._want(value, dict, path)
-        if list(content) != [row.name]:
-            self._no(path, f"has to have one member, {row.name}")
-        return self.value(row, content[row.name], f"{path}.{row.name}")
+        if isinstance(value, dict) and list(value) == [row.name]:
+            return self.value(row, value[row.name], f"{path}.{row.name}")
+        return self.value(row, value, path)
 
     def _integer(self, kind: Type, value: Any, path: str) -> int:
         if type(value) not in (int, float) or not math.isfinite(value):
             self._no(path, f"{shown(value)} is not a number")
         if abs(value) >= LARGEST:
             self._no(path, f"{shown(value)} is out of range")
-        scale, themselves = UNITS.get(kind.name or "", (1, frozenset()))
+        name = kind.name or ""
+        if name in _IN_METRES and value != int(value):
+            width: int = round(value * _IN_METRES[name])
+            self._note(f"{path}: {shown(value)} is read as metres: {width}; an integer is the ASN.1 value, in 0.01 m")
+            return width
+        scale, themselves = UNITS.get(name, (1, frozenset()))
         if scale != 1 and value not in themselves:
             number: int = round(value * scale)
             return number
@@ -126,6 +142,8 @@ class _Reading:
         return bytes(octets), size
 
     def _unnamed_bits(self, kind: Type, value: Any, path: str) -> tuple[bytes, int]:
+        if kind.low == kind.high and value == {}:
+            return bytes(-(-(kind.low or 0) // 8)), kind.low or 0
         if kind.low == kind.high:
             return self._octets(self._want(value, str, path), path), kind.low or 0
         table = self._want(value, dict, path)

@@ -41,7 +41,7 @@ UNITS: dict[str, tuple[float, frozenset[int]]] = {
         ("ObjectDimensionValue", 10),
         ("SemiRangeLength", 10),
         ("Radius", 10),
-        ("SteeringWheelAngleValue", 0.667),
+        ("SteeringWheelAngleValue", 0.667, 512),
         ("TimestampIts", 1000),
         ("TransmissionInterval", 1000),
         ("SemiAxisLength", 100, 4094, 4095),

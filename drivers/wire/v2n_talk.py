@@ -6,7 +6,7 @@ Both ends are one machine: numbers are in its own order. Moments are of the cloc
     the settings, JSON, first                 RECEIVED  moment, BTP port, source, PDU
     SEND    number, deadline, port, row, PDU  SENT      number, what became of it, why in words
     EGO     own state                         STATE     whether the broker is there, why in words
-    BEARER  whether it is up, its device      DROPPED   reason, count, sample
+    BEARER  whether it is up, its device      DROPPED   reason, count, sample, why in words
     LEAVE   it stops on purpose: good-bye     DETAILS   JSON, as Host.tell() takes it
                                               FAULT     what, a blank line, remedy: it cannot work as configured
                                               ALIVE     at least once in BEAT_S, or another message
@@ -36,7 +36,7 @@ _BEARER = Struct("=B?")
 _RECEIVED = Struct("=BqiB")
 _SENT = Struct("=BQB")
 _STATE = Struct("=B?")
-_DROPPED = Struct("=BBI")
+_DROPPED = Struct("=BBIB")
 _NO_PORT = -1
 _REASONS = tuple(Reason)
 
@@ -116,13 +116,17 @@ def parse_state(message: bytes) -> tuple[bool, str]:
     return bool(_STATE.unpack_from(message)[1]), message[_STATE.size :].decode()
 
 
-def dropped(reason: Reason, count: int, sample: bytes = b"") -> bytes:
-    return _DROPPED.pack(DROPPED, _REASONS.index(reason), count) + sample[:MAX_SAMPLE]
+def dropped(reason: Reason, count: int, sample: bytes = b"", why: str = "") -> bytes:
+    """why: what the reason leaves out, of the last one. What UTF-8 cannot hold of it is replaced."""
+    kept = sample[:MAX_SAMPLE]
+    head = _DROPPED.pack(DROPPED, _REASONS.index(reason), count, len(kept))
+    return head + kept + why.encode(errors="backslashreplace")
 
 
-def parse_dropped(message: bytes) -> tuple[Reason, int, bytes]:
-    _, place, count = _DROPPED.unpack_from(message)
-    return _REASONS[place], count, message[_DROPPED.size :]
+def parse_dropped(message: bytes) -> tuple[Reason, int, bytes, str]:
+    _, place, count, size = _DROPPED.unpack_from(message)
+    start = _DROPPED.size + size
+    return _REASONS[place], count, message[_DROPPED.size : start], message[start:].decode()
 
 
 def details(what: Mapping[str, object]) -> bytes:

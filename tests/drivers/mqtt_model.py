@@ -158,9 +158,14 @@ class Bench:
     def drops(self) -> dict[Reason, int]:
         found: dict[Reason, int] = {}
         for message in self.all(talk.DROPPED):
-            reason, count, _ = talk.parse_dropped(message)
+            reason, count, *_ = talk.parse_dropped(message)
             found[reason] = found.get(reason, 0) + count
         return found
+
+    @property
+    def whys(self) -> list[tuple[Reason, str]]:
+        """Why the last of each beat was dropped."""
+        return [(reason, why) for reason, _, _, why in map(talk.parse_dropped, self.all(talk.DROPPED))]
 
     @property
     def topics(self) -> list[str]:
@@ -171,7 +176,7 @@ class Tiles:
     """A profile whose one subscription is the latitude; it publishes as often as it is told."""
 
     def __init__(self, publications: int = 1, qos: int = 1) -> None:
-        self.missing = ""
+        self.missing = self.noted = ""
         self.count, self.qos = publications, qos
 
     def publications(self, kind: str, btp_port: int, pdu: bytes, own: Ego, now_ms: int) -> list[Publication]:

@@ -59,6 +59,7 @@ class Station:
         self.states: list[tuple[bool, str]] = []
         self.drops: dict[Reason, int] = {}
         self.samples: dict[Reason, bytes] = {}
+        self.whys: dict[Reason, str] = {}
         self.details: list[dict[str, object]] = []
         self.faults: list[tuple[str, str]] = []
         self.alive = 0
@@ -124,7 +125,7 @@ class Station:
             case talk.STATE:
                 self.states.append(talk.parse_state(message))
             case talk.DROPPED:
-                reason, count, self.samples[reason] = talk.parse_dropped(message)
+                reason, count, self.samples[reason], self.whys[reason] = talk.parse_dropped(message)
                 self.drops[reason] = self.drops.get(reason, 0) + count
             case talk.DETAILS:
                 self.details.append(talk.parse_details(message))

@@ -200,8 +200,10 @@ def test_what_the_broker_delivers_is_indicated_with_its_port_and_source(start, h
 
 def test_what_the_process_drops_is_counted_by_its_reason_with_a_sample(start, host):
     _, worker = start()
-    worker.message(talk.dropped(Reason.PAYLOAD, 40, b"vm(2001): <%%%>"))
-    assert (host.drops, host.samples) == ({Reason.PAYLOAD: 40}, [b"vm(2001): <%%%>"])
+    worker.message(talk.dropped(Reason.PAYLOAD, 40, b"vm(2001): <%%%>", "what is in brackets is not base64"))
+    worker.message(talk.dropped(Reason.TOPIC, 1))
+    assert (host.drops, host.samples) == ({Reason.PAYLOAD: 40, Reason.TOPIC: 1}, [b"vm(2001): <%%%>", b""])
+    assert host.drop_details == ["what is in brackets is not base64", ""]
 
 
 def test_its_link_is_what_the_process_says_once(start, host):

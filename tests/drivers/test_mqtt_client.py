@@ -210,6 +210,7 @@ def test_ten_megabytes_are_counted_and_not_parsed_whatever_the_version(brokers, 
             observer.publish("v2x/btp/2001", b"", retain=True)
         assert station.drops[Reason.PAYLOAD] == 1
         assert station.samples[Reason.PAYLOAD].startswith(b"v2x/btp/2001")
+        assert station.whys[Reason.PAYLOAD] == "the packet is longer than 73728 octets"
         assert [is_up for is_up, _ in station.states] == [False, True]
 
 

@@ -2,6 +2,8 @@
 
 from typing import cast
 
+import pytest
+
 from drivers.mqtt_backoff import STEADY_S
 from drivers.mqtt_profile import load
 from drivers.mqtt_session import Phase
@@ -296,3 +298,22 @@ def test_closing_tells_what_was_dropped_since_the_last_beat():
     bench.deliver("elsewhere", CAM)
     bench.session.close(bench.now)
     assert bench.drops == {Reason.TOPIC: 1}
+
+
+def test_a_refusal_keeps_its_reason_in_words_on_its_way_to_the_station():
+    bench = vcaptain().accept()
+    bench.deliver("elsewhere", CAM)
+    bench.deliver("v2x/btp/2001", b"other(2001): <AgIA AAU5>")
+    bench.run(2.0)
+    (of_topic, topic), (of_payload, payload) = bench.whys
+    assert (of_topic, of_payload) == (Reason.TOPIC, Reason.PAYLOAD)
+    assert topic.startswith("topic 'elsewhere' is none of v2x/btp")
+    assert payload.startswith("v2x/btp/2001: what is in brackets is not base64")
+
+
+@pytest.mark.parametrize("why", ["", "latitude: '\u00e4\u20ac' is not a number", "lone \udcff", "x" * 300])
+@pytest.mark.parametrize("sample", [b"", bytes(64), bytes(range(200))])
+def test_a_drop_is_told_with_its_words_and_at_most_64_octets(sample: bytes, why: str):
+    reason, count, kept, words = talk.parse_dropped(talk.dropped(Reason.PAYLOAD, 7, sample, why))
+    assert (reason, count, kept) == (Reason.PAYLOAD, 7, sample[:64])
+    assert words == why.replace("\udcff", "\\udcff")

@@ -66,6 +66,7 @@ def test_a_payload_that_is_none_is_counted_with_a_sample(v2n: V2n, payload: byte
     row = v2n.dropped(reason, before + 1)
     assert row["sample"] or not payload or reason == "empty-pdu"
     assert row["meaning"]
+    assert "octets" in row["detail"] or row["detail"].startswith("v2x/btp/2001: ")
 
 
 @pytest.mark.parametrize(

@@ -91,7 +91,7 @@ DENM = {
         "ext1": {"linkedMapems": [{"roadsegment": {"region": 15, "id": 8}}]},
     },
 }
-# As in examples/out_cpm.json: what a container holds stands below the name of its type.
+# As in examples/in_cpm.json: containerId alone says what containerData holds.
 CPM = {
     "managementContainer": {
         "referenceTime": 700_000_000,
@@ -100,7 +100,7 @@ CPM = {
     "cpmContainers": [
         {
             "containerId": 1,
-            "containerData": {"OriginatingVehicleContainer": {"orientationAngle": {"value": 900, "confidence": 1}}},
+            "containerData": {"orientationAngle": {"value": 900, "confidence": 1}},
         }
     ],
 }  # fmt: skip

@@ -47,7 +47,7 @@ def test_the_envelope_has_the_members_of_the_examples():
     assert envelope["receiverID"] == 7
     assert envelope["packet_size"] == len(pdu)
     assert list(envelope["fields"]) == ["header", "cam"]
-    assert envelope["fields"]["header"] == {"protocolVersion": 2, "messageID": 2, "stationID": envelope["stationID"]}
+    assert envelope["fields"]["header"] == {"protocolVersion": 2, "messageId": 2, "stationId": envelope["stationID"]}
 
 
 def test_a_cam_of_release_2_as_applications_write_it():
@@ -92,8 +92,12 @@ def test_a_denm_with_members_of_release_2():
     assert back["location"]["ext1"] == {"linkedMapems": [{"roadsegment": {"region": 15, "id": 8}}]}
 
 
-def test_a_container_of_a_cpm_is_named_by_its_type():
+def test_a_container_of_a_cpm_is_read_with_the_name_of_its_type_and_without():
     pdu = sent("cpm", CPM)
+    named = copy.deepcopy(CPM)
+    (container,) = named["cpmContainers"]
+    container["containerData"] = {"OriginatingVehicleContainer": container["containerData"]}  # type: ignore[index]
+    assert sent("cpm", named) == pdu
     value: Any = captain_messages.find("cpm-2.1.1").decode(pdu)
     assert value["payload"]["cpmContainers"][0]["containerId"] == 1
     back = json.loads(NapToSend(7, LIBRARY).write(Sending("cpm", 1, pdu, HERE, NOW_MS)))

@@ -71,20 +71,22 @@ def test_an_unknown_type_is_refused_by_name():
 
 
 @pytest.mark.parametrize(
-    ("change", "says"),
+    ("change", "below", "says"),
     [
-        ({"containerId": 99}, "what 99 stands for is not known"),
-        ({"containerData": {"Other": {}}}, "has to have one member, OriginatingVehicleContainer"),
-        ({"containerData": {}}, "has to have one member"),
+        ({"containerId": 99}, "", "what 99 stands for is not known"),
+        ({"containerData": {"Other": {}}}, ".Other", "is no member; known: orientationAngle"),
+        ({"containerData": []}, "", "an array is not an object"),
+        ({"containerData": None}, "", "null is not an object"),
+        ({"containerData": {"OriginatingVehicleContainer": 1}}, ".OriginatingVehicleContainer", "1 is not an object"),
     ],
 )
-def test_a_container_that_is_not_known_is_refused_with_its_path(change: dict[str, Any], says: str):
+def test_a_container_that_is_not_known_is_refused_with_its_path(change: dict[str, Any], below: str, says: str):
     body = copy.deepcopy(CPM)
     body["cpmContainers"][0] |= change  # type: ignore[operator, index]
     tree: Any = captain_messages.find("cpm-2.1.1").type_tree()
     with pytest.raises(ConversionError, match=says) as refused:
         from_json(tree.fields[1].type, body, "cpm")
-    assert refused.value.path == "cpm.cpmContainers[0].containerData"
+    assert refused.value.path == f"cpm.cpmContainers[0].containerData{below}"
 
 
 @pytest.mark.parametrize("pdu", [bytes.fromhex("02020000000700"), bytes.fromhex("02ee00000007000000")])
