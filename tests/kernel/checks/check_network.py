@@ -51,18 +51,28 @@ def test_the_network_of_the_radio_is_found_by_its_place_and_answers(module: str,
         with pytest.raises(InterfaceError):
             usb.network_device(REAL, gadget.place)
         gadget.plug()
-        _give(gadget.network_device(0), module)
         until(loop, lambda: _network_device(gadget))
         name = usb.network_device(REAL, gadget.place)
         run("ip", "addr", "add", "192.168.225.2/24", "dev", name)
         run("ip", "link", "set", name, "up")
-        until(loop, lambda: _answers("1"))  # both ends have a carrier by then
+        _give(gadget.network_device(0), module)  # last: else it was never heard of in two runs of three
+        until(loop, lambda: _answers("1") or _tell_again(module, gadget.network_device(0)))
         assert _answers("3")
         seen(f"{name} at {gadget.place}, driver cdc_ncm; 3 of 3 pings answered")
         gadget.unplug()
         until(loop, lambda: usb.find(REAL, gadget.place) is None)
         assert not Path("/sys/class/net", name).exists()
         seen("gone when it is unplugged")
+
+
+def _tell_again(namespace: str, device: str) -> bool:
+    """Returns False.
+
+    The module's end tells the host once that it has come up. Linux 6.1 loses that where the host does not listen yet.
+    """
+    run("ip", "-n", namespace, "link", "set", device, "down")
+    run("ip", "-n", namespace, "link", "set", device, "up")
+    return False
 
 
 def _answers(times: str) -> bool:
