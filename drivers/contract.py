@@ -117,7 +117,7 @@ class Shared(NamedTuple):
 
     mac                 the station's own address: 6 octets, the end of its GeoNetworking address.
     gn_versions         GeoNetworking protocol versions that are accepted.
-    deliver_unverified  pass a signed packet's PDU on although nobody verified it.
+    deliver_unverified  pass a signed packet's PDU on, although its signature is not verified.
     btp_ports           BTP ports of the profile in use.
     lanes               messageIDs of each lane: what has a queue of its own at reception, where the driver can give
                         it one. The first is urgent and read before the others; what is in none is in one more.
@@ -133,7 +133,7 @@ class Shared(NamedTuple):
 
     mac: bytes
     gn_versions: frozenset[int] = frozenset({1})
-    deliver_unverified: bool = False
+    deliver_unverified: bool = True
     btp_ports: frozenset[int] = frozenset()
     lanes: tuple[frozenset[int], ...] = (frozenset({1}),)
     station_type: int = 0

@@ -92,7 +92,7 @@ MEANING: dict[Reason, str] = {
     Reason.GN_NOT_FOR_US: "the packet is addressed to another station, or carries no message for a user",
     Reason.GN_REQUESTS: "more requests for the station's position than the 10 per second that it answers",
     Reason.GN_NEXT_HEADER: "what follows the GeoNetworking headers is not BTP",
-    Reason.SECURED: "it is signed, the station cannot verify, and reception.unverified is drop",
+    Reason.SECURED: "it is signed, signatures are not verified yet, and reception.unverified is drop",
     Reason.SECURED_FORMAT: "its security envelope cannot be read: not signed data, or encrypted",
     Reason.BTP_PORT: "its BTP port carries no known type of message; add a row [[types]] to captain.toml",
     Reason.FRAMING: "octets between two frames on a serial line, or a frame of impossible length",

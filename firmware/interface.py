@@ -14,12 +14,14 @@ from drivers.message import (
     MAX_PDU,
     NO_MAC,
     NO_RX_INFO,
+    NOT_SECURED,
     Confirm,
     Ego,
     Indication,
     Outcome,
     Request,
     RxInfo,
+    SecurityStatus,
 )
 from drivers.reason import Reason
 from firmware.drops import Drops
@@ -76,6 +78,7 @@ class Interface:
         self.on_fix: Callable[[Fix], None] = lambda fix: None
         self.on_link: Callable[[bool, str], None] = lambda is_up, why: None
         self.on_time_mark: Callable[[TimeMark], None] = lambda mark: None
+        self.on_unverified: Callable[[], None] = lambda: None
         self.details: Mapping[str, object] = {}
         self.can_transmit = Can.TRANSMIT in driver.capabilities.can
         self.neighbours = Neighbours()
@@ -116,6 +119,8 @@ class Interface:
                 who = rx.source_mac
             elif rx.source:
                 who = rx.source.encode()
+            if rx.security is not NOT_SECURED and rx.security.status is SecurityStatus.UNVERIFIABLE_PKT:
+                self.on_unverified()
         kind = self._by_number[pdu[1]] if size >= ITS_HEADER else self._topics.unknown
         self.received[kind.row] += 1
         self.received_octets += size

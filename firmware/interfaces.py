@@ -15,6 +15,7 @@ from firmware.interface import Interface
 from firmware.ipc import Ipc, IpcOptions
 from firmware.place import Place
 from firmware.router import Router
+from firmware.signatures import Signatures
 from firmware.simulation import Simulation
 from firmware.supervisor import Supervised
 from firmware.tables import QueueOptions
@@ -39,6 +40,7 @@ class Interfaces:
         timeline: Timeline,
         is_clock_set: Callable[[], bool],
         witness: Witness,
+        signatures: Signatures,
     ) -> None:
         self._loop = loop
         self._router = router
@@ -49,6 +51,7 @@ class Interfaces:
         self._timeline = timeline
         self._is_clock_set = is_clock_set
         self._witness = witness
+        self._signatures = signatures
 
     def make(self, config: Config, simulation: Simulation, context: Context) -> dict[str, Supervised]:
         """Those of the configuration and, where it wants interface processes, theirs."""
@@ -72,6 +75,7 @@ class Interfaces:
             self._timekeeper.time_mark(name, mark)
 
         interface.on_fix, interface.on_time_mark = fix, time_mark
+        interface.on_unverified = self._signatures.deliver
         interface.on_link = lambda is_up, why: self._timeline.note(name, f"{'up' if is_up else 'down'}: {why}")
         self._router.add(interface)
         return Supervised(self._loop, interface)

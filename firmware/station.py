@@ -26,6 +26,7 @@ from firmware.policy import Policy
 from firmware.question import Commands, Question
 from firmware.report import process_status
 from firmware.router import Router
+from firmware.signatures import Signatures
 from firmware.simulation import Simulation
 from firmware.storage import Storage
 from firmware.supervisor import Supervised
@@ -82,6 +83,7 @@ class Station:
         self._carrier: Carrier | None = None
         self._recorder: Recorder | None = None
         local = self.place.ego if tables.endpoint.local_info and not is_legacy else None
+        self._signatures = Signatures(tables.reception.unverified)
         witness = Witness()
         self.endpoint = Endpoint(
             loop,
@@ -107,6 +109,7 @@ class Station:
             self.timeline,
             self._is_clock_set,
             witness,
+            self._signatures,
         )
         self._interfaces |= interfaces.make(config, self._simulation, self.endpoint.context)
         # Where there is one way in, nothing comes by two.
@@ -212,6 +215,7 @@ class Station:
             **({"board": self._carrier.status()} if self._carrier else {}),
             **({"recorder": self._recorder.status()} if self._recorder else {}),
             **self.endpoint.status(),
+            "security": self._signatures.status(),
             "drops": list(self.drops.status()),
             "duplicates": self.duplicates.status(),
             "policy": self.router.policy.status(),

@@ -95,9 +95,12 @@ class EndpointOptions:
 
 @dataclass(frozen=True)
 class ReceptionOptions:
-    """[reception]: what is passed on to users, and what is dropped with its reason."""
+    """[reception]: what is passed on to users, and what is dropped with its reason.
 
-    unverified: Literal["drop", "deliver"] = "drop"
+    unverified  signed packets: nearly every message on European roads is signed, and signatures are not verified yet.
+    """
+
+    unverified: Literal["drop", "deliver"] = "deliver"
     gn_versions: tuple[Annotated[int, Range(0, 15)], ...] = (1,)
     unknown_btp_port: Literal["drop", "deliver"] = "drop"
     duplicate_window_s: Seconds = 2.0

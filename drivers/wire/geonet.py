@@ -21,7 +21,7 @@ class GeoNetworking:
         self,
         mac: bytes,
         gn_versions: Set[int] = frozenset({1}),
-        deliver_unverified: bool = False,
+        deliver_unverified: bool = True,
         beacon_s: float = 3.0,
         station_type: int = 0,
         is_mobile: bool = True,

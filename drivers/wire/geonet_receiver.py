@@ -96,7 +96,7 @@ class Receiver:
 
     mac                 own address: what carries it as a source is our own echo.
     gn_versions         protocol versions that are accepted.
-    deliver_unverified  pass on what is in signed packets although nobody verifies it.
+    deliver_unverified  pass on the PDU of a signed packet, although its signature is not verified.
     """
 
     def __init__(self, mac: bytes, gn_versions: Set[int], deliver_unverified: bool) -> None:

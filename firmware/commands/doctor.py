@@ -99,6 +99,7 @@ def examine(arguments: argparse.Namespace, unit: systemd.Unit | None = None) -> 
     for interface in read.interfaces:
         yield from _interface(interface, read, running, is_service)
     yield from time_checks.time(read, running, time.time())
+    yield from checks.signatures(read.tables.reception)
     yield from checks.receive_buffer(read.interfaces)
 
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from board.errors import StationError
+from firmware.signatures import UNVERIFIED
 from firmware.user import board, client, clock, storage
 from firmware.user.arguments import add_socket, add_station, address
 from firmware.user.table import Screen, Table, span, times
@@ -94,6 +95,7 @@ def tables(status: Mapping[str, object], now: float) -> list[Table]:
         *_storage(status),
         _interfaces(status),
         _drops(status, now),
+        *_security(status),
         Table(_endpoint(status)),
         *_reports(status),
         _duplicates(status),
@@ -117,6 +119,15 @@ def _storage(status: Mapping[str, object]) -> list[Table]:
     """Only where something is not kept, was refused, or is not recorded."""
     troubles = storage.trouble(within(status, "storage")), storage.recorder_trouble(within(status, "recorder"))
     return [Table(trouble) for trouble in troubles if trouble]
+
+
+def _security(status: Mapping[str, object]) -> list[Table]:
+    """Only where signed messages were delivered; dropped ones are among the drops."""
+    security = within(status, "security")
+    delivered = number(security, "delivered")
+    if not delivered or security.get("verifies") is not False:
+        return []
+    return [Table(f"security: {UNVERIFIED}; {delivered:.0f} signed messages delivered as unverifiable-pkt")]
 
 
 def _interfaces(status: Mapping[str, object]) -> Table:

@@ -21,7 +21,8 @@ from firmware.config import Config, InterfaceConfig
 from firmware.lab import ports
 from firmware.lab.trial import Trial
 from firmware.printable import mistakes
-from firmware.tables import EndpointOptions
+from firmware.signatures import BY_POLICY, UNVERIFIED
+from firmware.tables import EndpointOptions, ReceptionOptions
 from firmware.user.untrusted import text, within
 
 # The first year in which this program existed: a clock before it was never set.
@@ -181,6 +182,12 @@ def neighbours(board: Board, running: Mapping[str, object] | None) -> Iterator[F
                 level = Level.PROBLEM if running is None else Level.WARNING
                 remedy = f"give neighbours.{key} in the board file another port, or 0 for any that is free"
                 yield Finding(level, "neighbours", f"{place}: {error.strerror}", remedy)
+
+
+def signatures(reception: ReceptionOptions) -> Iterator[Finding]:
+    """The policy for signed messages, as long as the station verifies none."""
+    told = f"{UNVERIFIED}: {BY_POLICY[reception.unverified]} (reception.unverified)"
+    yield Finding(Level.OK, "security", told)
 
 
 def receive_buffer(interfaces: Sequence[InterfaceConfig], rmem_max: Path = RMEM_MAX) -> Iterator[Finding]:

@@ -22,7 +22,7 @@ def test_an_empty_file_is_a_station_with_defaults(folder: Path) -> None:
     ports = tables.endpoint
     assert (ports.from_users, ports.to_users, ports.pull, ports.report) == (5555, 5556, 5557, 5558)
     assert ports.address == "127.0.0.1"
-    assert (tables.reception.unverified, tables.reception.gn_versions) == ("drop", (1,))
+    assert (tables.reception.unverified, tables.reception.gn_versions) == ("deliver", (1,))
     assert tables.reception.duplicate_window_s == 2.0
 
 

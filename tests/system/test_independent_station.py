@@ -11,14 +11,14 @@ SIGNED = ["cam-signed-certificate", "cam-signed-digest"]
 
 
 @pytest.fixture(scope="module")
-def shared_trusting(launch_shared: Launcher) -> Bench:
-    return launch_shared("ethernet", reception={"unverified": "deliver", "gn_versions": [0, 1]})
+def shared_strict(launch_shared: Launcher) -> Bench:
+    return launch_shared("ethernet", reception={"unverified": "drop", "gn_versions": [0, 1]})
 
 
 @pytest.fixture
-def trusting(shared_trusting: Bench) -> Bench:
-    """Delivers what nobody verified, and protocol version 0."""
-    return shared_trusting.settled()
+def strict(shared_strict: Bench) -> Bench:
+    """Drops signed packets; delivers protocol version 0."""
+    return shared_strict.settled()
 
 
 @pytest.mark.parametrize("name", UNSECURED)
@@ -45,21 +45,21 @@ def test_a_packet_that_is_no_its_message_is_dropped_with_its_reason(ethernet: Be
 
 
 @pytest.mark.parametrize("name", SIGNED)
-def test_signed_packets_are_dropped_with_their_reason_by_default(
-    ethernet: Bench, frames: dict[str, bytes], name: str
+def test_signed_packets_are_dropped_with_their_reason_where_that_is_wanted(
+    strict: Bench, frames: dict[str, bytes], name: str
 ) -> None:
-    before = ethernet.station.drops().get(("g5", "secured"), 0)
-    ethernet.air.throw(frames[name])
-    ethernet.user.hears_nothing_before_a_mark(ethernet.air)
-    assert ethernet.station.drops()["g5", "secured"] == before + 1
+    before = strict.station.drops().get(("g5", "secured"), 0)
+    strict.air.throw(frames[name])
+    strict.user.hears_nothing_before_a_mark(strict.air)
+    assert strict.station.drops()["g5", "secured"] == before + 1
 
 
 @pytest.mark.parametrize("name", SIGNED)
-def test_signed_packets_are_delivered_as_unverifiable_where_that_is_wanted(
-    trusting: Bench, frames: dict[str, bytes], name: str
+def test_signed_packets_are_delivered_as_unverifiable_by_default(
+    ethernet: Bench, frames: dict[str, bytes], name: str
 ) -> None:
-    trusting.air.throw(frames[name])
-    received = trusting.user.receive()
+    ethernet.air.throw(frames[name])
+    received = ethernet.user.receive()
     assert received.envelope == b"v2x.cam."
     assert received.pdu in frames[name]
     assert (len(received.pdu), received.pdu[:2]) == (41, b"\2\2")
@@ -70,16 +70,26 @@ def test_signed_packets_are_delivered_as_unverifiable_where_that_is_wanted(
     assert (fields["latitude"], fields["longitude"]) == (487668616, 114320679)
 
 
-@pytest.mark.parametrize("name", SIGNED)
-def test_a_signed_packet_that_is_spoilt_is_dropped_even_then(
-    trusting: Bench, frames: dict[str, bytes], name: str
+def test_unverified_delivery_is_reported_once_in_the_log_and_counted_in_the_status(
+    launch: Launcher, frames: dict[str, bytes]
 ) -> None:
-    before = sum(trusting.station.drops().values())
+    bench = launch("ethernet")
+    assert bench.station.status()["security"] == {"verifies": False, "unverified": "deliver", "delivered": 0}
+    for name in SIGNED:
+        bench.air.throw(frames[name])
+        assert bench.user.receive().fields["security_status"] == 3
+    assert bench.station.status()["security"]["delivered"] == len(SIGNED)
+    assert bench.station.stderr.read_text().count("the station does not verify signatures yet") == 1
+
+
+@pytest.mark.parametrize("name", SIGNED)
+def test_a_signed_packet_that_is_spoilt_is_dropped(ethernet: Bench, frames: dict[str, bytes], name: str) -> None:
+    before = sum(ethernet.station.drops().values())
     envelope = 14 + 4
-    trusting.air.throw(frames[name][:envelope] + b"\x03\x82" + frames[name][envelope + 2 :])
-    trusting.air.throw(frames[name][:100])
-    trusting.user.hears_nothing_before_a_mark(trusting.air)
-    assert sum(trusting.station.drops().values()) == before + 2
+    ethernet.air.throw(frames[name][:envelope] + b"\x03\x82" + frames[name][envelope + 2 :])
+    ethernet.air.throw(frames[name][:100])
+    ethernet.user.hears_nothing_before_a_mark(ethernet.air)
+    assert sum(ethernet.station.drops().values()) == before + 2
 
 
 def test_protocol_version_0_is_dropped_with_its_reason_by_default(ethernet: Bench, frames: dict[str, bytes]) -> None:
@@ -89,10 +99,10 @@ def test_protocol_version_0_is_dropped_with_its_reason_by_default(ethernet: Benc
     assert ethernet.station.drops()["g5", "gn-version"] == before + 1
 
 
-def test_protocol_version_0_is_delivered_where_it_is_accepted(trusting: Bench, frames: dict[str, bytes]) -> None:
+def test_protocol_version_0_is_delivered_where_it_is_accepted(strict: Bench, frames: dict[str, bytes]) -> None:
     frame = frames["cam-shb-gnversion0"]
-    trusting.air.throw(frame)
-    assert trusting.user.receive().pdu == frame[HEADERS:]
+    strict.air.throw(frame)
+    assert strict.user.receive().pdu == frame[HEADERS:]
 
 
 def test_what_leaves_is_laid_out_as_the_independent_station_does_it(ethernet: Bench, frames: dict[str, bytes]) -> None:

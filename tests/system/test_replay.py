@@ -143,7 +143,7 @@ def real(tmp_path: Path) -> Path:
 
 
 def test_what_real_stations_sent_is_replayed_recorded_and_replayed_again(launch: Launcher, real: Path, tmp_path: Path):
-    first, second = (launch("ethernet", reception={"unverified": "deliver"}) for _ in range(2))
+    first, second = (launch("ethernet") for _ in range(2))
     path = tmp_path / "drive.pcapng"
     with recorded(first, path, 4):
         assert replay(str(real), "--udp", "{}:{}".format(*first.air.station))["sent"] == 4

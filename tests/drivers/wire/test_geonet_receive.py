@@ -90,8 +90,8 @@ def test_an_unsecured_captured_frame_gives_its_pdu_and_what_its_headers_say(name
 
 
 @pytest.mark.parametrize(("name", "ssp"), [("cam-signed-certificate", "010000"), ("cam-signed-digest", "")])
-def test_a_signed_frame_gives_its_pdu_as_unverifiable_where_that_is_allowed(name, ssp):
-    event = received(packet(name), station(deliver_unverified=True))
+def test_a_signed_frame_gives_its_pdu_as_unverifiable(name, ssp):
+    event = received(packet(name))
     assert isinstance(event, Received)
     assert event.pdu[:6] == bytes.fromhex("020200000001")
     assert len(event.pdu) == 41
@@ -100,8 +100,8 @@ def test_a_signed_frame_gives_its_pdu_as_unverifiable_where_that_is_allowed(name
 
 
 @pytest.mark.parametrize("name", SIGNED)
-def test_a_signed_frame_is_dropped_with_its_reason_otherwise(name):
-    assert received(packet(name)) == Discard(Reason.SECURED)
+def test_a_signed_frame_is_dropped_with_its_reason_where_that_is_wanted(name):
+    assert received(packet(name), station(deliver_unverified=False)) == Discard(Reason.SECURED)
 
 
 def test_a_protocol_version_that_is_not_accepted_is_dropped_with_its_reason():
@@ -115,7 +115,7 @@ def test_a_protocol_version_is_accepted_by_policy():
 
 @pytest.mark.parametrize("name", FRAMES)
 def test_a_captured_frame_cut_off_at_any_octet_is_discarded(name):
-    core = station(gn_versions=frozenset({0, 1}), deliver_unverified=True)
+    core = station(gn_versions=frozenset({0, 1}))
     whole = packet(name)
     for cut in range(len(whole)):
         event = received(whole[:cut], core)
@@ -130,7 +130,7 @@ def secured(inside, header="000124"):
 
 
 def test_a_signed_warning_keeps_its_area_and_its_service():
-    event = received(secured(gbc(), "000125"), station(deliver_unverified=True))
+    event = received(secured(gbc(), "000125"))
     assert isinstance(event, Received)
     assert (event.pdu, event.rx.transport) == (PDU, "gbc")
     assert event.rx.area == Area(Shape.CIRCLE, INGOLSTADT, 500, 200, 45)
@@ -138,7 +138,7 @@ def test_a_signed_warning_keeps_its_area_and_its_service():
 
 
 def test_the_rules_hold_inside_signed_packets():
-    core = station(deliver_unverified=True)
+    core = station()
     assert received(secured(gbc(area=FAR_AWAY)), core) == Discard(Reason.GN_OUTSIDE_AREA)
     assert received(secured(shb(hop_limit=2)), core) == Discard(Reason.GN_HOP_LIMIT)
     assert received(secured(shb()[:-1]), core) == Discard(Reason.TRUNCATED)
@@ -382,7 +382,7 @@ def assert_keeps_the_contract(event):
 @given(octets=st.binary(max_size=120), is_known=st.booleans())
 @settings(deadline=None, max_examples=1000)
 def test_random_octets_never_raise(octets, is_known):
-    core = station(gn_versions=frozenset(range(16)), deliver_unverified=True)
+    core = station(gn_versions=frozenset(range(16)))
     assert_keeps_the_contract(received(octets, core, ego=HERE if is_known else NOWHERE))
 
 
@@ -402,4 +402,4 @@ def test_a_captured_frame_with_wrong_octets_never_raises(name, places):
     octets = bytearray(packet(name))
     for place, octet in places:
         octets[place % len(octets)] = octet
-    assert_keeps_the_contract(received(bytes(octets), station(deliver_unverified=True)))
+    assert_keeps_the_contract(received(bytes(octets)))

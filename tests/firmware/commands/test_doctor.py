@@ -53,6 +53,26 @@ def test_a_machine_that_has_everything_has_no_problem(block, capsys):
     assert said.endswith("problems: 0, warnings: 0\n")
 
 
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ([], "signed messages are delivered as unverifiable-pkt"),
+        (["--set", "reception.unverified=drop"], "signed messages are dropped"),
+    ],
+)
+def test_unverified_signatures_are_reported_once_with_the_policy(block, capsys, given, told):
+    assert cli.main(["doctor", "--json", "--board", "none", *given, *options(block)]) == 0
+    found = [one for one in json.loads(capsys.readouterr().out) if one["subject"] == "security"]
+    assert found == [
+        {
+            "level": "ok",
+            "subject": "security",
+            "text": f"the station does not verify signatures yet: {told} (reception.unverified)",
+            "remedy": "",
+        }
+    ]
+
+
 def test_json_is_a_list_of_findings(block, capsys):
     assert cli.main(["doctor", "--json", "--board", "none", *options(block)]) == 0
     found = json.loads(capsys.readouterr().out)

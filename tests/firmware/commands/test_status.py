@@ -110,6 +110,14 @@ def test_a_recorder_in_trouble_is_told(told: dict[str, object], words: list[str]
     assert [text for text in shown({"recorder": {"folder": "/x", **told}}) if "recorder" in text] == words
 
 
+def test_unverified_delivery_is_reported_in_one_line_while_there_is_any():
+    told = {"verifies": False, "unverified": "deliver", "delivered": 17}
+    lines = shown(STATUS | {"security": told})
+    at = lines.index("security: the station does not verify signatures yet; 17 signed messages")
+    assert lines[at + 1] == "  delivered as unverifiable-pkt"
+    assert shown(STATUS | {"security": told | {"delivered": 0}}) == shown(STATUS)
+
+
 def test_a_slow_subscriber_is_told_where_it_is():
     slow = {"slow_since": NOW, "slow_count": 3}
     titles = {
