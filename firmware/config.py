@@ -5,10 +5,10 @@ import os
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from board import describe
 from board.address import mac_address
@@ -36,12 +36,16 @@ class InterfaceConfig:
 
 @dataclass(frozen=True)
 class Config:
-    """All that a station is started with."""
+    """All that a station is started with.
+
+    written  names of the tables that captain.toml and the defaults have.
+    """
 
     tables: Tables
     interfaces: tuple[InterfaceConfig, ...]
     board: Board
     mac: bytes
+    written: frozenset[str] = field(default=frozenset(), compare=False)
 
     @cached_property
     def digest(self) -> str:
@@ -50,11 +54,34 @@ class Config:
 
         return sha256(_canonical(self).encode()).hexdigest()[:16]
 
+    def digests(self) -> dict[str, int]:
+        """CRC-32 of each part that needs a restart, by its name: two processes compare what they have read."""
+        tables = {f"[{one.name}]": getattr(self.tables, one.name) for one in fields(Tables) if one.name != "policy"}
+        parts = {**tables, "the board file": self.board}
+        return {name: zlib.crc32(_canonical(part).encode()) for name, part in parts.items()}
+
+
+class Source(NamedTuple):
+    """The files and overrides of a configuration, as load() takes them."""
+
+    path: str | None = None
+    overrides: tuple[str, ...] = ()
+    board: str | None = None
+    defaults: str | None = None
+
+    def load(self) -> Config:
+        return load(*self)
+
+    def files(self) -> list[str]:
+        """Paths that were given; a board's name is none."""
+        board = str(board_file.path_of(self.board)) if self.board else None
+        return [one for one in (self.path, board, self.defaults) if one]
+
 
 def _canonical(value: Any) -> str:
     """As text, the same in every process: sets and tables in order, what is made of neither by its name."""
     if is_dataclass(value) and not isinstance(value, type):
-        value = {field.name: getattr(value, field.name) for field in fields(value)}
+        value = {one.name: getattr(value, one.name) for one in fields(value) if one.compare}
     if isinstance(value, Mapping):
         return "{" + ",".join(sorted(f"{_canonical(key)}:{_canonical(one)}" for key, one in value.items())) + "}"
     if isinstance(value, frozenset | set):
@@ -124,7 +151,7 @@ def examine(
     errors += [ConfigurationError(f"{where}: {text}") for text in more]
     told = "\n".join(error.message for error in errors)
     errors += [ConfigurationError(f"{where}: {key}: {ZERO}") for key in _zeros(merged) if f": {key}: " not in told]
-    return Config(tables, tuple(sound), there, mac), errors
+    return Config(tables, tuple(sound), there, mac, frozenset(wanted)), errors
 
 
 def _board(chosen: str, errors: list[ConfigurationError]) -> Board:

@@ -6,14 +6,14 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from board.errors import RequestError, StationError
+from board.errors import RequestError
 from board.loop import Loop
 from board.time import TimeQuality
 from drivers.contract import Answer, Can, Parting, Witness
 from drivers.reason import Reason
 from firmware import bearers
 from firmware.board_file import Board
-from firmware.config import Config
+from firmware.config import Config, Source
 from firmware.drops import Drops
 from firmware.duplicates import Duplicates
 from firmware.endpoint import Endpoint
@@ -38,6 +38,7 @@ from firmware.topics import Topics, TypeRow
 if TYPE_CHECKING:
     from firmware.carrier import Carrier
     from firmware.recording import Recorder
+    from firmware.reload import Reload
 
 # A stop takes less than a second: what users have handed over is taken for a moment (endpoint.py), what is queued may
 # leave for DRAIN_S, and libzmq has its LINGER_MS for what is published.
@@ -50,15 +51,16 @@ log = logging.getLogger("captain")
 class Station:
     """One station on one loop.
 
-    config  as read; reload  reads it again for a new policy.
+    config  as read; source  where it is read again for a new policy.
     Raises StationError when a socket of the endpoint cannot be had; interfaces that cannot start are tried
     again.
     """
 
-    def __init__(self, loop: Loop, config: Config, reload: Callable[[], Config]) -> None:
+    def __init__(self, loop: Loop, config: Config, source: Source) -> None:
         self.loop = loop
         self.config = config
-        self._reload = reload
+        self._source = source
+        self._reload: Reload | None = None
         self._started = loop.clock()
         self._is_stopping = False
         self._notice = ServiceNotice()
@@ -144,22 +146,24 @@ class Station:
         self._notice.watch(self.loop)
 
     def reread(self) -> None:
-        """Read the configuration again and take its policy; a wrong one leaves the old one in force."""
+        """As reload(), for the service manager, which is told when it is done."""
         self._notice.send(f"RELOADING=1\nMONOTONIC_USEC={time.monotonic_ns() // 1000}")
-        try:
-            self.reload_policy()
-        except StationError as error:
-            log.error("the policy stays as it was: %s", error)
-        self._notice.send("READY=1")
+        self.reload(lambda answer: self._notice.send("READY=1"))
 
-    def reload_policy(self) -> None:
-        """As reread(), but raises ConfigurationError."""
-        config = self._reload()
-        changed = _changed_besides_policy(self.config, config)
-        if changed:
-            log.warning("%s changed too: only [[policy]] is taken without a restart", ", ".join(changed))
-        self.router.set_policy(Policy(config.tables.policy, self.topics, self.router))
-        log.info("policy read again: %d rows", len(config.tables.policy))
+    def reload(self, answer: Answer) -> None:
+        """Read the configuration again and take its policy; a wrong one leaves the old one in force."""
+        if self._reload is None:
+            from firmware.reload import Reload
+
+            self._reload = Reload(
+                self.loop,
+                self._source,
+                self.config,
+                lambda: Policy((), self.topics, self.router),
+                self.router.set_policy,
+                lambda: [row.name for row in self.router.policy.rows],
+            )
+        self._reload.ask(answer)
 
     def stop(self) -> None:
         """Take nothing more, let what is queued leave for DRAIN_S, then end the loop. Idempotent.
@@ -182,6 +186,8 @@ class Station:
         for interface in self._interfaces.values():
             interface.interface.outlet.drop_all(Reason.STOPPED)
             interface.stop()
+        if self._reload is not None:
+            self._reload.close()
         if self._carrier is not None:
             self._carrier.close()
         for interface in self._interfaces.values():
@@ -274,13 +280,12 @@ class Station:
         return Commands(
             {
                 "status": lambda _: {"status": self.status()},
-                "reload": lambda _: done(self.reload_policy),
                 "stop": lambda _: done(self.stop),
                 "time": self.timekeeper.told,
                 "record": self._record,
                 **self._operator.now,
             },
-            self._operator.later,
+            {"reload": lambda _, answer: self.reload(answer), **self._operator.later},
         )
 
     def _drain(self, until: float) -> None:
@@ -300,12 +305,3 @@ def topics_of(tables: Tables) -> Topics:
             for row in tables.types
         ],
     )
-
-
-def _changed_besides_policy(old: Config, new: Config) -> list[str]:
-    changed = [
-        f"[{name}]"
-        for name in ("station", "endpoint", "reception", "time", "recorder", "interfaces", "types")
-        if getattr(old.tables, name) != getattr(new.tables, name)
-    ]
-    return changed if old.board == new.board else [*changed, "the board file"]

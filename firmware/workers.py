@@ -48,6 +48,13 @@ def recorder() -> Serve:
     return serve
 
 
+def reload() -> Serve:
+    """Reads captain.toml again."""
+    from firmware.reload_child import serve
+
+    return serve
+
+
 WORKERS: Mapping[str, Callable[[], Serve]] = {
     **echo.WORKERS,
     "board": board,
@@ -56,4 +63,5 @@ WORKERS: Mapping[str, Callable[[], Serve]] = {
     "gnss-bus": gnss_bus,
     "mqtt": mqtt,
     "recorder": recorder,
+    "reload": reload,
 }

@@ -53,12 +53,10 @@ def main(arguments: argparse.Namespace) -> int:
     journal.setFormatter(Prefixed())
     logging.basicConfig(level=arguments.log.upper(), handlers=[journal])
 
-    def read() -> config.Config:
-        return config.load(arguments.config, arguments.overrides, arguments.board, arguments.defaults)
-
-    wanted = read()
+    source = config.Source(arguments.config, tuple(arguments.overrides), arguments.board, arguments.defaults)
+    wanted = source.load()
     loop = Loop()
-    station = Station(loop, wanted, read)
+    station = Station(loop, wanted, source)
     Signals(loop, {signal.SIGTERM: station.stop, signal.SIGINT: station.stop, signal.SIGHUP: station.reread})
     try:
         station.start()

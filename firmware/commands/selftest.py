@@ -130,13 +130,11 @@ def _alone(arguments: argparse.Namespace) -> Mapping[str, object]:
     loop.after(PATIENCE_S, lambda: answered(late))
     signals = Signals(loop, {signal.SIGTERM: lambda: answered(StationError("the self-test was told to stop"))})
     with closing(loop), closing(signals), closing(Scratch("captain-selftest-")) as scratch:
-        wanted = config.load(
-            arguments.config,
-            [*arguments.overrides, *NO_USERS, f"endpoint.control={scratch.path / 'control'}"],
-            arguments.board,
-            arguments.defaults,
+        own = f"endpoint.control={scratch.path / 'control'}"
+        source = config.Source(
+            arguments.config, (*arguments.overrides, *NO_USERS, own), arguments.board, arguments.defaults
         )
-        station = Station(loop, wanted, lambda: wanted)
+        station = Station(loop, source.load(), source)
         try:
             station.start()
             station.selftest(answered)

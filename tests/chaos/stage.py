@@ -93,7 +93,7 @@ class Stage:
         self._peer = socket.socket(socket.AF_INET, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)
         self._peer.bind(("127.0.0.1", 0))
         wanted = self._config(folder)
-        self.station = Station(self.loop, wanted, lambda: wanted)
+        self.station = Station(self.loop, wanted, config.Source())
         self._flow()
 
     def _clocks(self, start_ns: int) -> Callable[[], Clocks]:

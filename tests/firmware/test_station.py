@@ -33,10 +33,13 @@ class Folder:
         )
 
     def load(self, *overrides: str) -> config.Config:
-        return config.load(str(self.path / "captain.toml"), overrides, "none")
+        return self.source(*overrides).load()
 
     def station(self, loop: Loop, *overrides: str) -> Station:
-        return Station(loop, self.load(*overrides), lambda: self.load(*overrides))
+        return Station(loop, self.load(*overrides), self.source(*overrides))
+
+    def source(self, *overrides: str) -> config.Source:
+        return config.Source(str(self.path / "captain.toml"), overrides, "none")
 
 
 @pytest.fixture
@@ -172,10 +175,19 @@ def names(station: Station) -> list[str]:
     return [row["name"] for row in station.router.policy.status()]
 
 
+def reload(station: Station) -> object:
+    """What the station answers: the number of rows, or an error."""
+    answers: list[object] = []
+    station.reload(answers.append)
+    while not answers:
+        station.loop.turn()
+    return answers[0]
+
+
 def test_a_reload_takes_the_policy_of_the_file(folder: Folder, loop: Loop) -> None:
     with closing(folder.station(loop)) as station:
         folder.write("[[policy]]\nname = 'new'")
-        station.reread()
+        reload(station)
         assert names(station) == ["new", "default"]
 
 
@@ -183,10 +195,7 @@ def test_a_file_with_a_mistake_leaves_the_policy_as_it_was(folder: Folder, loop:
     folder.write("[[policy]]\nname = 'old'")
     with closing(folder.station(loop)) as station:
         folder.write("[[policy]]\nname = 'new'\npriority = 99")
-        station.reread()
-        assert names(station) == ["old", "default"]
-        with pytest.raises(ConfigurationError):
-            station.reload_policy()
+        assert isinstance(reload(station), ConfigurationError)
         assert names(station) == ["old", "default"]
 
 
@@ -194,14 +203,14 @@ def test_a_file_that_is_gone_leaves_the_policy_as_it_was(folder: Folder, loop: L
     folder.write("[[policy]]\nname = 'old'")
     with closing(folder.station(loop)) as station:
         (folder.path / "captain.toml").unlink()
-        station.reread()
+        reload(station)
         assert names(station) == ["old", "default"]
 
 
 def test_what_a_reload_does_not_take_is_said(folder: Folder, loop: Loop, caplog: pytest.LogCaptureFixture) -> None:
     with closing(folder.station(loop)) as station:
         folder.write("[station]\nname = 'other'\n[[policy]]\nname = 'new'")
-        station.reread()
+        reload(station)
         assert "[station] changed too" in caplog.text
         assert station.status()["station"] == "captain"
         assert names(station) == ["new", "default"]
@@ -230,7 +239,7 @@ def test_a_reload_keeps_the_counts_of_rows_that_stay(folder: Folder, loop: Loop)
     folder.write('[[policy]]\nname = "cams"\nmatch.type = ["cam"]')
     station = folder.station(loop)
     station.router.request(station.topics.by_number[2], b"\2\2\0\0\0\1", "pull")
-    station.reload_policy()
+    reload(station)
     assert station.router.policy.status()[0] == {"name": "cams", "matched": 1}
     station.close()
 
@@ -241,12 +250,10 @@ def test_a_board_file_that_has_changed_is_said_at_a_reload(
     board = folder.path / "mine.toml"
     board.write_text("name = 'mine'\n")
 
-    def load() -> config.Config:
-        return config.load(str(folder.path / "captain.toml"), (), str(board))
-
-    with closing(Station(loop, load(), load)) as station:
+    source = config.Source(str(folder.path / "captain.toml"), (), str(board))
+    with closing(Station(loop, source.load(), source)) as station:
         board.write_text("name = 'mine'\n[slots.v2x]\nusb = '1-1.3'\n")
-        station.reread()
+        reload(station)
         assert "the board file changed too" in caplog.text
 
 

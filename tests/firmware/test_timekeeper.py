@@ -354,7 +354,7 @@ from firmware.station import Station
 names = ["from_users", "to_users", "pull", "report"]
 sets = [f"endpoint.{{name}}=0" for name in names] + ["endpoint.control={tmp_path}/control"]
 loop = Loop()
-station = Station(loop, config.load(None, sets, "pi"), lambda: None)
+station = Station(loop, config.load(None, sets, "pi"), config.Source())
 station.start()
 loop.soon(loop.stop)
 loop.run()

@@ -107,6 +107,17 @@ def test_sighup_with_a_wrong_policy_keeps_the_old_one(launch: Launcher, bad: str
     assert "old" in [row["name"] for row in bench.station.status()["policy"]]
 
 
+@pytest.mark.parametrize("left", ["", " \n\n", "# [interfaces]\n", "[interfaces.g5]\n", "[[policy]]\n"])
+def test_sighup_with_a_file_that_was_cut_off_keeps_what_is_withheld(launch: Launcher, left: str) -> None:
+    bench = launch("pdu", more='[[policy]]\nname = "never"\nmatch.type = ["cam"]\ninterfaces = []\n')
+    bench.station.file.write_text(left)
+    bench.station.signal(signal.SIGHUP)
+    assert bench.station.ask(do="reload")["ok"] is False
+    bench.user.send(b"v2x.", CAM)
+    bench.user.hears_nothing_before_a_mark(bench.air)
+    assert bench.station.drops() == {("from_users", "policy"): 1}
+
+
 def test_watchdog_and_readiness_are_notified(launch: Launcher, tmp_path: Path) -> None:
     station = launch.station()
     station.configure({"g5": launch.air("pdu").table})

@@ -1,0 +1,164 @@
+"""Reload: captain.toml is read again by a process of its own; the loop takes its policy in parts."""
+
+import json
+import logging
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from board.child import Child, program
+from board.errors import ConfigurationError, RequestError, StationError
+from board.loop import Loop, Timer
+from drivers.contract import Answer
+from firmware.config import Config, Source
+from firmware.policy import Policy
+
+WORKER = "reload"
+# The process takes 2 s for a file of 10,000 rows, and may wait for its disk.
+READ_S = 60.0
+TOLD = 3  # names of rows in a line of the log
+# First octet of a message of the process: an error, the facts, a part of some rows, the last part of them, the end.
+ERROR, FACTS, PART, ROWS, END = b"e", b"f", b"p", b"r", b"."
+
+log = logging.getLogger("captain")
+
+
+class Reload:
+    """Reads the configuration again, once at a time.
+
+    running  what the station runs with.
+    make     an empty policy.
+    take     is given the new one. Rows reach it as they come: 10,000 rows at once would hold the loop for 0.3 s.
+
+    Whoever asks while it is being read is answered by the next reading, for the file may have changed meanwhile.
+    """
+
+    def __init__(
+        self,
+        loop: Loop,
+        source: Source,
+        running: Config,
+        make: Callable[[], Policy],
+        take: Callable[[Policy], None],
+        names: Callable[[], Sequence[str]],
+        command: Sequence[str] = (),
+    ) -> None:
+        self._loop = loop
+        self._source = source
+        self._running = running
+        self._written = running.written
+        self._make = make
+        self._take = take
+        self._names = names
+        self._command = command
+        self._waiting: list[Answer] = []
+        self._served: list[Answer] = []
+        self._child: Child | None = None
+        self._leaving: list[Child] = []
+        self._deadline: Timer | None = None
+        self._policy = make()
+        self._parts = bytearray()
+        self._facts: dict[str, Any] = {}
+
+    def ask(self, answer: Answer) -> None:
+        """Read it again; answer is given `rows` once its policy is in force, or what is wrong with it."""
+        self._waiting.append(answer)
+        if self._child is None:
+            self._begin()
+
+    def close(self) -> None:
+        """End the process; idempotent."""
+        child, self._child = self._child, None
+        if self._deadline is not None:
+            self._deadline.cancel()
+        if child is not None:
+            child.finish(0.0)
+        for one in tuple(self._leaving):
+            one.finish(0.0)
+
+    # firmware.reload's end of board.child: a Parent.
+
+    def up(self, child: Child, pid: int) -> None:
+        asked = {"source": self._source, "written": sorted(self._written)}
+        if not child.send(json.dumps(asked).encode()):
+            self._fail("the configuration cannot be read: its overrides are too long")
+
+    def message(self, octets: bytes) -> None:
+        kind, body = octets[:1], octets[1:]
+        if kind in (PART, ROWS):
+            self._parts += body
+            if kind == ROWS:
+                import pickle  # few stations read their policy again
+
+                self._policy.extend(pickle.loads(self._parts))
+                self._parts.clear()
+        elif kind == FACTS:
+            self._facts = json.loads(body)
+        elif kind == ERROR:
+            self._end(ConfigurationError(*json.loads(body)))
+        else:
+            self._end(None)
+
+    def writable(self) -> None: ...
+
+    def ended(self, child: Child, why: str) -> None:
+        if child is self._child:
+            self._child = None
+            self._fail(f"the configuration cannot be read: {why}")
+        elif child in self._leaving:
+            self._leaving.remove(child)
+
+    def _begin(self) -> None:
+        self._policy = self._make()
+        self._parts.clear()
+        self._served, self._waiting = self._waiting, []
+        try:
+            self._child = Child(self._loop, self, self._command or program(), WORKER)
+        except OSError as error:
+            self._fail(f"the configuration cannot be read: no process can be started: {error.strerror}")
+            return
+        late = f"the configuration cannot be read: it takes more than {READ_S:g} s"
+        self._deadline = self._loop.after(READ_S, lambda: self._fail(late))
+
+    def _fail(self, why: str) -> None:
+        self._end(RequestError(why, "the policy in force stays; try again"))
+
+    def _end(self, error: StationError | None) -> None:
+        """All is known: take the policy, tell those who asked, and begin anew for those who asked meanwhile."""
+        child, self._child = self._child, None
+        if child is not None:
+            self._leaving.append(child)
+            child.leave()
+        if self._deadline is not None:
+            self._deadline.cancel()
+        if error is None:
+            self._took()
+        else:
+            log.error("the policy stays as it was: %s", error)
+        rows = len(self._policy.rows) - 1
+        served, self._served = self._served, []
+        for answer in served:
+            answer({"rows": rows} if error is None else error)
+        if self._waiting:
+            self._begin()
+
+    def _took(self) -> None:
+        before, after = self._names(), [row.name for row in self._policy.rows]
+        digests, self._written = self._facts["digests"], self._written.union(self._facts["written"])
+        if changed := [name for name, digest in self._running.digests().items() if digests.get(name) != digest]:
+            log.warning("%s changed too: only [[policy]] is taken without a restart", ", ".join(changed))
+        self._take(self._policy)
+        log.info("policy read again: %s", difference(before[:-1], after[:-1]))
+
+
+def difference(before: Sequence[str], after: Sequence[str]) -> str:
+    """Words for the names of rows that went and came: at most TOLD of each, then their count."""
+    known, now = set(before), set(after)
+    gone, came = [one for one in before if one not in now], [one for one in after if one not in known]
+    words = [f"{len(after)} rows, {len(before)} before"]
+    words += [f"{what}: {_some(names)}" for what, names in (("removed", gone), ("added", came)) if names]
+    return "; ".join(words)
+
+
+def _some(names: Sequence[str]) -> str:
+    more = [f"and {len(names) - TOLD} more"] if len(names) > TOLD else []
+    return ", ".join([*(repr(one) for one in names[:TOLD]), *more])
