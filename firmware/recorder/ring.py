@@ -17,6 +17,7 @@ from firmware.codec.capture import PCAPNG
 from firmware.recorder.filing import Filing, Segment
 from firmware.recorder.hearing import say
 from firmware.recorder.scribe import Scribe
+from firmware.recorder.shares import Shares, key_of, word_of
 from firmware.recorder.told import Told
 from firmware.storage import VOLATILE, kind_of
 
@@ -25,10 +26,10 @@ PARTS = 16
 LEAST_S = 1.0
 # An event is no longer, whatever triggers meanwhile: what follows is the next one.
 LONGEST_EVENT_S = 60.0
+LONGEST_WHY = 200  # characters of the reasons of an event, for the log
 # Left to others on the same disk, or a twentieth of it where it is small.
 LEAVE = 64 << 20
 _NAME = re.compile(r"(ring|kept)-(\d{8})-.*\.pcapng")
-_LONGEST = 40  # characters of a reason in a name
 
 MOUNTS = Path("/proc/self/mountinfo")
 
@@ -59,9 +60,14 @@ class Closed(NamedTuple):
     size: int
     ended: float
 
+    @property
+    def number(self) -> int:
+        """That is in its name."""
+        return int(self.path.name.split("-")[1])
+
 
 class Ring:
-    """Files `ring-NUMBER-TIME.pcapng` of a folder, and `kept-NUMBER-TIME-WHY.pcapng`, which it never removes.
+    """Files `ring-NUMBER-TIME.pcapng` of a folder, and `kept-NUMBER-TIME-WHY.pcapng`, which stay for longer.
 
     clock  monotonic.
     """
@@ -75,12 +81,14 @@ class Ring:
         self._limits = limits
         self._clock = clock
         self._closed: list[Closed] = []
-        self._kept_size = 0
+        self._shares = Shares(limits.size)
         self._number = 0
         self._begun = clock()
-        self._why = ""
+        self._why = self._word = ""  # all reasons of the event; the one whose share the next file counts in
         self._until = self._longest = 0.0
         self._is_whole, self._names = True, 0  # of the event: whether all, how many files are kept
+        self._is_full = False  # the share that the next file counts in
+        self._first = 0  # number of the event's first file
         self._lock: int | None = None
         self._place = 0, 0
 
@@ -101,20 +109,38 @@ class Ring:
     def trigger(self, why: str) -> None:
         """Keep what was before, at once, and what comes for some seconds; a trigger meanwhile makes that longer."""
         now = self._clock()
-        after_s = self._limits.after_s
+        after_s, word = self._limits.after_s, word_of(why)
         if not self._why:
-            self._why, self._longest = why, now + max(after_s, LONGEST_EVENT_S)
-            self._is_whole, self._names = True, 0
-            with suppress(OSError):  # an operator removes what is kept, when there is enough of it
-                self._kept_size = sum(path.stat().st_size for path in self.folder.glob("kept-*"))
-            say(f"kept because of {why}: {self._limits.before_s:g} s before and {after_s:g} s after")
-            since = now - self._limits.before_s
-            for one in [one for one in self._closed if one.ended >= since]:
-                self._keep(one)
-            self.filing.begin()  # what was being written is closed, and has its name, should this be the end
-        elif why not in self._why:
-            self._why += f" {why}"
+            self._longest = now + max(after_s, LONGEST_EVENT_S)
+            self._begin_event(why, word, now - self._limits.before_s)
+        elif word != self._word and self._has_less(word):
+            self._why += f" {why}" if len(self._why) < LONGEST_WHY else ""
+            self._share(word, now)
         self._until = min(now + after_s, self._longest)
+
+    def _begin_event(self, why: str, word: str, since: float) -> None:
+        self._why, self._word = why, word
+        self._is_whole, self._names = True, 0
+        self._is_full = False
+        with suppress(OSError):  # an operator removes what is kept, when there is enough of it
+            self._shares.look(self.folder)
+        say(f"kept because of {why}: {self._limits.before_s:g} s before and {self._limits.after_s:g} s after")
+        before = [one for one in self._closed if one.ended >= since]
+        self._first = before[0].number if before else self._number
+        # The file that is being written first: it has what triggers, and its name, should this be the end.
+        self.filing.begin()
+        for one in reversed(before):
+            self._keep(one)
+
+    def _has_less(self, word: str) -> bool:
+        return self._shares.taken(key_of(word)) < self._shares.taken(key_of(self._word))
+
+    def _share(self, word: str, now: float) -> None:
+        """What comes counts in another share: in that of a station that has little, it stays for longer."""
+        if now >= self._begun + LEAST_S:
+            self.filing.begin()
+        self._word = word
+        self._is_full = False
 
     def close(self) -> None:
         """What was to be kept is kept."""
@@ -131,7 +157,8 @@ class Ring:
             "octets": sum(one.size for one in self._closed) + filing.scribe.size,
             "files": len(self._closed),
             "kept": self.kept,
-            "kept_octets": self._kept_size,
+            "kept_octets": self._shares.size,
+            "kept_removed": self._shares.removed,
             "not_kept": self.not_kept,
             "frames": filing.scribe.frames,
             "lost": filing.scribe.lost,
@@ -190,20 +217,16 @@ class Ring:
     def _look(self) -> None:
         """What earlier runs have left: the last may end in the middle of a block."""
         now = self._clock()
-        closed, kept_size = [], 0
-        found_names = ((path, _NAME.fullmatch(path.name)) for path in self.folder.iterdir())
-        names = sorted(((int(match[2]), path, match[1]) for path, match in found_names if match))
+        found = [(path, match) for path in self.folder.iterdir() if (match := _NAME.fullmatch(path.name))]
+        names = sorted((int(match[2]), path, match[1]) for path, match in found)
         if names:
             mend(names[-1][1])
+        self._closed = []
         for _, path, kind in names:
-            if not path.exists():
-                continue
-            found = path.stat()
-            if kind == "kept":
-                kept_size += found.st_size
-            else:
-                closed.append(Closed(path, found.st_size, now - max(0.0, time.time() - found.st_mtime)))
-        self._closed, self._kept_size = closed, kept_size
+            if kind == "ring" and path.exists():
+                status = path.stat()
+                self._closed.append(Closed(path, status.st_size, now - max(0.0, time.time() - status.st_mtime)))
+        self._shares.look(self.folder)
         self._number = max(self._number, names[-1][0] if names else 0)
 
     def _prune(self) -> None:
@@ -229,23 +252,24 @@ class Ring:
         self.filing.begin()
 
     def _keep(self, one: Closed) -> None:
-        """Give a file the name by which it stays, where there is room for it."""
-        if self._kept_size + one.size > self._limits.size:
-            if self._is_whole:
-                say(f"not all is kept: {self._why}: what was kept before takes {self._kept_size} octets; remove it")
-            self._is_whole = False
-            return
-        word = re.sub(r"[^A-Za-z0-9]+", "-", self._why).strip("-")[:_LONGEST] or "event"
-        name = f"kept-{one.path.stem.partition('-')[2]}-{word}.pcapng"
+        """Give a file the name by which it stays, where its share has room for it."""
         try:
-            one.path.rename(one.path.with_name(name))
+            if self._is_full or not self._shares.is_room(one.size, key_of(self._word), self._first):
+                self._lacks_room()
+                return
+            self._shares.keep(one.path, one.size, self._word)
         except OSError as error:
             say(f"{one.path}: not kept: {error.strerror}")
             self._is_whole = False
             return
         self._names += 1
         self._closed.remove(one)
-        self._kept_size += one.size
+
+    def _lacks_room(self) -> None:
+        """What follows is not kept either, so that what is kept has no gap."""
+        if self._is_whole:
+            say(f"not all is kept: {self._why}: more than its share of {self._limits.size} octets")
+        self._is_full, self._is_whole = True, False
 
 
 def mend(path: Path) -> None:

@@ -12,8 +12,9 @@ from board.errors import RequestError, UsageError
 from firmware.recorder.filing import Filing, Segment
 from firmware.recorder.ring import Limits, Ring
 from firmware.recorder.scribe import Scribe
+from firmware.recorder.shares import OWN, operators
 from firmware.recorder.told import Told
-from firmware.recorder.triggers import Triggers
+from firmware.recorder.triggers import DENM, Triggers
 
 
 class Sink(Protocol):
@@ -142,14 +143,18 @@ class Keeper:
     def add(self, told: Told) -> None:
         missing = self.scribe.missing
         self.ring.add(told)
-        if why := self._triggers.frame(told, self.scribe.missing - missing, self._clock()):
+        why = self._triggers.frame(told, self.scribe.missing - missing, self._clock())
+        if why == DENM:
+            self.ring.trigger(f"{why}-{OWN if told.is_out else told.said.get('station_id')}")
+        elif why:
             self.ring.trigger(why)
 
     def idle(self) -> None:
         self.ring.idle()
 
     def trigger(self, why: str) -> None:
-        self.ring.trigger(why)
+        """As an operator asks."""
+        self.ring.trigger(operators(why))
 
     def close(self) -> None:
         self.ring.close()

@@ -52,7 +52,7 @@ class Triggers:
         return GNSS if GNSS in self._wanted and was_locked and not self._was_locked else ""
 
     def _is_new(self, told: Told, now: float) -> bool:
-        who = told.said.get("station_id")
+        who = told.is_out, told.said.get("station_id")  # others may use this station's number
         before = self._events.pop(who, None)
         if len(self._events) >= EVENTS:
             self._events.pop(next(iter(self._events)))

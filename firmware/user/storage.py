@@ -28,5 +28,5 @@ def recorder_trouble(told: Mapping[str, object]) -> str:
     if trouble := text(told, "trouble"):
         words.append(f"{text(told, 'folder')}: {trouble}; {number(told, 'lost'):.0f} frames lost")
     if not_kept := number(told, "not_kept"):
-        words.append(f"{not_kept:.0f} events not kept whole: remove what was kept before from {text(told, 'folder')}")
+        words.append(f"{not_kept:.0f} events not kept whole: raise recorder.size_mb")
     return f"recorder: {'; '.join(words)}" if words else ""

@@ -101,7 +101,7 @@ def test_a_folder_for_state_is_told_where_something_is_not_kept(told, line):
         ),
         (
             {"is_running": True, "not_kept": 2},
-            ["recorder: 2 events not kept whole: remove what was kept before from /x"],
+            ["recorder: 2 events not kept whole: raise recorder.size_mb"],
         ),
         ({"is_running": False, "why": "process 7 ended"}, ["recorder: it does not run: process 7 ended"]),
     ],

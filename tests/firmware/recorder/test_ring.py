@@ -126,19 +126,19 @@ def test_what_was_before_is_kept_at_once(bench):
     assert len(bench.names("kept-")) > 1
 
 
-def test_when_an_operator_has_made_room_events_are_kept_again(bench):
+def test_room_that_an_operator_makes_is_used(bench):
     for _ in range(40):
         bench.record(60, 0.1)
         bench.ring.trigger("denm")
         bench.wait(11.0)
-    before = bench.ring.status()["not_kept"]
+    before = bench.ring.status()["kept_removed"]
     for path in bench.folder.glob("kept-*"):
         path.unlink()
     bench.record(20, 0.1)
     bench.ring.trigger("denm")
     bench.wait(11.0)
     assert bench.names("kept-")
-    assert bench.ring.status()["not_kept"] == before > 0
+    assert bench.ring.status()["kept_removed"] == before > 0
 
 
 def test_an_end_keeps_what_was_to_be_kept(bench):
@@ -150,15 +150,30 @@ def test_an_end_keeps_what_was_to_be_kept(bench):
     assert bench.sequences("kept-")[-1] == 5
 
 
-def test_no_more_is_kept_than_there_is_room_for(bench, capsys):
+def test_of_what_is_kept_the_oldest_goes_where_its_room_is_used_up(bench):
     for _ in range(40):
         bench.record(60, 0.1)
         bench.ring.trigger("denm")
         bench.wait(11.0)
     status = bench.ring.status()
-    assert status["not_kept"] > 0
-    assert sum(path.stat().st_size for path in bench.folder.glob("kept-*")) <= SMALL.size
-    assert "not all is kept: denm: what was kept before takes" in capsys.readouterr().err
+    assert (status["kept"], status["not_kept"]) == (40, 0)
+    size = sum(path.stat().st_size for path in bench.folder.glob("kept-*"))
+    assert SMALL.size // 2 < size == status["kept_octets"] <= SMALL.size
+    assert bench.sequences("kept-")[-1] == 40 * 60
+
+
+def test_an_event_larger_than_its_room_is_kept_around_its_trigger(bench, capsys):
+    bench.record(2000, 0.01)
+    bench.ring.trigger("denm")
+    bench.record(2000, 0.005)
+    bench.wait(1.0)
+    status = bench.ring.status()
+    assert (status["kept"], status["not_kept"], status["kept_removed"]) == (0, 1, 0)
+    kept = bench.sequences("kept-")
+    assert 2000 in kept
+    assert kept == list(range(kept[0], kept[-1] + 1))
+    assert status["kept_octets"] <= SMALL.size
+    assert "not all is kept: denm: more than its share of 65536 octets" in capsys.readouterr().err
 
 
 def test_a_second_run_goes_on_with_the_ring_of_the_first(tmp_path):

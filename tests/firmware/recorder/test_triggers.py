@@ -20,6 +20,12 @@ def test_denms_of_two_stations_are_two_events():
     assert [triggers.frame(told(**DENM, station_id=who), 0, 0.0) for who in (1, 2, 1)] == ["denm", "denm", ""]
 
 
+def test_a_denm_of_others_with_the_own_number_hides_no_own_event():
+    triggers = Triggers(frozenset(ALL))
+    assert triggers.frame(told(**DENM), 0, 0.0) == "denm"
+    assert triggers.frame(told(**DENM, direction="out"), 0, 1.0) == "denm"
+
+
 def test_a_denm_that_was_dropped_is_no_event():
     assert Triggers(frozenset(ALL)).frame(told(**DENM, reason="gn-outside-area"), 0, 0.0) == ""
 
