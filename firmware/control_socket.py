@@ -79,7 +79,8 @@ class ControlSocket:
 class Client:
     """One connection: reads lines, writes answers, never waits for a client that does not read.
 
-    A line is answered before the next is asked, and while an answer is waited for nothing is read.
+    A line is answered before the next is asked, in another turn of the loop, and while an answer is waited for nothing is
+    read: whoever sends many lines at once holds up nobody else.
     """
 
     def __init__(self, loop: Loop, connection: socket.socket, server: ControlSocket) -> None:
@@ -90,7 +91,7 @@ class Client:
         self._lines: deque[bytes | None] = deque()  # None: one that was too long
         self._pending: Pending | None = None
         self._unsent = b""
-        self._is_asking = False
+        self._is_asking = self._is_scheduled = False
         connection.setblocking(False)
         loop.add(self)
 
@@ -101,7 +102,7 @@ class Client:
         try:
             if self._unsent:
                 self._write()
-            elif self._pending is None:
+            elif self._pending is None and not self._lines:
                 self._read()
             else:  # it asked for nothing: the client has hung up
                 self.close()
@@ -132,35 +133,49 @@ class Client:
         self._serve()
 
     def _serve(self) -> None:
-        """Ask one line after the other until an answer has to be waited for, and send what was answered."""
-        self._is_asking = True
-        while self._lines and self._pending is None:
+        """Ask one line, and send what was answered; the next has its turn when that has gone."""
+        if self._lines and self._pending is None:
+            self._is_asking = True
             self._pending = Pending(self._loop, self._said)
             line = self._lines.popleft()
             if line is None:
                 self._pending.answer(RequestError(f"a line of more than {MAX_LINE} octets", "no command is"))
             else:
                 self._server.commands.ask(line, self._pending)
-        self._is_asking = False
+            self._is_asking = False
         self._write()
+
+    def _serve_later(self) -> None:
+        self._is_scheduled = False
+        if self._connection.fileno() < 0:
+            return
+        try:
+            self._serve()
+        except OSError:
+            self.close()
 
     def _said(self, answer: dict[str, object]) -> None:
         self._pending = None
         self._unsent += json.dumps(answer).encode() + b"\n"
         if not self._is_asking:  # it has come later
             try:
-                self._serve()
+                self._write()
             except OSError:
                 self.close()
 
     def _write(self) -> None:
-        """Send what fits; no further line is read before all of it has gone and everything is answered."""
+        """Send what fits; no further line is asked or read before all of it has gone and everything is answered."""
         try:
             sent = self._connection.send(self._unsent) if self._unsent else 0
         except BlockingIOError:
             sent = 0
         self._unsent = self._unsent[sent:]
-        self._loop.want(self, WRITE if self._unsent else READ if self._pending is None else 0)
+        is_asking_next = bool(self._lines) and self._pending is None and not self._unsent
+        if is_asking_next and not self._is_scheduled:
+            self._is_scheduled = True
+            self._loop.soon(self._serve_later)
+        is_idle = self._pending is None and not self._lines
+        self._loop.want(self, WRITE if self._unsent else READ if is_idle else 0)
 
 
 def _listen(path: str) -> socket.socket:
