@@ -1,5 +1,6 @@
 """The station's sockets: four ports for users, and the Unix socket of the command line."""
 
+import os
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -35,6 +36,7 @@ class Endpoint:
     commands  of the control socket.
     mac       the station's own address.
     witness   where interfaces find who looks at their frames.
+    has_recorder  whether the report port has a private address, too: private_report.
 
     Raises StationError when one cannot be had, and has then closed the others.
     """
@@ -53,6 +55,7 @@ class Endpoint:
         commands: Commands,
         mac: bytes,
         witness: Witness,
+        has_recorder: bool = False,
     ) -> None:
         self.context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
         self._loop = loop
@@ -63,6 +66,7 @@ class Endpoint:
         self._wanted: set[bytes] = set()  # topics of the report port
         self._frames: Frames | None = None
         self._are_frames_shown = False
+        self.private_report = f"ipc://@captain-{os.urandom(8).hex()}" if has_recorder else ""
         host = f"[{options.address}]" if ":" in options.address else options.address
 
         def at(port: int) -> str:
@@ -71,7 +75,15 @@ class Endpoint:
         try:
             self.users = Users(loop, self.context, at(options.to_users), topics, drops, local)
             self._reports = Publisher(
-                loop, self.context, at(options.report), "report", drops, TOPICS, self._interest, costly=(FRAME, SOON)
+                loop,
+                self.context,
+                at(options.report),
+                "report",
+                drops,
+                TOPICS,
+                self._interest,
+                costly=(FRAME, SOON),
+                also=[self.private_report] if has_recorder else [],
             )
             self.report = Report(loop, self._reports, status, refresh, time_status, router.quality_now)
             self.inlets = [

@@ -4,6 +4,7 @@ import errno
 import logging
 import os
 import time
+from collections import deque
 from collections.abc import Callable, Container, Iterable
 
 import zmq
@@ -13,6 +14,9 @@ from board.errors import InterfaceError
 from board.loop import Loop
 from drivers.reason import Reason
 from firmware.drops import Drops
+from firmware.peers.connection import Connection
+from firmware.peers.door import Door, descriptor_of
+from firmware.peers.interest import Interest
 
 # The methods of the plain socket: the wrappers of zmq.Socket cost 0.8 us a frame more.
 _send = PlainSocket.send
@@ -61,6 +65,7 @@ class Publisher:
     topics  of which on_interest tells with each subscriber that comes, and when the last goes: topic, whether wanted.
     whole   topics as they are sent, of which wants() tells.
     costly  of topics, those that a subscription to everything does not ask for.
+    also    further addresses to bind.
 
     libzmq drops for a slow subscriber alone and counts nothing. So the socket refuses first (XPUB_NODROP): the
     refusal is the word that a subscriber is slow, then the message is sent again, dropping for that one.
@@ -77,27 +82,33 @@ class Publisher:
         on_interest: Callable[[bytes, bool], None] = lambda topic, is_wanted: None,
         whole: Iterable[bytes] = (),
         costly: Container[bytes] = (),
+        also: Iterable[str] = (),
     ) -> None:
         self.slow_since: float | None = None
         self.slow_count = 0
         self._loop = loop
         self._place = place
         self._drops = drops
-        self._interest = dict.fromkeys(topics, 0)
-        self._takers = dict.fromkeys(whole, 0)
-        self._on_interest = on_interest
-        self._costly = costly
+        self._interest = Interest(topics, whole, costly, on_interest)
+        self._taken: deque[tuple[int, bytes]] = deque()  # whoever hears of interest may send, and so look, at once
         self._is_looking = False
         self._socket = context.socket(zmq.XPUB)
         self._socket.set(zmq.SNDHWM, SEND_HWM)
         self._socket.set(zmq.LINGER, LINGER_MS)
         self._socket.set(zmq.XPUB_NODROP, 1)
-        # Every subscription, not only the first of its prefix. Not XPUB_MANUAL: libzmq 4.3.5 keeps the pipe of one that
-        # nobody has read yet, and uses it after its subscriber has gone and it was freed (valgrind); and it puts
-        # subscriptions down to the wrong subscriber when another sends what is none.
+        # Every subscription, not only the first of its prefix, and each end of one. Not XPUB_MANUAL: libzmq 4.3.5 keeps
+        # the pipe of one that nobody has read yet, and uses it after its subscriber has gone and it was freed
+        # (valgrind); and it puts subscriptions down to the wrong subscriber when another sends what is none.
         self._socket.set(zmq.XPUB_VERBOSER, 1)
         self._socket.set(zmq.IPV6, int("[" in address))
-        bind(self._socket, address, f"endpoint.{place}")
+        self.door = Door(loop, context, self._socket, place)
+        self.door.closed = self._gone
+        try:
+            for one in (*also, address):
+                bind(self._socket, one, f"endpoint.{place}")
+        except InterfaceError:
+            self.door.close()
+            raise
         loop.add(self)
 
     def fileno(self) -> int:
@@ -148,19 +159,20 @@ class Publisher:
 
     def wants(self, topic: bytes) -> bool:
         """Whether anybody who has subscribed until now would get a message of this topic, one of the whole ones."""
-        if not self._takers[topic]:
+        if not self._interest.takers[topic]:
             self.look()
-        return self._takers[topic] > 0
+        return self._interest.takers[topic] > 0
 
     def close(self) -> None:
         """Idempotent."""
         if not self._socket.closed:
             self._loop.remove(self)
+            self.door.close()
             self._socket.close()
 
     def look(self) -> None:
         """Take the subscriptions that have come until now, where the next message depends on them (1.3 us)."""
-        if is_readable(self._socket):
+        if self._taken or is_readable(self._socket):
             self._look()
 
     def _look_soon(self) -> None:
@@ -174,32 +186,43 @@ class Publisher:
         self._is_looking = False
         if self._socket.closed:
             return
-        for _ in range(BATCH):
-            if not is_readable(self._socket):
-                return
-            self._subscription(_recv(self._socket, NOBLOCK))
-        self._is_looking = True
-        self._loop.soon(self._look)
+        taken = self._take()
+        self.door.settle()  # after the messages: see Door
+        while self._taken:
+            self._subscription(*self._taken.popleft())
+        if taken == BATCH:
+            self._is_looking = True
+            self._loop.soon(self._look)
 
-    def _subscription(self, message: bytes) -> None:
+    def _take(self) -> int:
+        """Take what subscribers have sent, at most BATCH, with libzmq's descriptor of each; -1 where there is none."""
+        taken = 0
+        while taken < BATCH and is_readable(self._socket):
+            frame = _recv(self._socket, NOBLOCK, False)
+            self._taken.append((descriptor_of(frame), frame.bytes))
+            taken += 1
+        return taken
+
+    def _subscription(self, descriptor: int, message: bytes) -> None:
         """First octet 1 subscribes, 0 unsubscribes, the prefix follows; anything else is a user's, not for us."""
+        connection = self.door.connections.get(descriptor)
+        if connection is not None:
+            connection.is_used = True
+        self.door.heard.add(descriptor)
         if message[:1] not in (b"\0", b"\1"):
             return
         is_wish, prefix = bool(message[0]), message[1:]
         if not is_wish:
             self.slow_since = None
-        # A peer may unsubscribe from what it never subscribed to, and libzmq passes that on: no count falls below 0.
-        step = 1 if is_wish else -1
-        # These first: who hears of interest may send at once.
-        for topic, before in self._takers.items():
-            if topic.startswith(prefix):
-                self._takers[topic] = max(0, before + step)
-        for topic, before in self._interest.items():
-            if not (topic.startswith(prefix) or prefix.startswith(topic)) or (not prefix and topic in self._costly):
-                continue
-            after = self._interest[topic] = max(0, before + step)
-            if after > before or before > after == 0:
-                self._on_interest(topic, after > 0)
+        if connection is not None:
+            (self._interest.subscribe if is_wish else self._interest.unsubscribe)(connection, prefix)
+        elif descriptor < 0:
+            self._interest.inproc(is_wish, prefix)
+
+    def _gone(self, connection: Connection) -> None:
+        """Its connection has ended; whoever was slow may have been it."""
+        self.slow_since = None
+        self._interest.end(connection)
 
     def _publish_dropping(self, topic: bytes, *bodies: bytes) -> None:
         """Hand it to those that keep up. libzmq passes the others by until each has read half of what waits for it.

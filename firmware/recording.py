@@ -29,6 +29,7 @@ log = logging.getLogger("captain.recorder")
 class Recorder:
     """Starts it, and starts it again when it fails.
 
+    private  ZeroMQ address of the report port that no peer of the endpoint shares.
     command  that leads to the process; empty for this program.
     """
 
@@ -37,6 +38,7 @@ class Recorder:
         loop: Loop,
         options: RecorderOptions,
         endpoint: EndpointOptions,
+        private: str = "",
         command: Sequence[str] = (),
         state: Callable[[], str] = lambda: os.environ.get(FOLDER, "").partition(":")[0],
     ) -> None:
@@ -44,6 +46,7 @@ class Recorder:
         self._asked = {
             "host": ANY.get(endpoint.address, endpoint.address),
             "report": endpoint.report,
+            "private": private,
             "folder": str(Path(state()) / options.folder),
             "size": options.size_mb << 20,
             "age_s": options.age_s,

@@ -100,6 +100,7 @@ class Station:
             self._commands(),
             config.mac,
             witness,
+            has_recorder=bool(tables.recorder.folder),
         )
         interfaces = Interfaces(
             loop,
@@ -262,7 +263,9 @@ class Station:
             return None
         from firmware.recording import Recorder
 
-        return Recorder(self.loop, self.config.tables.recorder, self.config.tables.endpoint)
+        return Recorder(
+            self.loop, self.config.tables.recorder, self.config.tables.endpoint, self.endpoint.private_report
+        )
 
     def _record(self, question: Question) -> dict[str, object]:
         if self._recorder is None:

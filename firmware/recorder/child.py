@@ -34,7 +34,7 @@ def serve(channel: socket.socket) -> None:
     place = client.Address(asked["host"], report=asked["report"])
     with client.session() as context:
         try:
-            hearing = Hearing(context, place)
+            hearing = Hearing(context, place, private=asked["private"])
             hearing.on_status, hearing.on_time = keeper.know, keeper.time
             ear = Ear(channel, keeper, hearing)
             for told in hearing.frames(ear.goes_on):

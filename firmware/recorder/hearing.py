@@ -24,16 +24,21 @@ class Hearing:
                empty where it does not say.
     on_time    has its time object, once a second.
     note       receives notes; None: standard error, as for the rest.
+    private    ZeroMQ address of the report port for the station's own recorder; empty: TCP.
     """
 
     def __init__(
-        self, context: client.Context, place: client.Address, note: Callable[[str], None] | None = None
+        self,
+        context: client.Context,
+        place: client.Address,
+        note: Callable[[str], None] | None = None,
+        private: str = "",
     ) -> None:
         self.place = place
         self._note = note or say
         self.on_status: Callable[[Status], None] = lambda status: None
         self.on_time: Callable[[Status], None] = lambda status: None
-        self._subscriber = client.subscribe(context, place, place.report, "frame.", "time.", "status.")
+        self._subscriber = client.subscribe(context, place, place.report, "frame.", "time.", "status.", private=private)
         self._connections = self._subscriber.get_monitor_socket(zmq.EVENT_CONNECTED)
         self._is_status_wanted = True
         self.is_known = False  # who the station is, or that it does not say

@@ -84,12 +84,16 @@ def reach(host: str, number: int, timeout: float = ANSWER_S) -> None:
         raise StationError(f"no station answers at {host}:{number}: {why}", _start_one(host)) from error
 
 
-def subscribe(context: Context, place: Address, number: int, *topics: str) -> Socket:
-    """A SUB socket connected to one of the station's ports. Raises StationError when nobody listens there."""
-    reach(place.host, number)
+def subscribe(context: Context, place: Address, number: int, *topics: str, private: str = "") -> Socket:
+    """A SUB socket connected to one of the station's ports. Raises StationError when nobody listens there.
+
+    private  ZeroMQ address of that port for the station's own processes; empty: TCP.
+    """
+    if not private:
+        reach(place.host, number)
     subscriber = context.socket(zmq.SUB)
     subscriber.setsockopt(zmq.RCVHWM, HIGH_WATER)
-    return _connect(subscriber, place, number, topics)
+    return _connect(subscriber, private or place.url(number), topics)
 
 
 def push(context: Context, place: Address) -> Socket:
@@ -97,7 +101,7 @@ def push(context: Context, place: Address) -> Socket:
     reach(place.host, place.pull)
     pusher = context.socket(zmq.PUSH)
     pusher.setsockopt(zmq.IMMEDIATE, 1)  # takes messages only when the handshake is done
-    _connect(pusher, place, place.pull, ())
+    _connect(pusher, place.url(place.pull), ())
     if not pusher.poll(round(ANSWER_S * 1000), zmq.POLLOUT):
         raise StationError(
             f"what listens at {place.host}:{place.pull} is not a station's PULL", "name its port with --pull"
@@ -105,7 +109,7 @@ def push(context: Context, place: Address) -> Socket:
     return pusher
 
 
-def _connect(end: Socket, place: Address, number: int, topics: tuple[str, ...]) -> Socket:
+def _connect(end: Socket, url: str, topics: tuple[str, ...]) -> Socket:
     end.setsockopt(zmq.MAXMSGSIZE, MAX_ANSWER)
     end.setsockopt(zmq.IPV6, 1)
     end.setsockopt(zmq.HEARTBEAT_IVL, HEARTBEAT_MS)
@@ -113,7 +117,7 @@ def _connect(end: Socket, place: Address, number: int, topics: tuple[str, ...]) 
     end.setsockopt(zmq.HEARTBEAT_TTL, HEARTBEAT_TIMEOUT_MS)
     for topic in topics:
         end.setsockopt(zmq.SUBSCRIBE, topic.encode())
-    end.connect(place.url(number))
+    end.connect(url)
     return end
 
 

@@ -1,0 +1,1 @@
+"""Peers of the endpoint: their connections, and limits for hostile ones. Face: connection, door, interest, limits."""

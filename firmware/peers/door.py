@@ -1,0 +1,114 @@
+"""Connections of one socket of the endpoint, as the monitor of libzmq tells of them."""
+
+import itertools
+import struct
+from collections.abc import Callable
+
+import zmq
+from zmq.backend import Socket as PlainSocket
+
+from board.loop import Loop
+from firmware.peers.connection import Connection
+
+_recv = PlainSocket.recv
+_get: Callable[[zmq.Socket[bytes], int], int] = PlainSocket.get  # type: ignore[assignment]  # EVENTS is a number
+EVENTS, READABLE, NOBLOCK = int(zmq.EVENTS), int(zmq.POLLIN), int(zmq.NOBLOCK)
+# First frame of an event: number and value, here the descriptor (zmq_socket_monitor(3)).
+EVENT = struct.Struct("=HI")
+ACCEPTED, ENDED = int(zmq.EVENT_ACCEPTED), int(zmq.EVENT_DISCONNECTED)
+SOURCE = int(zmq.SRCFD)  # of a message: the descriptor that it came by
+BATCH = 64  # events in one turn
+_numbers = itertools.count()
+
+
+def descriptor_of(frame: zmq.Frame) -> int:
+    """libzmq's descriptor of the connection that a message came by; -1 where it came by none."""
+    try:
+        return int(frame.get(SOURCE))
+    except zmq.ZMQError:
+        return -1
+
+
+class Door:
+    """The connections that are open, by libzmq's descriptor.
+
+    name    of the socket: where its drops are counted.
+    opened, closed  are called with each connection that comes and goes.
+
+    libzmq's one thread tells of an end before it closes the descriptor, and of an acceptance before it reads. So a
+    caller that takes messages first, and settles then, knows whose they are: a number that is used again names its
+    new owner.
+    """
+
+    def __init__(
+        self, loop: Loop, context: "zmq.Context[zmq.Socket[bytes]]", socket: "zmq.Socket[bytes]", name: str
+    ) -> None:
+        self.name = name
+        self.connections: dict[int, Connection] = {}
+        self.heard: set[int] = set()  # descriptors whose messages were delivered
+        self.opened: Callable[[Connection], None] = lambda connection: None
+        self.closed: Callable[[Connection], None] = lambda connection: None
+        self._loop = loop
+        self._socket = socket
+        address = f"inproc://door-{id(self)}-{next(_numbers)}"
+        socket.monitor(address, ACCEPTED | ENDED)
+        self._monitor = context.socket(zmq.PAIR)
+        self._monitor.set(zmq.RCVHWM, 0)  # a full queue would stop libzmq's thread
+        self._monitor.set(zmq.LINGER, 0)
+        self._monitor.connect(address)
+        self._is_scheduled = False
+        loop.add(self)
+
+    def fileno(self) -> int:
+        return self._monitor.fileno()
+
+    def ready(self, events: int = 0) -> None:
+        """Take a batch of events; the descriptor tells of an edge only."""
+        if not self._is_scheduled:
+            self._go_on()
+
+    def settle(self) -> None:
+        """Take all events that have come until now."""
+        if not self._monitor.closed:
+            while self._take():
+                pass
+
+    def close(self) -> None:
+        """Idempotent. Before the socket is closed."""
+        if self._monitor.closed:
+            return
+        self._loop.remove(self)
+        if not self._socket.closed:
+            self._socket.monitor(None, 0)  # no address ends it
+        self._monitor.close(0)
+        for connection in list(self.connections.values()):
+            self._end(connection.descriptor)
+
+    def _go_on(self) -> None:
+        self._is_scheduled = False
+        if self._monitor.closed:
+            return
+        for _ in range(BATCH):
+            if not self._take():
+                return
+        self._is_scheduled = True
+        self._loop.soon(self._go_on)
+
+    def _take(self) -> bool:
+        if not _get(self._monitor, EVENTS) & READABLE:
+            return False
+        event, descriptor = EVENT.unpack(_recv(self._monitor, NOBLOCK))
+        _recv(self._monitor, NOBLOCK)  # the address that it came to
+        if event == ACCEPTED:
+            self._end(descriptor)
+            connection = self.connections[descriptor] = Connection(descriptor, self.name)
+            self.opened(connection)
+        elif event == ENDED:
+            self._end(descriptor)
+        return True
+
+    def _end(self, descriptor: int) -> None:
+        if (connection := self.connections.pop(descriptor, None)) is not None:
+            self.heard.discard(descriptor)
+            self.closed(connection)
+            connection.close()

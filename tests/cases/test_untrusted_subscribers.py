@@ -1,0 +1,126 @@
+"""Hostile subscribers: nothing that one sends takes anything from another, or from the station."""
+
+from collections.abc import Iterator
+from contextlib import closing
+
+import pytest
+import zmq
+
+from firmware.drops import Drops
+from firmware.publisher import Publisher
+from tests.hostile import Peer
+from tests.virtual import VirtualLoop
+
+TOPICS = (b"raw.", b"frame.", b"status.")
+
+
+class Bench:
+    """A publisher on TCP and on a private address, its peers, and what they want together."""
+
+    def __init__(self, loop: VirtualLoop) -> None:
+        self.loop = loop
+        self.context = zmq.Context()
+        self.drops = Drops()
+        self.wanted: dict[bytes, bool] = {}
+        self.news = 0
+        self.private = f"ipc://@captain-test-{id(self)}"
+        self.publisher = Publisher(
+            loop, self.context, "tcp://127.0.0.1:0", "to_users", self.drops, TOPICS, self._change, also=[self.private]
+        )
+        self.port = int(self.publisher._socket.get(zmq.LAST_ENDPOINT).rstrip(b"\0").rpartition(b":")[2])
+        self.peers: list[Peer] = []
+        loop.patience_s = 1.0
+
+    def peer(self, kind: bytes = b"SUB") -> Peer:
+        self.peers.append(peer := Peer(self.port, kind, self.loop.turn))
+        return peer
+
+    def subscribe(self, peer: Peer, topic: bytes) -> None:
+        """Until it was taken, and so all that the peer had sent before it."""
+        before = self.news
+        peer.subscribe(topic)
+        self.loop.run_until(lambda: self.news > before)
+
+    def leaves(self, peer: Peer) -> None:
+        peer.close()
+        open_before = len(self.publisher.door.connections)
+        self.loop.run_until(lambda: len(self.publisher.door.connections) < open_before)
+
+    def _change(self, topic: bytes, is_wanted: bool) -> None:
+        self.wanted[topic] = is_wanted
+        self.news += 1
+
+    def close(self) -> None:
+        for peer in self.peers:
+            peer.close()
+        self.publisher.close()
+        self.context.destroy(0)
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    with closing(VirtualLoop()) as loop, closing(Bench(loop)) as bench:
+        yield bench
+
+
+@pytest.mark.parametrize("topic", [b"raw.", b"frame.", b"", b"r", b"raw.x"])
+def test_an_unsubscription_without_a_subscription_takes_nothing_from_another_peer(bench: Bench, topic: bytes) -> None:
+    good, rude = bench.peer(), bench.peer()
+    bench.subscribe(good, topic or b"raw.")
+    for _ in range(3):
+        rude.unsubscribe(topic)
+    bench.subscribe(rude, b"status.")
+    assert bench.wanted.get(b"frame." if topic == b"frame." else b"raw.") is True
+    bench.leaves(rude)
+    assert bench.wanted[b"status."] is False
+    assert bench.wanted[b"frame." if topic == b"frame." else b"raw."] is True
+
+
+def test_a_subscription_twice_and_its_end_once_leave_no_interest(bench: Bench) -> None:
+    peer = bench.peer()
+    bench.subscribe(peer, b"raw.")
+    peer.subscribe(b"raw.")
+    peer.unsubscribe(b"raw.")
+    bench.subscribe(peer, b"status.")
+    assert bench.wanted == {b"raw.": False, b"status.": True}
+
+
+def test_the_end_of_a_connection_ends_what_it_alone_wanted(bench: Bench) -> None:
+    first, second = bench.peer(), bench.peer()
+    for topic in (b"raw.", b"frame."):
+        bench.subscribe(first, topic)
+    bench.subscribe(second, b"raw.")
+    bench.leaves(first)
+    assert bench.wanted == {b"raw.": True, b"frame.": False}
+    bench.leaves(second)
+    assert bench.wanted == {b"raw.": False, b"frame.": False}
+
+
+def test_interest_of_a_private_subscriber_outlasts_all_that_peers_send(bench: Bench) -> None:
+    with bench.context.socket(zmq.SUB) as recorder:
+        recorder.linger = 0
+        recorder.connect(bench.private)
+        recorder.subscribe(b"frame.")
+        bench.loop.run_until(lambda: bench.wanted.get(b"frame.") is True)
+        rude = bench.peer()
+        for _ in range(3):
+            rude.unsubscribe(b"frame.")
+        bench.subscribe(rude, b"frame.")
+        bench.leaves(rude)
+        assert bench.wanted[b"frame."] is True
+        bench.publisher.publish(b"frame.air.", b"{}")
+        assert recorder.poll(1000)
+        assert recorder.recv_multipart() == [b"frame.air.", b"{}"]
+
+
+def test_a_subscriber_whose_descriptor_is_used_again_keeps_its_own_topics(bench: Bench) -> None:
+    for _ in range(20):
+        first = bench.peer()
+        bench.subscribe(first, b"raw.")
+        first.close()
+        second = bench.peer()
+        bench.subscribe(second, b"raw.")
+        bench.loop.run_until(lambda: len(bench.publisher.door.connections) == 1)
+        assert bench.wanted[b"raw."] is True
+        bench.leaves(second)
+        assert bench.wanted[b"raw."] is False
