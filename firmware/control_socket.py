@@ -79,8 +79,8 @@ class ControlSocket:
 class Client:
     """One connection: reads lines, writes answers, never waits for a client that does not read.
 
-    A line is answered before the next is asked, in another turn of the loop, and while an answer is waited for nothing is
-    read: whoever sends many lines at once holds up nobody else.
+    A line is answered before the next is asked, which is in another turn of the loop: many lines at once hold up nobody
+    else. While an answer is waited for nothing is read.
     """
 
     def __init__(self, loop: Loop, connection: socket.socket, server: ControlSocket) -> None:
@@ -130,38 +130,34 @@ class Client:
         if len(self._unread) > MAX_LINE:
             self._lines.append(None)
             self._unread = b""
-        self._serve()
+        self._write()
 
     def _serve(self) -> None:
         """Ask one line, and send what was answered; the next has its turn when that has gone."""
-        if self._lines and self._pending is None:
-            self._is_asking = True
-            self._pending = Pending(self._loop, self._said)
-            line = self._lines.popleft()
-            if line is None:
-                self._pending.answer(RequestError(f"a line of more than {MAX_LINE} octets", "no command is"))
-            else:
-                self._server.commands.ask(line, self._pending)
-            self._is_asking = False
-        self._write()
-
-    def _serve_later(self) -> None:
         self._is_scheduled = False
         if self._connection.fileno() < 0:
             return
-        try:
-            self._serve()
-        except OSError:
-            self.close()
+        self._is_asking = True
+        self._pending = Pending(self._loop, self._said)
+        line = self._lines.popleft()
+        if line is None:
+            self._pending.answer(RequestError(f"a line of more than {MAX_LINE} octets", "no command is"))
+        else:
+            self._server.commands.ask(line, self._pending)
+        self._is_asking = False
+        self._write_or_close()
 
     def _said(self, answer: dict[str, object]) -> None:
         self._pending = None
         self._unsent += json.dumps(answer).encode() + b"\n"
         if not self._is_asking:  # it has come later
-            try:
-                self._write()
-            except OSError:
-                self.close()
+            self._write_or_close()
+
+    def _write_or_close(self) -> None:
+        try:
+            self._write()
+        except OSError:
+            self.close()
 
     def _write(self) -> None:
         """Send what fits; no further line is asked or read before all of it has gone and everything is answered."""
@@ -173,7 +169,7 @@ class Client:
         is_asking_next = bool(self._lines) and self._pending is None and not self._unsent
         if is_asking_next and not self._is_scheduled:
             self._is_scheduled = True
-            self._loop.soon(self._serve_later)
+            self._loop.soon(self._serve)
         is_idle = self._pending is None and not self._lines
         self._loop.want(self, WRITE if self._unsent else READ if is_idle else 0)
 
