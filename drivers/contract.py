@@ -10,6 +10,7 @@ from board.machine import REAL, Machine
 from board.time import Fix, TimeMark
 from drivers.message import NO_RX_INFO, Ego, Request, RxInfo
 from drivers.reason import Reason
+from drivers.wire.geonet_own import OwnPackets
 
 
 class Can(Flag):
@@ -129,6 +130,7 @@ class Shared(NamedTuple):
     types               names of the message types by their row (MessageType.row); empty where one has none.
     is_clock_set        whether the clock of this machine was ever set: without a battery it begins at any date.
     witness             where those interfaces that have whole frames find who looks at them.
+    own                 packets that the station has sent, of all its interfaces; None: each keeps its own.
     """
 
     mac: bytes
@@ -143,6 +145,7 @@ class Shared(NamedTuple):
     types: tuple[str, ...] = ()
     is_clock_set: Callable[[], bool] = lambda: True
     witness: Witness = Witness()
+    own: OwnPackets | None = None
 
 
 class Driver(Protocol):

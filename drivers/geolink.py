@@ -50,6 +50,7 @@ class GeoLink:
             shared.is_mobile,
             shared.is_mac_configured,
             gn_version,
+            shared.own,
         )
         self._timer: Timer | None = None
 
@@ -59,9 +60,6 @@ class GeoLink:
         ethernet = frame.unwrap(octets)
         if isinstance(ethernet, Reason):
             host.drop(ethernet, octets)
-            return
-        if ethernet.source == self._mac:
-            host.drop(Reason.OWN_ECHO, octets)
             return
         event = self._core.receive(ethernet.packet, ethernet.source, host.loop.clock(), host.ego())
         if (watch := self._witness.watch) is not None:

@@ -4,6 +4,7 @@ from enum import Enum, IntEnum
 from typing import NamedTuple
 
 from board.time import TimeQuality
+from drivers.implausible import Implausible
 from drivers.reason import Reason
 
 ITS_HEADER = 6  # octets: protocolVersion, messageID, stationID (TS 102 894-2, ItsPduHeader)
@@ -88,6 +89,7 @@ class RxInfo(NamedTuple):
     source_mac: bytes = NO_MAC
     transport: str = ""  # shb, gbc, tsb, guc, gac, beacon; empty where there is no GeoNetworking
     source: str = ""  # the client of a broker that sent it, where the broker's messages say so
+    implausible: tuple[Implausible, ...] = ()  # reasons to doubt it
 
 
 NO_RX_INFO = RxInfo()

@@ -44,6 +44,8 @@ class Reason(StrEnum):
     GN_NOT_FOR_US = "gn-not-for-us"
     GN_REQUESTS = "gn-requests"
     GN_NEXT_HEADER = "gn-next-header"
+    OWN_ADDRESS = "own-address"
+    IMPLAUSIBLE = "implausible"
     SECURED = "secured"
     SECURED_FORMAT = "secured-format"
     BTP_PORT = "btp-port"
@@ -92,6 +94,8 @@ MEANING: dict[Reason, str] = {
     Reason.GN_NOT_FOR_US: "the packet is addressed to another station, or carries no message for a user",
     Reason.GN_REQUESTS: "more requests for the station's position than the 10 per second that it answers",
     Reason.GN_NEXT_HEADER: "what follows the GeoNetworking headers is not BTP",
+    Reason.OWN_ADDRESS: "a beacon or request of another station with this station's address; give one of them another",
+    Reason.IMPLAUSIBLE: "it is implausible, and a row of the policy says that such messages are dropped",
     Reason.SECURED: "it is signed, signatures are not verified yet, and reception.unverified is drop",
     Reason.SECURED_FORMAT: "its security envelope cannot be read: not signed data, or encrypted",
     Reason.BTP_PORT: "its BTP port carries no known type of message; add a row [[types]] to captain.toml",

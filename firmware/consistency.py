@@ -20,6 +20,8 @@ SERIAL = {"uart": "device", "sim8202g": "port", "zed_f9p": "port"}  # driver = i
 SOCKETS = ("from_users", "to_users", "pull", "report")
 # Where messages are dropped that no interface has: an interface so called would share their counters.
 PLACES = frozenset({*SOCKETS, "router"})
+# Keys of a row of the policy about how a message leaves, beside its interfaces.
+LEAVING = ("fallback", "priority", "lifetime_s", "rate_per_s", "traffic_class")
 
 Table = Mapping[str, Any]
 Interfaces = Mapping[str, Table]
@@ -161,9 +163,20 @@ def _policy(tables: Table, interfaces: set[str]) -> Iterator[str]:
         where = f"policy[{index}]"
         for key, name in _unknown_interfaces(row, interfaces):
             yield f"{where}.{key}: unknown interface {name!r}; one of {', '.join(sorted(interfaces)) or 'none'}"
+        if _table(row, "match").get("implausible"):
+            yield from (f"{where}.{mistake}" for mistake in _of_received(row))
         for name in _words(_table(row, "match"), "type"):
             if types is not None and name not in types:
                 yield f"{where}.match.type: unknown type {name!r}; one of {', '.join(sorted(types))}"
+
+
+def _of_received(row: Table) -> Iterator[str]:
+    """What a row for received messages lacks, and what is of no use in it."""
+    if row.get("interfaces") not in ([], ["*"]):
+        yield 'interfaces: not given for match.implausible; [] drops a received message, ["*"] passes it on'
+    for key in LEAVING:
+        if key in row:
+            yield f"{key}: says how a message leaves, and match.implausible is of received ones; remove it"
 
 
 def _known_types(tables: Table) -> set[str] | None:

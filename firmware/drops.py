@@ -2,7 +2,7 @@
 
 import logging
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Container, Iterator
 
 from drivers.reason import MEANING, Reason
 
@@ -67,9 +67,10 @@ class Drops:
         drop = self._drops.get((where, reason))
         return drop.count if drop else 0
 
-    def sum(self, where: str, without: Reason) -> int:
-        """All that was dropped at a place, but for one reason."""
-        return sum(drop.count for (place, reason), drop in self._drops.items() if place == where and reason != without)
+    def sum(self, where: str, without: Container[Reason]) -> int:
+        """All that was dropped at a place, but for some reasons."""
+        rows = self._drops.items()
+        return sum(drop.count for (place, reason), drop in rows if place == where and reason not in without)
 
     def status(self) -> Iterator[dict[str, object]]:
         """One JSON object for each place and reason, as in the status message."""

@@ -15,7 +15,7 @@ from firmware.drops import Drops
 from firmware.inlet import Inlet
 from firmware.publisher import Publisher
 from firmware.question import Commands
-from firmware.report import CONFIRM, FRAME, INDICATION, SOON, STATUS, TIME, TOPICS, Report
+from firmware.report import CONFIRM, FRAME, IMPLAUSIBLE, INDICATION, SOON, STATUS, TIME, TOPICS, Report
 from firmware.router import Router
 from firmware.tables import EndpointOptions
 from firmware.topics import Topics
@@ -82,7 +82,7 @@ class Endpoint:
                 drops,
                 TOPICS,
                 self._interest,
-                costly=(FRAME, SOON),
+                costly=(IMPLAUSIBLE, FRAME, SOON),
                 also=[self.private_report] if has_recorder else [],
             )
             self.report = Report(loop, self._reports, status, refresh, time_status, router.quality_now)
@@ -184,6 +184,8 @@ class Endpoint:
         router, report, wanted = self._router, self.report, self._wanted
         confirms = [report.confirm] if CONFIRM in wanted else []
         indications = [report.observe] if INDICATION in wanted else []
+        if IMPLAUSIBLE in wanted:
+            indications.append(report.observe_implausible)
         if self._frames is not None and self._are_frames_shown:
             confirms.append(self._frames.confirm)
             indications.append(self._frames.observe)

@@ -69,6 +69,8 @@ class Told:
             )
         if one.indication is not None and one.indication.rx.rssi_dbm is not None:
             said += f', "rssi_dbm": {one.indication.rx.rssi_dbm}'
+        if one.indication is not None and (doubts := one.indication.rx.implausible):
+            said += f', "implausible": "{", ".join(doubts)}"'  # a text: recorders take nothing deeper
         if confirm is not None:
             said += (
                 f', "request": {confirm.request.number}, "queue_us": {confirm.queue_s * 1e6:.1f}, '

@@ -29,6 +29,7 @@ SLICE = 16  # told in one turn: a message that comes meanwhile waits for 0.2 ms
 MADE = 4096  # requests whose frames wait for their confirm: as many as the queues of some interfaces hold
 
 _NOTHING = "", 0
+_RECEIVED = frozenset({Reason.DUPLICATE, Reason.IMPLAUSIBLE})  # dropped by a stage
 USERS = "users"  # stands for the interface of what got to none
 ETHERTYPE = b"\x89\x47"
 
@@ -223,10 +224,10 @@ class Frames:
             self._attend(True)
 
     def _counts(self) -> dict[str, int]:
-        """Messages by interface: a duplicate was received as well, whatever else was dropped was not."""
+        """Messages by interface: what a stage has dropped was received as well, whatever else was dropped was not."""
         station = self._station
         counts = {
-            name: sum(one.received) + sum(one.sent_count) + self._drops.sum(name, without=Reason.DUPLICATE)
+            name: sum(one.received) + sum(one.sent_count) + self._drops.sum(name, without=_RECEIVED)
             for name, one in station.interfaces.items()
         }
         return {**counts, USERS: station.requests - station.accepted}

@@ -18,6 +18,7 @@ from drivers.message import (
     Confirm,
     Ego,
     Indication,
+    MessageType,
     Outcome,
     Request,
     RxInfo,
@@ -25,6 +26,7 @@ from drivers.message import (
 )
 from drivers.reason import Reason
 from firmware.drops import Drops
+from firmware.implausible import DENM, MOST_LATITUDE, MOST_LONGITUDE, Doubts, doubted, is_denm_ahead
 from firmware.neighbours import Neighbours
 from firmware.outlet import Outlet
 from firmware.tables import QueueOptions
@@ -82,6 +84,7 @@ class Interface:
         self.details: Mapping[str, object] = {}
         self.can_transmit = Can.TRANSMIT in driver.capabilities.can
         self.neighbours = Neighbours()
+        self.doubts = Doubts(name)
         self._heard = self.neighbours.heard
         self.received = [0] * len(topics.kinds)
         self.sent_count = [0] * len(topics.kinds)
@@ -109,7 +112,7 @@ class Interface:
         if not ITS_HEADER <= size <= MAX_PDU and (reason := self._size_reason(size, rx.btp_port)) is not None:
             self.drop(reason, pdu)
             return
-        who, rssi_dbm = pdu[2:6], None
+        who, rssi_dbm, is_doubted = pdu[2:6], None, False
         if rx is not NO_RX_INFO:
             if rx.btp_port is not None and rx.btp_port not in self._topics.ports and not self._any_port:
                 self.drop(Reason.BTP_PORT, pdu)
@@ -121,7 +124,16 @@ class Interface:
                 who = rx.source.encode()
             if rx.security is not NOT_SECURED and rx.security.status is SecurityStatus.UNVERIFIABLE_PKT:
                 self.on_unverified()
+            latitude, longitude = rx.position
+            is_doubted = (
+                rx.implausible != ()
+                or not -MOST_LATITUDE < latitude <= MOST_LATITUDE
+                or not -MOST_LONGITUDE < longitude <= MOST_LONGITUDE
+                or rx.area is not None
+            )
         kind = self._by_number[pdu[1]] if size >= ITS_HEADER else self._topics.unknown
+        if is_doubted or kind.number == DENM:
+            rx = self._doubt(kind, pdu, rx)
         self.received[kind.row] += 1
         self.received_octets += size
         now = self._clock()
@@ -130,6 +142,16 @@ class Interface:
         quality = above.quality if now < above.quality_until else above.renewed_quality()
         # tuple.__new__ is what Indication() comes to, at half the price.
         self._indicate(_new(Indication, (kind, pdu, self.name, received_ns, now, rx, quality)))
+
+    def _doubt(self, kind: MessageType, pdu: bytes, rx: RxInfo) -> RxInfo:
+        """Look closer at a message, and count it where it is implausible; what is known of it, with the reasons."""
+        is_ahead = kind.number == DENM and is_denm_ahead(pdu, self._above.ego().its_ms)
+        if rx is NO_RX_INFO and not is_ahead:
+            return rx
+        rx = doubted(rx, is_ahead)
+        if rx.implausible:
+            self.doubts.count(rx, pdu)
+        return rx
 
     def _size_reason(self, size: int, btp_port: int | None) -> Reason | None:
         """Why a PDU of an impossible size is dropped; None for a short one of an unknown port that is wanted.
@@ -228,6 +250,7 @@ class Interface:
             "why": self.why,
             "since_s": round(now - self.since, 3),
             "neighbours": self.neighbours.count(now),
+            **({"implausible": found} if (found := self.doubts.status()) else {}),
             "received": _by_name(self._topics, self.received),
             "sent": _by_name(self._topics, self.sent_count),
             "received_octets": self.received_octets,

@@ -9,6 +9,7 @@ from board.loop import Loop
 from board.time import Fix, TimeMark
 from drivers import DRIVERS
 from drivers.contract import Driver, Shared, Witness
+from drivers.wire.geonet_own import OwnPackets
 from firmware.config import Config
 from firmware.drops import Drops
 from firmware.interface import Interface
@@ -97,6 +98,7 @@ class Interfaces:
             tuple(kind.name for kind in self._topics.kinds),
             self._is_clock_set,
             self._witness,
+            OwnPackets(),
         )
         for entry in config.interfaces:
             yield entry.name, DRIVERS[entry.queue.driver](simulation.played(entry.options), shared), entry.queue

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 
 from drivers.contract import Can
-from drivers.message import Area, Ego, MessageType, Position, Shape
+from drivers.message import Area, Ego, Indication, MessageType, Position, Shape
 from drivers.wire.area import contains
 from firmware.tables import Match, NeighbourMatch, PayloadMatch, PlaceMatch, PolicyRow, Span
 from firmware.topics import Topics
@@ -67,6 +67,7 @@ class Row:
         self.interfaces = row.interfaces
         self.fallback = row.fallback
         self.types = frozenset(row.match.type)
+        self.doubts = frozenset(row.match.implausible)
         self.matched = 0
         self.tests = tuple(_tests(row.match, surroundings))
         self.rate = Rate(row.rate_per_s) if row.rate_per_s else None
@@ -75,6 +76,8 @@ class Row:
 
 class Policy:
     """The table in order; a last row that sends everything everywhere is always there.
+
+    received  the rows for received messages that are implausible.
 
     Raises nothing: the configuration was checked when it was read.
     """
@@ -85,6 +88,7 @@ class Policy:
         self._plans: dict[tuple[object, ...], list[Plan]] = {}  # most rows have the same
         last = self._made(PolicyRow(), "default")
         self.rows = [last]
+        self.received: list[Row] = []
         self._by_kind = [[last] for _ in topics.kinds]
         self.extend(rows)
 
@@ -93,6 +97,9 @@ class Policy:
         for row in rows:
             made = self._made(row, row.name or f"policy[{len(self.rows) - 1}]")
             self.rows.insert(-1, made)
+            if made.doubts:
+                self.received.append(made)
+                continue
             for kind, of_kind in zip(self._topics.kinds, self._by_kind, strict=True):
                 if not made.types or kind.name in made.types:
                     of_kind.insert(-1, made)
@@ -111,6 +118,18 @@ class Policy:
                     break
         row.matched += 1
         return row
+
+    def refuses(self, one: Indication) -> bool:
+        """Whether the first row that applies to an implausible message drops it."""
+        rx = one.rx
+        candidate = Candidate(one.kind, one.pdu, rx.btp_port or 0, rx.traffic_class, rx.area)
+        for row in self.received:
+            is_of_row = "any" in row.doubts or not row.doubts.isdisjoint(rx.implausible)
+            is_of_type = not row.types or one.kind.name in row.types
+            if is_of_row and is_of_type and all(test(candidate) for test in row.tests):
+                row.matched += 1
+                return not row.interfaces
+        return False
 
     def status(self) -> list[dict[str, object]]:
         return [{"name": row.name, "matched": row.matched} for row in self.rows]

@@ -1,7 +1,8 @@
 """What the station says about itself, as JSON.
 
-`status.` and `time.` once a second, `confirm.<type>.` for every request, `indication.<type>.` for every message that an
-interface has brought. Nothing is said of `soon.`: who subscribes to it, too, has confirms and indications at once.
+`status.` and `time.` once a second, `confirm.<type>.` for every request, `indication.<type>.` for every message of an
+interface, `implausible.<type>.` for the implausible ones. Nothing is said of `soon.`: who subscribes to it, too, has
+confirms and indications at once.
 """
 
 import json
@@ -26,9 +27,10 @@ CONFIRM = b"confirm."
 STATUS = b"status."
 TIME = b"time."
 INDICATION = b"indication."
+IMPLAUSIBLE = b"implausible."
 FRAME = b"frame."  # see firmware.frames
 SOON = b"soon."
-TOPICS = (CONFIRM, STATUS, TIME, INDICATION, FRAME, SOON)
+TOPICS = (CONFIRM, STATUS, TIME, INDICATION, IMPLAUSIBLE, FRAME, SOON)
 PERIOD_S = 1.0
 # Confirms and indications told in a PERIOD_S, 10 us each: two channels at their ceiling, 4 % of a core.
 BUDGET = 4_000
@@ -75,7 +77,7 @@ class Report:
         self._refresh = refresh
         self._time_status = time_status
         self._quality = quality
-        self.confirms = self.indications = 0
+        self.confirms = self.indications = self.implausible = 0
         self.is_hurried = False
         self._budget = BUDGET
         self._told = self._numbered = 0  # in this second, and before it
@@ -134,6 +136,15 @@ class Report:
             if self._told < self._budget:
                 self._later(partial(self._indication_of, self.indications, one), LATER_S)
 
+    def observe_implausible(self, indications: list[Indication]) -> None:
+        """Tell what is known of implausible messages at once: it is to be there before the message itself."""
+        for one in indications:
+            if one.rx.implausible:
+                self.implausible += 1
+                if self._told < self._budget:
+                    self._told += 1
+                    self._publisher.publish(*self._indication_of(self.implausible, one, IMPLAUSIBLE))
+
     def _later(self, make: Callable[[], tuple[bytes, bytes]], wait_s: float) -> None:
         """Tell it when so much time has gone by at the latest; what has come before it is told before it."""
         self._told += 1
@@ -188,7 +199,7 @@ class Report:
         }
         return b"confirm.%s." % request.kind.name.encode(), json.dumps(said).encode()
 
-    def _indication_of(self, number: int, one: Indication) -> tuple[bytes, bytes]:
+    def _indication_of(self, number: int, one: Indication, topic: bytes = INDICATION) -> tuple[bytes, bytes]:
         pdu, rx = one.pdu, one.rx
         said = {
             "sequence": number,
@@ -204,7 +215,9 @@ class Report:
             "source": rx.source or (rx.source_mac.hex(":") if rx.source_mac != NO_MAC else ""),
             "quality": said_of(one.quality),
         }
-        return INDICATION + one.kind.name.encode() + b".", json.dumps(said).encode()
+        if rx.implausible:
+            said["implausible"] = rx.implausible
+        return topic + one.kind.name.encode() + b".", json.dumps(said).encode()
 
     def _unix_ns(self, monotonic: float) -> int:
         """Unix time of a moment of the loop's clock: of tries the one in which nothing came between the two clocks."""

@@ -97,9 +97,18 @@ class Router:
             self._burst = []
             if self.observe is not None:
                 self.observe(burst)
+            if self.policy.received:
+                burst = [one for one in burst if not (one.rx.implausible and self._is_refused(one))]
             for stage in self.stages:
                 burst = stage(burst)
             self.publish(burst)
+
+    def _is_refused(self, one: Indication) -> bool:
+        """Drop an implausible message where the policy says so; before any stage: it must not hide a plausible one."""
+        if not self.policy.refuses(one):
+            return False
+        self._drops.count(one.interface, Reason.IMPLAUSIBLE, one.pdu, detail=", ".join(one.rx.implausible))
+        return True
 
     def confirm(self, confirm: Confirm) -> None:
         self.report(confirm, ())

@@ -245,13 +245,16 @@ class Match:
     neighbours: NeighbourMatch | None = None
     no_neighbours: NeighbourMatch | None = None
     position: PlaceMatch | None = None
+    implausible: tuple[Literal["any", "position", "time", "source", "sequence", "own-address"], ...] = ()
 
 
 @dataclass(frozen=True)
 class PolicyRow:
     """[[policy]]: the first row whose match applies says how a message leaves.
 
-    interfaces     that it leaves by; "*" is each that transmits; none drops it.
+    A row with match.implausible is for received messages: those with one of these reasons.
+
+    interfaces     that it leaves by; "*" is each that transmits; none drops it. Of a received one: none drops it.
     fallback       those that it leaves by when none of them has its link up.
     priority, lifetime_s, traffic_class  in place of the type's own.
     rate_per_s     of messages that this row lets through; 0 is any.

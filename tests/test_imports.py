@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parent.parent
 STANDARD = sys.stdlib_module_names
 OURS = ("asn1", "board", "drivers", "firmware", "image", "pps")
 DO_IO = frozenset({"os", "socket", "select", "selectors", "time", "threading", "subprocess", "asyncio"})
-WORDS = ("drivers.message", "drivers.reason")  # what travels, and why it did not
+WORDS = ("drivers.message", "drivers.reason", "drivers.implausible")  # what travels, why it did not, why it is doubted
 
 
 class Rule(NamedTuple):

@@ -2,6 +2,7 @@
 
 from collections.abc import Set
 
+from drivers.wire.geonet_own import OwnPackets
 from drivers.wire.geonet_receiver import Asked, Discard, Heard, Received, Receiver
 from drivers.wire.geonet_sender import Sender
 
@@ -27,9 +28,11 @@ class GeoNetworking:
         is_mobile: bool = True,
         is_mac_configured: bool = False,
         gn_version: int = 1,
+        own: OwnPackets | None = None,
     ) -> None:
-        receiver = Receiver(mac, gn_versions, deliver_unverified)
-        sender = Sender(mac, beacon_s, station_type, is_mobile, is_mac_configured, gn_version)
+        own = own or OwnPackets()
+        receiver = Receiver(mac, gn_versions, deliver_unverified, own)
+        sender = Sender(mac, beacon_s, station_type, is_mobile, is_mac_configured, gn_version, own)
         self.receive = receiver.receive
         self.encode = sender.encode
         self.answer = sender.answer

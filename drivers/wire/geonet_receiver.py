@@ -10,6 +10,7 @@ from struct import Struct
 from typing import NamedTuple
 
 from board.errors import ProtocolError
+from drivers.implausible import Implausible
 from drivers.message import (
     NOT_SECURED,
     Area,
@@ -23,19 +24,27 @@ from drivers.message import (
 from drivers.reason import Reason
 from drivers.wire import btp
 from drivers.wire.area import contains
-from drivers.wire.geonet_duplicates import Duplicates
+from drivers.wire.geonet_duplicates import Duplicates, Seen
 from drivers.wire.geonet_header import BasicNext, CommonNext, HeaderType
+from drivers.wire.geonet_own import OwnPackets
 from drivers.wire.geonet_packet import EXTENDED
 from drivers.wire.security import unwrap
 
 _BASIC = Struct(">BxBB")  # version and NH, lifetime, remaining hop limit
 _COMMON = Struct(">BBBxHBx")  # NH, HT and HST, traffic class, payload length, maximum hop limit
-_SOURCE = Struct(">2x6s4xii")  # of a long position vector: MAC, latitude, longitude
+_SOURCE = Struct(">2x6sIii")  # of a long position vector: MAC, timestamp, latitude, longitude
 _NUMBER = Struct(">H")  # sequence number; destination port of BTP-A and BTP-B
 _AREA = Struct(">iiHHH")
 
 _BASIC_SIZE, _COMMON_SIZE, _SEQUENCE_SIZE, _LONG_SIZE, _SHORT_SIZE = 4, 8, 4, 24, 20
 _BTP = frozenset({CommonNext.BTP_A, CommonNext.BTP_B})
+
+# Timestamps count ms modulo 2**32, 49.7 days (clause 9.5.2): what is further away than half of that looks nearer.
+_WRAP = 0xFFFFFFFF
+# ms that a timestamp may be ahead: clocks that are wrong by leap seconds (18 or 37) are no attack.
+_AHEAD = 60_000
+# ms that it may be behind: 6300 s, the longest lifetime (clause 9.6.4), and the same minute.
+_BEHIND = _WRAP - 6_300_000 - _AHEAD
 
 
 class Received(NamedTuple):
@@ -88,6 +97,7 @@ def _form(header_type: int) -> _Form:
     return _Form(name, _COMMON_SIZE + EXTENDED[header_type][1], source)
 
 
+_DOUBTS = (Implausible.TIME, Implausible.SOURCE, Implausible.SEQUENCE, Implausible.OWN_ADDRESS)
 _FORMS = {int(header_type): _form(header_type) for header_type in EXTENDED}
 
 
@@ -97,10 +107,12 @@ class Receiver:
     mac                 own address: what carries it as a source is our own echo.
     gn_versions         protocol versions that are accepted.
     deliver_unverified  pass on the PDU of a signed packet, although its signature is not verified.
+    own                 packets that the station has sent.
     """
 
-    def __init__(self, mac: bytes, gn_versions: Set[int], deliver_unverified: bool) -> None:
+    def __init__(self, mac: bytes, gn_versions: Set[int], deliver_unverified: bool, own: OwnPackets) -> None:
         self._mac = mac
+        self._own = own
         self._gn_versions = gn_versions
         self._deliver_unverified = deliver_unverified
         self._duplicates = Duplicates()
@@ -110,7 +122,8 @@ class Receiver:
 
         source_mac  who sent the frame; of a packet that was passed on, not the one who made it.
         ego         says whether the station is inside the packet's area. Where the own position is not known
-                    the area is not looked at: a warning too many is better than one too few.
+                    the area is not looked at: a warning too many is better than one too few. Where the own time is
+                    not known (0), the packet's is not looked at.
         """
         try:
             first, lifetime, hop_limit = _BASIC.unpack_from(packet)
@@ -154,7 +167,7 @@ class Receiver:
         try:
             next_header, header_type, traffic_class, length, max_hop_limit = _COMMON.unpack_from(packet, at)
             transport, size, source = _FORMS[header_type]
-            mac, latitude, longitude = _SOURCE.unpack_from(packet, at + source)
+            mac, timestamp, latitude, longitude = _SOURCE.unpack_from(packet, at + source)
         except struct.error:
             return Discard(Reason.TRUNCATED)
         except KeyError:
@@ -163,19 +176,25 @@ class Receiver:
         end = start + length
         if end > len(packet):
             return Discard(Reason.TRUNCATED)
-        if self._mac in (source_mac, mac):
+        is_own = self._mac in (source_mac, mac)
+        if is_own and self._own.has(packet[at:end]):
             return Discard(Reason.OWN_ECHO)
         if not 0 < hop_limit <= max_hop_limit:
             return Discard(Reason.GN_HOP_LIMIT)
-        area = None
+        area, is_first_hop, is_other = None, True, False
         if header_type != HeaderType.SHB:
             if header_type == HeaderType.BEACON:
-                return Heard(source_mac)
+                return Discard(Reason.OWN_ADDRESS) if is_own else Heard(source_mac)
             (sequence,) = _NUMBER.unpack_from(packet, at + _COMMON_SIZE)
-            if self._duplicates.seen(mac, sequence, now):
+            seen = self._duplicates.seen(mac, sequence, hash(packet[start:end]), now)
+            if seen is Seen.AGAIN:
                 return Discard(Reason.GN_DUPLICATE)
+            # Who passes a packet on takes 1 from its remaining hop limit, and sends it by an address of its own.
+            is_first_hop, is_other = hop_limit == max_hop_limit, seen is Seen.OTHER
             destination = self._destination(header_type, packet, at + source + _LONG_SIZE, ego)
             if destination is None and header_type == HeaderType.LS_REQUEST:
+                if is_own:
+                    return Discard(Reason.OWN_ADDRESS)
                 # A short position vector is the start of a long one (clauses 9.5.2, 9.5.3).
                 return Asked(source_mac, packet[at + source : at + source + _SHORT_SIZE])
             if isinstance(destination, Reason):
@@ -187,7 +206,15 @@ class Receiver:
             return Discard(Reason.TRUNCATED)
         (port,) = _NUMBER.unpack_from(packet, start)
         position = Position(latitude, longitude)
-        rx = RxInfo(port, None, 0, traffic_class, hop_limit, security, position, area, source_mac, transport)
+        doubts: tuple[Implausible, ...] = ()
+        is_off = ego.its_ms and _AHEAD < timestamp - ego.its_ms & _WRAP < _BEHIND
+        is_between = mac != source_mac and is_first_hop
+        if is_off or is_between or is_other or is_own:
+            found = (is_off, is_between, is_other, is_own)
+            doubts = tuple(one for one, is_so in zip(_DOUBTS, found, strict=True) if is_so)
+        rx = RxInfo(
+            port, None, 0, traffic_class, hop_limit, security, position, area, source_mac, transport, "", doubts
+        )
         return Received(packet[start + btp.SIZE : end], rx)
 
     def _destination(self, header_type: int, packet: bytes, at: int, ego: Ego) -> Area | Reason | None:

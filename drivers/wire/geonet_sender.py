@@ -9,6 +9,7 @@ from board.time import gn_timestamp
 from drivers.message import Area, Ego, Request, Shape
 from drivers.wire import btp
 from drivers.wire.geonet_header import BasicNext, CommonNext, HeaderType, lifetime_octet
+from drivers.wire.geonet_own import OwnPackets
 
 # Clause 9 and the defaults of Annex H.
 _LIFETIME = 6 << 2 | 2  # itsGnDefaultPacketLifetime, 60 s, as other stations code it: 6 x 10 s
@@ -38,6 +39,7 @@ class Sender:
     is_mobile          itsGnIsMobile: whether the station may move.
     is_mac_configured  whether mac was configured by hand.
     gn_version         protocol version: 1; 0 as in EN 302 636-4-1 V1.2.1, with the same headers.
+    own                is told of each packet; None: nobody asks.
     """
 
     def __init__(
@@ -48,7 +50,9 @@ class Sender:
         is_mobile: bool = True,
         is_mac_configured: bool = False,
         gn_version: int = 1,
+        own: OwnPackets | None = None,
     ) -> None:
+        self._own = own or OwnPackets()
         self._first = gn_version << 4 | BasicNext.COMMON
         self._single_hops: dict[float, bytes] = {}  # by lifetime: one for each that the table of types has
         self._beacon = self._head(_LIFETIME, 1, CommonNext.ANY, HeaderType.BEACON)
@@ -76,6 +80,7 @@ class Sender:
             hops = request.hop_limit
             raise RequestError(f"GeoNetworking: {error}; {request.area}, {hops} hops") from error
         self._sent_at = now
+        self._own.note(packet)
         return packet
 
     def deadline(self) -> float | None:
@@ -99,7 +104,9 @@ class Sender:
         if not self._is_due:
             return b""
         self._is_due = False
-        return _BEACON_OUT.pack(self._beacon, 0, self._flags, 0, 1, *self._position(ego))
+        beacon = _BEACON_OUT.pack(self._beacon, 0, self._flags, 0, 1, *self._position(ego))
+        self._own.note(beacon)
+        return beacon
 
     def answer(self, position: bytes, now: float, ego: Ego) -> bytes:
         """The Location Service reply to a station (clause 10.2.7); empty above ANSWERS_PER_S.
@@ -116,6 +123,7 @@ class Sender:
         own = self._position(ego)
         packet = _REPLY_OUT.pack(self._reply, 0, self._flags, 0, _HOP_LIMIT, self._sequence, *own, position)
         self._sequence = (self._sequence + 1) & 0xFFFF
+        self._own.note(packet)
         return packet
 
     def _head(self, lifetime: int, hop_limit: int, next_header: CommonNext, header_type: HeaderType) -> bytes:

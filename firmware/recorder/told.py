@@ -68,6 +68,8 @@ def comment_of(told: Told) -> str:
         parts.append(f"{what}: {said['reason']}: {said.get('meaning', '')}{detail}")
     if said.get("rssi_dbm") is not None:
         parts.append(f"{said['rssi_dbm']} dBm")
+    if said.get("implausible"):
+        parts.append(f"implausible: {said['implausible']}")
     if isinstance(said.get("queue_us"), int | float) and not told.is_dropped:
         parts.append(f"queued for {said['queue_us']} us, sent in {said.get('send_us')} us")
     if said.get("is_made_up"):

@@ -74,6 +74,32 @@ def test_a_row_that_names_no_type_is_a_mistake(folder: Path) -> None:
     assert said.startswith("policy[0].match.type: unknown type 'camm'")
 
 
+@pytest.mark.parametrize(
+    ("row", "said"),
+    [
+        ("", "policy[0].interfaces: not given for match.implausible"),
+        ('interfaces = ["g5"]', "policy[0].interfaces: not given for match.implausible"),
+        ("interfaces = []\nlifetime_s = 2.0", "policy[0].lifetime_s: says how a message leaves"),
+        ('interfaces = []\nfallback = ["g5"]', "policy[0].fallback: says how a message leaves"),
+    ],
+)
+def test_a_row_for_received_messages_says_whether_they_are_dropped_and_nothing_else(
+    folder: Path, row: str, said: str
+) -> None:
+    assert mistake(folder, f'{TWO_UDP}[[policy]]\nmatch.implausible = ["any"]\n{row}\n').startswith(said)
+
+
+@pytest.mark.parametrize("interfaces", ['["*"]', "[]"])
+def test_a_row_for_received_messages_may_drop_them_or_pass_them_on(folder: Path, interfaces: str) -> None:
+    loaded(folder, f'[[policy]]\nmatch.implausible = ["time", "own-address"]\ninterfaces = {interfaces}\n')
+
+
+def test_an_unknown_reason_to_doubt_a_message_is_a_mistake(folder: Path) -> None:
+    said = mistake(folder, '[[policy]]\nmatch.implausible = ["speed"]\ninterfaces = []\n')
+    assert said.startswith("policy[0].match.implausible[0]")
+    assert "own-address" in said
+
+
 def test_a_name_that_the_users_have_replaced_is_no_type_any_more(folder: Path) -> None:
     text = "[[types]]\nnumber = 2\nname = 'mycam'\n[[policy]]\nmatch = { type = ['cam'] }\n"
     assert "unknown type 'cam'" in mistake(folder, text)

@@ -28,6 +28,7 @@ from drivers.wire.geonet_packet import (
     encode,
     parse,
 )
+from tests.drivers.host import CAM, DENM, request
 from tests.drivers.wire.captured import FRAMES, HERE, INGOLSTADT, NEIGHBOUR, NOWHERE, OWN, SIGNED, UNSECURED, packet
 
 PDU = bytes.fromhex("02020000053900010203")
@@ -76,7 +77,8 @@ def received(octets, core=None, now=0.0, ego=HERE, source_mac=NEIGHBOUR):
 
 @pytest.mark.parametrize("name", UNSECURED)
 def test_an_unsecured_captured_frame_gives_its_pdu_and_what_its_headers_say(name):
-    event = received(packet(name), station(gn_versions=frozenset({0, 1})))
+    sender = FRAMES[name][6:12]
+    event = received(packet(name), station(gn_versions=frozenset({0, 1})), source_mac=sender)
     assert isinstance(event, Received)
     assert event.pdu == parse(packet(name)).payload[4:]
     assert event.rx == RxInfo(
@@ -84,7 +86,7 @@ def test_an_unsecured_captured_frame_gives_its_pdu_and_what_its_headers_say(name
         traffic_class=0,
         hop_limit=1,
         position=Position(487668616, 114320679),
-        source_mac=NEIGHBOUR,
+        source_mac=sender,
         transport="shb",
     )
 
@@ -155,7 +157,7 @@ def test_a_security_envelope_that_cannot_be_read_has_that_reason_whatever_the_po
 
 
 def test_a_single_hop_broadcast_is_received():
-    event = received(shb())
+    event = received(shb(), source_mac=SPEAKER)
     assert event == Received(
         PDU,
         RxInfo(
@@ -163,7 +165,7 @@ def test_a_single_hop_broadcast_is_received():
             traffic_class=2,
             hop_limit=1,
             position=Position(487668616, 114320679),
-            source_mac=NEIGHBOUR,
+            source_mac=SPEAKER,
             transport="shb",
         ),
     )
@@ -311,13 +313,22 @@ def test_a_lifetime_of_one_unit_is_received():
     assert isinstance(received(shb(lifetime=4)), Received)
 
 
-def test_a_frame_from_the_own_address_is_an_echo():
-    assert received(shb(), source_mac=OWN) == Discard(Reason.OWN_ECHO)
+def test_an_own_frame_that_comes_back_is_an_echo():
+    core = station()
+    assert received(core.encode(request(CAM), 0.0, HERE), core, source_mac=OWN) == Discard(Reason.OWN_ECHO)
 
 
 def test_an_own_packet_that_another_station_passed_on_is_an_echo():
-    ours = SOURCE._replace(address=Address(True, 0, 0, OWN))
-    assert received(gbc(source=ours)) == Discard(Reason.OWN_ECHO)
+    core = station()
+    wanted = request(DENM, area=Area(Shape.CIRCLE, INGOLSTADT, 500))._replace(hop_limit=10)
+    own = core.encode(wanted, 0.0, HERE)
+    passed_on = own[:3] + bytes((own[3] - 1,)) + own[4:]
+    assert received(passed_on, core) == received(own, core, source_mac=OWN) == Discard(Reason.OWN_ECHO)
+
+
+def test_a_padded_own_frame_is_an_echo():
+    core = station()
+    assert received(core.encode(request(CAM), 0.0, HERE) + bytes(9), core, source_mac=OWN) == Discard(Reason.OWN_ECHO)
 
 
 def test_what_the_core_sends_comes_back_as_its_echo():

@@ -93,6 +93,7 @@ receptions = st.builds(
     btp_port=st.none(),  # not in the message
     transport=st.just(""),
     source=st.just(""),
+    implausible=st.just(()),
     rssi_dbm=st.none() | st.integers(-32768, 32767).filter(bool),
     data_rate=unsigned(16),
     traffic_class=unsigned(8),

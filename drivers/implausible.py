@@ -1,0 +1,26 @@
+"""Implausible frames: the reasons, and their meaning in words.
+
+A frame with a reason is passed on with it: nothing that is sent without a signature can be trusted, and a test or a
+clock that is wrong looks the same as an attack. The policy says what is dropped.
+"""
+
+from enum import StrEnum
+
+
+class Implausible(StrEnum):
+    """A reason as indications, status and the policy have it; DOUBTS says it in words."""
+
+    POSITION = "position"
+    TIME = "time"
+    SOURCE = "source"
+    SEQUENCE = "sequence"
+    OWN_ADDRESS = "own-address"
+
+
+DOUBTS: dict[Implausible, str] = {
+    Implausible.POSITION: "a latitude beyond 90 or a longitude beyond 180 degrees, of the sender or its area",
+    Implausible.TIME: "its time is more than a minute ahead, or older than any packet lives",
+    Implausible.SOURCE: "the frame and the packet name two senders, and no other station has passed it on",
+    Implausible.SEQUENCE: "two different packets of one source have one sequence number",
+    Implausible.OWN_ADDRESS: "another station uses the address of this one",
+}

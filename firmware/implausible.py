@@ -1,0 +1,87 @@
+"""Implausible messages: checks that hold for every interface, and their counters."""
+
+import logging
+import time
+
+from drivers.implausible import DOUBTS, Implausible
+from drivers.message import Position, RxInfo
+from firmware.drops import SAMPLE, Drop
+
+# One step beyond the end of the world stands for an unknown place (TS 102 894-2 V2.4.1, Latitude and Longitude).
+MOST_LATITUDE, MOST_LONGITUDE = 900_000_001, 1_800_000_001
+AHEAD_MS = 60_000  # as drivers/wire/geonet_receiver.py allows timestamps
+
+# Of a DENM: detectionTime and referenceTime, TimestampIts of 42 bits, from bit 105 of the PDU on. In front of them are
+# header, presence bits and actionID, in all editions alike (EN 302 637-3 V1.3.1, TS 103 831 V2.2.1, V2.3.1).
+DENM = 1
+_DENM_VERSIONS = frozenset({1, 2})
+_FIRST, _END, _BEHIND = 13, 24, 3  # octets that hold them, and the bits behind them
+_TIME_BITS = 42
+_TIME = (1 << _TIME_BITS) - 1
+
+log = logging.getLogger("captain.implausible")
+
+
+def is_outside(place: Position) -> bool:
+    """Whether no such place exists."""
+    latitude, longitude = place
+    return not (-MOST_LATITUDE < latitude <= MOST_LATITUDE and -MOST_LONGITUDE < longitude <= MOST_LONGITUDE)
+
+
+def is_denm_ahead(pdu: bytes, its_ms: int) -> bool:
+    """Whether a DENM tells of something that is to happen yet.
+
+    its_ms  own ITS time; 0: not known, and nothing is ahead of it.
+    """
+    if not its_ms or len(pdu) < _END or pdu[0] not in _DENM_VERSIONS:
+        return False
+    times = int.from_bytes(pdu[_FIRST:_END]) >> _BEHIND
+    return max(times >> _TIME_BITS & _TIME, times & _TIME) > its_ms + AHEAD_MS
+
+
+def doubted(rx: RxInfo, is_ahead: bool) -> RxInfo:
+    """The same with what is to be doubted of place and time, beside what the interface doubts."""
+    reasons = rx.implausible
+    if is_outside(rx.position) or (rx.area is not None and is_outside(rx.area.centre)):
+        reasons = (Implausible.POSITION, *reasons)
+    if is_ahead and Implausible.TIME not in reasons:
+        reasons = (*reasons, Implausible.TIME)
+    return rx if reasons is rx.implausible else rx._replace(implausible=reasons)
+
+
+class Doubts:
+    """Counters of one interface by reason, with the last sample. Bounded: reasons are an enumeration."""
+
+    def __init__(self, interface: str) -> None:
+        self._interface = interface
+        self._doubts: dict[Implausible, Drop] = {}
+
+    def count(self, rx: RxInfo, pdu: bytes) -> None:
+        """Count a message for each of its reasons."""
+        for reason in rx.implausible:
+            doubt = self._doubts.get(reason)
+            if doubt is None:
+                doubt = self._doubts[reason] = Drop()
+            doubt.count += 1
+            doubt.time = time.time()
+            doubt.sample, doubt.octets = pdu[:SAMPLE], len(pdu)
+            doubt.detail = rx.source_mac.hex(":")
+            # As drops: the first, the tenth, the hundredth ...
+            if doubt.count == 10 ** (len(str(doubt.count)) - 1):
+                what = f"{DOUBTS[reason]}; the last from {doubt.detail}"
+                log.warning("%s: %s: %d implausible: %s", self._interface, reason, doubt.count, what)
+
+    def status(self) -> list[dict[str, object]]:
+        """A row for each reason, as in the status message."""
+        return [
+            {
+                "reason": str(reason),
+                "meaning": DOUBTS[reason],
+                "count": doubt.count,
+                "time": doubt.time,
+                "octets": doubt.octets,
+                "sample": doubt.sample.hex(),
+                "source": doubt.detail,
+            }
+            for reason, doubt in self._doubts.items()
+        ]
