@@ -10,7 +10,7 @@ from firmware.codec.reading import Pdu
 from firmware.user.listening import Listening
 from firmware.user.received import Message
 from firmware.user.table import Screen, Table
-from firmware.user.tally import HEADS, Row, Tally, cells
+from firmware.user.tally import HEADS, Row, Tally, cells, doubt
 
 SAYS = "says"
 # In the place of the sizes: both do not fit a terminal of 80 columns.
@@ -56,7 +56,8 @@ class Live:
         if not (self._screen.is_terminal or is_last):
             rows = [row for row in rows if row.last >= self._marked]
         if self._decoder is None:
-            table = Table(self._title(now), HEADS, [cells(row, now) for row in rows])
+            doubts = [f"{_whose(row)}: {doubt(row)}" for row in rows if row.implausible][:TOLD_IN_FULL]
+            table = Table(self._title(now), HEADS, [cells(row, now) for row in rows], doubts)
         else:
             decoder = self._decoder
             notes = list(_notes([row for row in rows if row.bad], decoder))
@@ -79,7 +80,8 @@ class Live:
 
 def _cells(row: Row, now: float, decoder: Decoder) -> tuple[str, ...]:
     usual = cells(row, now)
-    return (*usual[:SIZES], *usual[SIZES + 1 :], _says(row, decoder))
+    said = "  ".join(filter(None, (doubt(row), _says(row, decoder))))
+    return (*usual[:SIZES], *usual[SIZES + 1 :], said)
 
 
 def _says(row: Row, decoder: Decoder) -> str:
@@ -99,10 +101,14 @@ def _says(row: Row, decoder: Decoder) -> str:
     return f"{bad}: {found.why if found.nearest is None else found.nearest}"
 
 
+def _whose(row: Row) -> str:
+    return f"{row.type or '(no name)'} of station {row.station}"
+
+
 def _notes(rows: Sequence[Row], decoder: Decoder) -> Iterator[str]:
     """The last undecodable message of each row, and its likeliest cause."""
     for row in [row for row in rows if row.bad_pdu][:TOLD_IN_FULL]:
-        origin = f"{row.type or '(no name)'} of station {row.station}"
+        origin = _whose(row)
         try:
             decoder.identify(Pdu(row.bad_pdu, origin), is_quick=True)
         except UndecodableError as error:

@@ -16,6 +16,7 @@ from firmware.codec.reading import Pdu
 from firmware.printable import clean
 from firmware.user import client
 from firmware.user.arguments import add_station, address
+from firmware.user.doubts import Doubts
 from firmware.user.listening import Listening, add_wish, wish_of
 from firmware.user.received import Message
 from firmware.user.table import Screen, width_of
@@ -26,7 +27,8 @@ station (stationID of the ITS PDU header): how many messages, how many a
 second, the last signal strength where the interface knows it, how long ago the
 last one came, and what it says: position in degrees, speed, heading; the cause
 of a DENM; how many objects or intersections. What does not decode begins with
-`!` and the reason.
+`!` and the reason. `! 3 implausible: time` counts what the station has marked
+(README, "Implausible messages"), with the reasons of the last one.
 
 On a terminal the table stays in place; elsewhere the stations heard in the
 last second are printed every second, and all of them at the end. At most 256 rows are kept: those silent
@@ -56,6 +58,8 @@ JSON, one object a line:
   received (Unix time in s), rssi_dbm, data_rate (500 kbit/s), traffic_class,
   hop_limit, source_mac, security, latitude, longitude (degrees)
         of the interface, as RawRxMessage has them; absent without one
+  implausible
+        reasons of the station to doubt it; absent without one
   edition, message, warning and others where the values may be wrong
         with --decode; `captain encode` takes them
   edition, fields (path: value with unit)
@@ -102,8 +106,9 @@ def main(arguments: argparse.Namespace) -> int:
         # A messageID has whatever name the station gives it.
         types = [f"v2x.{kind}." if isinstance(kind, str) else "v2x." for kind in arguments.type]
         topics = ["hb.", "raw.", *types] if types else [""]
+        doubts = Doubts(context, place)
         subscriber = client.subscribe(context, place, place.to_users, *topics)
-        listening = Listening(subscriber, place, wish_of(arguments))
+        listening = Listening(subscriber, place, wish_of(arguments), doubts)
         if show is None:
             _show_table(listening, None if arguments.headers else _decoder())
         else:
@@ -185,6 +190,8 @@ def described(message: Message) -> dict[str, object]:
             "latitude": rx.position.latitude / 1e7,
             "longitude": rx.position.longitude / 1e7,
         }
+    if message.implausible:
+        found["implausible"] = message.implausible
     return found | {"hex": pdu.hex()}
 
 
@@ -205,7 +212,7 @@ def _decoded(message: Message, decoder: Decoder, names: list[str] | None) -> str
 def _full(message: Message, decoder: Decoder) -> str:
     pdu = _pdu(message)
     try:
-        return showing.tree(pdu, decoder.identify(pdu), width_of(sys.stdout))
+        return _doubt(message, "\n") + showing.tree(pdu, decoder.identify(pdu), width_of(sys.stdout))
     except UndecodableError as error:
         return _refused(error) + "\n"
 
@@ -219,8 +226,13 @@ def _line(message: Message, decoder: Decoder, names: list[str]) -> str:
     values = fields.brief(fields.chosen(found.message.explain(pdu.octets), names), names)
     told = [f"{path}={value}" for path, value in values.items()] or ["it has none of these"]
     told += [f"(warning: {found.doubt})"] if found.doubt else []
+    told += [_doubt(message)] if message.implausible else []
     form = f", {found.message.name}" if found.message.form_of else ""
     return clean(f"{pdu.origin}{form}: {'  '.join(told)}")
+
+
+def _doubt(message: Message, end: str = "") -> str:
+    return f"! implausible: {', '.join(message.implausible)}{end}" if message.implausible else ""
 
 
 def _refused(error: UndecodableError) -> str:

@@ -2,12 +2,13 @@
 
 import argparse
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import NamedTuple
 
 from board.errors import StationError
 from firmware.user import client
 from firmware.user.arguments import integer, message_type, seconds, times
+from firmware.user.doubts import Doubts
 from firmware.user.received import Message, Pairing
 
 # A glance at a table tells no more; each costs the drawing of it.
@@ -64,9 +65,13 @@ class Listening:
     messages() calls `idle` at least every REDRAW_S, so that a table can be drawn while nothing comes.
 
     on_heard  is told of the first message of any kind, a heartbeat among them.
+    doubts    marks messages that are implausible; None: they are not marked.
     """
 
-    def __init__(self, subscriber: client.Socket, place: client.Address, wish: Wish) -> None:
+    def __init__(
+        self, subscriber: client.Socket, place: client.Address, wish: Wish, doubts: Doubts | None = None
+    ) -> None:
+        self._doubts = doubts
         self.pairing = Pairing()
         self.on_heard: Callable[[], None] = lambda: None
         self.place = place
@@ -81,14 +86,14 @@ class Listening:
         while self._end is None or time.monotonic() < self._end:
             until = wake if self._end is None else min(wake, self._end)
             self._subscriber.poll(max(0, round((until - time.monotonic()) * 1000)) + 1)
-            for frames in client.waiting(self._subscriber):
+            for frames in self._waiting():
                 if self.heard == self.started:
                     self.on_heard()
                 self.heard = time.monotonic()
                 message = self.pairing.feed(frames)
                 if message is None or not self._is_wanted(message):
                     continue
-                yield message
+                yield message if self._doubts is None else self._doubts.marked(message)
                 count += 1
                 if count == self._wish.most:
                     return
@@ -96,6 +101,15 @@ class Listening:
                 self._check()
                 idle()
                 wake = time.monotonic() + REDRAW_S
+
+    def _waiting(self) -> Iterable[list[bytes]]:
+        """What has come, and what the station says of it."""
+        if self._doubts is None:
+            return client.waiting(self._subscriber)
+        frames = list(client.waiting(self._subscriber))
+        if any(one[0].startswith(b"v2x.") for one in frames):
+            self._doubts.look()
+        return frames
 
     def _is_wanted(self, message: Message) -> bool:
         types, stations = self._wish.types, self._wish.stations

@@ -8,11 +8,15 @@ from drivers.wire import raw
 
 
 class Message(NamedTuple):
-    """A PDU as the station gave it to its users; raw is None where its `raw.` message is missing."""
+    """A PDU as the station gave it to its users; raw is None where its `raw.` message is missing.
+
+    implausible  reasons to doubt it, as the station's report port has them.
+    """
 
     type: str
     pdu: bytes
     raw: raw.RawRx | None
+    implausible: tuple[str, ...] = ()
 
     @property
     def message_id(self) -> int | None:

@@ -17,6 +17,7 @@ class Row:
 
     pdu  the last one.
     bad  how many of them do not decode; bad_pdu is the last of those.
+    implausible  how many the station has marked; reasons are those of the last.
     """
 
     __slots__ = (
@@ -24,9 +25,11 @@ class Row:
         "bad",
         "bad_pdu",
         "count",
+        "implausible",
         "last",
         "longest",
         "pdu",
+        "reasons",
         "rssi_dbm",
         "shortest",
         "station",
@@ -44,6 +47,8 @@ class Row:
         self.pdu = b""
         self.bad = 0
         self.bad_pdu = b""
+        self.implausible = 0
+        self.reasons: tuple[str, ...] = ()
         self._marks: deque[tuple[float, int]] = deque(maxlen=MARKS)
 
     def add(self, message: Message, now: float, is_bad: bool) -> None:
@@ -51,6 +56,9 @@ class Row:
         if is_bad:
             self.bad += 1
             self.bad_pdu = message.pdu
+        if message.implausible:
+            self.implausible += 1
+            self.reasons = message.implausible
         octets = len(message.pdu)
         self.shortest = min(self.shortest, octets) if self.count else octets
         self.longest = max(self.longest, octets)
@@ -65,6 +73,8 @@ class Row:
         self.longest = max(self.longest, row.longest)
         self.count += row.count
         self.bad += row.bad
+        self.implausible += row.implausible
+        self.reasons = row.reasons or self.reasons
         self.last = max(self.last, row.last)
 
     def mark(self, now: float) -> None:
@@ -123,6 +133,11 @@ class Tally:
             if row.count:
                 rest.fold(row)
         return [*shown, rest]
+
+
+def doubt(row: Row) -> str:
+    """How many messages of a row are implausible, and why the last one is; empty for none."""
+    return f"! {row.implausible} implausible: {', '.join(row.reasons)}" if row.implausible else ""
 
 
 HEADS = ("type", ">station", ">count", ">per s", ">octets", ">rssi dBm", ">ago")

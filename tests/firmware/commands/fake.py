@@ -57,7 +57,8 @@ class FakeStation:
     """Four sockets on free ports, served by a thread.
 
     received  what it publishes to users as soon as one has subscribed to `v2x.` or to everything.
-    reports   what it publishes on its report port when one has subscribed to `status.`, after a status.
+    reports   what it publishes on its report port when one has subscribed to `status.`, after a status, or to
+              `implausible.`.
     answer    the confirms about a request.
     requests  what came to PULL.
     """
@@ -101,10 +102,17 @@ class FakeStation:
                 return
             if self._to_users in ready and self._to_users.recv()[:5] in (b"\1", b"\1v2x.") and not self.is_silent:
                 self._publish(self._to_users, [(b"hb.counter", b'{"heartbeat_counter": 0}'), *self._received])
-            if self._report in ready and self._report.recv() == b"\1status.":
-                self._publish(self._report, [(b"status.", json.dumps(STATUS).encode()), *self._reports])
+            if self._report in ready:
+                self._tell(self._report.recv())
             if self._pull in ready:
                 self._request(self._pull.recv_multipart())
+
+    def _tell(self, wish: bytes) -> None:
+        """To who subscribes to `status.`: a status and the reports; to `implausible.`: the reports."""
+        if wish == b"\1status.":
+            self._publish(self._report, [(b"status.", json.dumps(STATUS).encode()), *self._reports])
+        elif wish == b"\1implausible.":
+            self._publish(self._report, self._reports)
 
     def _request(self, frames: list[bytes]) -> None:
         self.requests.append(frames)
