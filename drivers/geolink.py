@@ -71,7 +71,7 @@ class GeoLink:
         elif isinstance(event, Asked):
             self._answer(event, octets)
         else:
-            host.drop(event.reason, octets)
+            host.drop(event.reason, octets, detail=event.detail)
 
     def encode(self, request: Request) -> bytes:
         """The frame of a request: a single hop broadcast, or a GeoBroadcast when it has an area."""

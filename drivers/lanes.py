@@ -93,7 +93,7 @@ def in_packet(lanes: Lanes, start: int = 0) -> Program:
     """The lane of a PDU in a GeoNetworking packet that has `start` octets before it."""
     return [
         *_if_longer(start + BASIC + COMMON, lanes),
-        *_skip_security_envelope(start),
+        *_skip_security_envelope(start, lanes),
         *_skip_extended_header(start, lanes),
         *_if_longer_than_x(BTP + MESSAGE_ID, lanes),
         Instruction(LOAD_OCTET_X, k=BTP + MESSAGE_ID),
@@ -154,17 +154,21 @@ def _if_longer_than_x(octets: int, lanes: Lanes) -> Program:
     ]
 
 
-def _skip_security_envelope(start: int) -> Program:
+def _skip_security_envelope(start: int, lanes: Lanes) -> Program:
     """X becomes what stands between the basic and the common header: nothing, or the start of an envelope.
 
     The envelope of TS 103 097 V1.3.1 starts with 03 81 00 40 03 80 and a COER length of one octet, or of 1 + n
-    octets where the first is 0x80 + n (Rec. ITU-T X.696, clause 8.6).
+    octets where the first is 0x80 + n (Rec. ITU-T X.696, clause 8.6). That of V1.2.1, which starts with 02, has its
+    header fields before the payload: it is rare, and the last lane is good enough.
     """
     return [
         Instruction(SET_X),
         Instruction(LOAD_OCTET, k=start),
         Instruction(AND, k=0x0F),
-        Instruction(EQUAL, 0, 6, 2),  # next header of the basic header: 1 common header, 2 secured packet
+        Instruction(EQUAL, 0, 9, 2),  # next header of the basic header: 1 common header, 2 secured packet
+        Instruction(LOAD_OCTET, k=start + BASIC),
+        Instruction(EQUAL, 1, 0, 3),
+        _last(lanes),
         Instruction(LOAD_OCTET, k=start + BASIC + 6),
         Instruction(AT_LEAST, 1, 0, 0x80),
         Instruction(AND),  # a length below 128 is in its first octet: n is 0

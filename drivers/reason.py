@@ -97,7 +97,7 @@ MEANING: dict[Reason, str] = {
     Reason.OWN_ADDRESS: "a beacon or request of another station with this station's address; give one of them another",
     Reason.IMPLAUSIBLE: "it is implausible, and a row of the policy says that such messages are dropped",
     Reason.SECURED: "it is signed, signatures are not verified yet, and reception.unverified is drop",
-    Reason.SECURED_FORMAT: "its security envelope cannot be read: not signed data, or encrypted",
+    Reason.SECURED_FORMAT: "its security envelope is encrypted or cannot be read",
     Reason.BTP_PORT: "its BTP port carries no known type of message; add a row [[types]] to captain.toml",
     Reason.FRAMING: "octets between two frames on a serial line, or a frame of impossible length",
     Reason.CHECKSUM: "the frame's checksum does not match",

@@ -72,9 +72,10 @@ class Asked(NamedTuple):
 
 
 class Discard(NamedTuple):
-    """Nothing came that a user would want."""
+    """Nothing came that a user would want. detail: the cause of this one, if more is known than the reason."""
 
     reason: Reason
+    detail: str = ""
 
 
 class _Form(NamedTuple):
@@ -146,8 +147,8 @@ class Receiver:
         """The common header and all that follows are the signed payload; the basic header is not signed."""
         try:
             payload, its_aid, ssp = unwrap(packet[_BASIC_SIZE:])
-        except ProtocolError:
-            return Discard(Reason.SECURED_FORMAT)
+        except ProtocolError as error:
+            return Discard(Reason.SECURED_FORMAT, error.message)
         if not self._deliver_unverified:
             return Discard(Reason.SECURED)
         security = Security(SecurityStatus.UNVERIFIABLE_PKT, its_aid, ssp)

@@ -1,13 +1,14 @@
-"""What is inside a secured GeoNetworking packet: IEEE 1609.2 signed data in the profile of ETSI TS 103 097.
+"""Envelope of a secured GeoNetworking packet: IEEE 1609.2 signed data in the profile of ETSI TS 103 097.
 
-V1.3.1 and V2.1.1 of the profile have the same octets here. Nothing is verified, nothing decrypted. The whole
-value is walked over to its end, so that one that was cut off is known.
+V1.3.1 and V2.1.1 of the profile have the same octets here; security_v2.py has the envelope of V1.2.1. Nothing is
+verified, nothing decrypted. The whole value is walked over to its end, so that a truncated one is known.
 """
 
 from typing import NamedTuple
 
 from board.errors import ProtocolError
 from drivers.wire.oer import Field, Sequence, choice, content, counted, elements, fixed, sequence_of
+from drivers.wire.security_v2 import unwrap_v2
 
 MAX_SSP = 32  # octets that RxSecurity can hold
 
@@ -105,14 +106,16 @@ _SIGNED = Sequence(
     Field("signature", _SIGNATURE),
 )
 
-_SIGNED_DATA = b"\x03\x81"  # protocolVersion 3, signedData
+_V2, _V3 = 2, 3  # protocol version, the first octet of either envelope
+_SIGNED_DATA = 0x81  # Ieee1609Dot2Content
+_CONTENT = {0x80: "unsecured data", 0x82: "encrypted data", 0x83: "signed certificate request"}
 
 
 class Unwrapped(NamedTuple):
     """What a signed packet holds.
 
     payload  the octets that were signed: common header, extended header and what follows.
-    its_aid  the psid of the header.
+    its_aid  the psid of the header; 0 where version 2 has none.
     ssp      what the signer's certificate permits for this its_aid; empty with a digest, or beyond 32 octets.
     """
 
@@ -122,26 +125,31 @@ class Unwrapped(NamedTuple):
 
 
 def unwrap(octets: bytes) -> Unwrapped:
-    """Open an Ieee1609Dot2Data that follows a basic header; octets behind it are left out.
+    """Open the envelope that follows a basic header; octets behind it are left out.
 
-    Raises ProtocolError when it is not signed data of version 3 with its payload inside, or is cut off.
-    Source: IEEE 1609.2-2022 clause 6.3, ETSI TS 103 097 V2.1.1 clause 5.2.
+    Raises ProtocolError when it does not hold signed data with its payload inside, or is truncated.
+    Source: IEEE 1609.2-2022 clause 6.3, ETSI TS 103 097 V2.1.1 clause 5.2; V1.2.1 for version 2.
     """
     try:
-        return _unwrap(octets)
+        if octets[0] != _V2:
+            return _unwrap_v3(octets)
+        payload, its_aid, ssp = unwrap_v2(octets)
     except IndexError as error:
-        raise ProtocolError(f"security: signed data is cut off after {len(octets)} octets") from error
+        raise ProtocolError(f"security: truncated after {len(octets)} octets") from error
+    return Unwrapped(payload, its_aid, ssp if len(ssp) <= MAX_SSP else b"")
 
 
-def _unwrap(octets: bytes) -> Unwrapped:
-    if octets[:2] != _SIGNED_DATA:
-        raise ProtocolError(f"security: {octets[:2].hex()} begins no signed data of version 3")
+def _unwrap_v3(octets: bytes) -> Unwrapped:
+    if octets[0] != _V3:
+        raise ProtocolError(f"security: unknown version of the envelope: {octets[0]}")
+    if octets[1] != _SIGNED_DATA:
+        raise ProtocolError(f"security: {_CONTENT.get(octets[1], 'unknown content')} ({octets[1]:#04x})")
     signed = _SIGNED.places(octets, 2)
     if signed["end"] > len(octets):
-        raise ProtocolError(f"security: signed data is cut off after {len(octets)} octets")
+        raise ProtocolError(f"security: truncated after {len(octets)} octets")
     data = _PAYLOAD.places(octets, signed["payload"]).get("data")
     if data is None:
-        raise ProtocolError("security: the signed data is elsewhere, only its hash is here")
+        raise ProtocolError("security: external payload, of which the envelope has the hash only")
     its_aid = int.from_bytes(content(octets, signed["header"] + 1))  # one octet of preamble
     return Unwrapped(content(octets, data + 2), its_aid, _ssp(octets, signed["signer"], its_aid))
 

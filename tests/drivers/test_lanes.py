@@ -137,6 +137,13 @@ def _signed(payload):
     return frame[:14] + b"\x12" + frame[15:18] + bytes.fromhex("038100400380") + length + payload
 
 
+def test_an_envelope_of_version_2_is_in_the_last_lane(frames, packets):
+    frame = _signed(with_message(FRAMES["cam-shb"], 1)[18:])
+    assert frames.lane(frame) == DENM_LANE
+    old = frame[:18] + b"\x02" + frame[19:]
+    assert (frames.lane(old), packets.lane(old[14:])) == (LAST, LAST)
+
+
 @pytest.mark.parametrize("size", [60, 127, 128, 300, 1400])
 def test_the_length_of_a_signed_payload_does_not_matter(frames, size):
     payload = with_message(FRAMES["cam-shb"], 4)[18:]

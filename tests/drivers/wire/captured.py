@@ -56,6 +56,9 @@ def _leaves(tree: dict[str, object]) -> dict[str, str]:
     for name, value in tree.items():
         if isinstance(value, dict):
             found |= _leaves(value)
+        elif isinstance(value, list):
+            for one in value:
+                found |= _leaves(one) if isinstance(one, dict) else {}
         elif name.startswith(("geonw.", "btpa.", "btpb.", "_ws.")):
             found[name] = str(value)
     return found

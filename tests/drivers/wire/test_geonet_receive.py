@@ -121,7 +121,8 @@ def test_a_captured_frame_cut_off_at_any_octet_is_discarded(name):
     whole = packet(name)
     for cut in range(len(whole)):
         event = received(whole[:cut], core)
-        assert event in (Discard(Reason.TRUNCATED), Discard(Reason.SECURED_FORMAT)), cut
+        assert isinstance(event, Discard)
+        assert event.reason in (Reason.TRUNCATED, Reason.SECURED_FORMAT), cut
     assert isinstance(received(whole, core), Received)
 
 
@@ -150,7 +151,8 @@ def test_the_rules_hold_inside_signed_packets():
 def test_a_security_envelope_that_cannot_be_read_has_that_reason_whatever_the_policy():
     for allowed in (False, True):
         encrypted = bytes.fromhex("12001a01 0382") + bytes(100)
-        assert received(encrypted, station(deliver_unverified=allowed)) == Discard(Reason.SECURED_FORMAT)
+        found = received(encrypted, station(deliver_unverified=allowed))
+        assert found == Discard(Reason.SECURED_FORMAT, "security: encrypted data (0x82)")
 
 
 # --- header types ---
