@@ -34,6 +34,7 @@ GPS_LEAD = EPOCH - GPS_EPOCH + GPS_LEAPS  # 756 950 413
 TAI_LEAD = EPOCH + 32  # 1 072 915 232
 
 _MAX_ITS_MS = 2**42 - 1  # TimestampIts is INTEGER (0..4398046511103)
+ITS_END = 2**42 // 1000 + EPOCH - 100  # Unix time, in 2143, from which on ITS time has no number; leap seconds left out
 
 
 def leap_seconds(utc_s: float) -> int:
@@ -59,6 +60,11 @@ def its_time_ms(utc_s: float, leap_seconds: int) -> int:
     if not 0 <= its_ms <= _MAX_ITS_MS:
         raise RequestError(f"Unix time {utc_s} has no ITS time: that begins in 2004 and ends in 2143")
     return its_ms
+
+
+def nearest_its_time_ms(utc_s: float, leap_seconds: int) -> int:
+    """As its_time_ms(), but the first or the last ITS time for a moment that has none: a clock may show any."""
+    return its_time_ms(min(max(utc_s, EPOCH), ITS_END), leap_seconds)
 
 
 def utc_s(its_ms: int, leap_seconds: int) -> float:

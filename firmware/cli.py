@@ -5,6 +5,7 @@ import errno
 import io
 import os
 import re
+import resource
 import sys
 from contextlib import redirect_stderr, redirect_stdout
 from types import ModuleType
@@ -47,6 +48,8 @@ VERBS = {
 }
 USAGE_ERROR = 2
 OUTPUT_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+NO_DESCRIPTOR = (errno.EMFILE, errno.ENFILE)
+ENOUGH = "run `ulimit -n 1024` before it, or set LimitNOFILE=1024 in its unit"
 # Their exit status is a verdict over all that they look at: they go on though nobody reads what they say.
 JUDGES = frozenset({"doctor", "selftest", "lab"})
 # What begins like a negative number is a value, and no option: argparse knows whole values only, and not "-20.5,100".
@@ -224,6 +227,13 @@ def _run(argv: list[str]) -> int:
         return USAGE_ERROR if isinstance(error, UsageError) else 1
     except KeyboardInterrupt:
         return INTERRUPTED
+    except Exception as error:  # OSError, and that of ZeroMQ
+        if getattr(error, "errno", None) not in NO_DESCRIPTOR:
+            raise
+        most = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
+        told = StationError(f"out of file descriptors: this process may have {most}", ENOUGH)
+        _tell(told, getattr(options, "json", False))
+        return 1
 
 
 class _Unheard(io.TextIOBase):

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from board.errors import InterfaceError
-from board.time import EPOCH
+from board.time import EPOCH, ITS_END
 from pps.kernel_clock import kernel_clock
 
 # The early boot of the image writes it where it has made the time up, of the build's date or of the last one that was
@@ -35,7 +35,7 @@ class ClockSet:
     def __call__(self) -> bool:
         if self._is_made_up and self._is_steered():
             self._is_made_up = False
-        return not self._is_made_up and time.time() >= EPOCH
+        return not self._is_made_up and EPOCH <= time.time() < ITS_END
 
 
 def is_clock_set() -> bool:

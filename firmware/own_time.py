@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, NamedTuple
 
-from board.time import EPOCH, GPS_LEAD, TAI_LEAD, Fix, TimeMark, leap_seconds
+from board.time import EPOCH, GPS_LEAD, ITS_END, TAI_LEAD, Fix, TimeMark, leap_seconds
 
 if TYPE_CHECKING:
     from board.leaps import Leaps
@@ -12,7 +12,6 @@ if TYPE_CHECKING:
 # The monotonic clock of a board is wrong by 50 ppm: 0.2 s after an hour. Then the system's clock is the better one,
 # where it is set at all.
 HOLDOVER_S = 3600.0
-END = 2**42 // 1000 + EPOCH - 100  # ITS time has no number for what is later, in 2143
 WEEK_MS = 604_800_000  # after which a time of week begins again
 # A receiver's message of an epoch comes this much after it, ms; the slowest at 38,400 baud in 0.5 s.
 LATEST_MS = 900
@@ -80,7 +79,7 @@ class OwnTime:
         if self._sure is not None and is_fresh and not self.is_system_good:
             return self._sure.at(monotonic)
         system_s = time.time() - (now - monotonic)
-        if EPOCH <= system_s < END and self.is_system_set():
+        if EPOCH <= system_s < ITS_END and self.is_system_set():
             return round(self._its_s(system_s) * 1000)
         known = self._sure or self._unsure
         return None if known is None else known.at(monotonic)
@@ -99,7 +98,7 @@ class OwnTime:
 
     def told(self, fix: Fix) -> Told | None:
         """ITS time of an epoch as its receiver says it, at the moment of the monotonic clock when it came."""
-        if fix.utc_ns is None or not EPOCH <= fix.utc_ns / 1e9 < END:
+        if fix.utc_ns is None or not EPOCH <= fix.utc_ns / 1e9 < ITS_END:
             return None
         return self._by_week(fix) or Told(self._its_ns(fix.utc_ns) / 1e6, fix.monotonic)
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from board.errors import RequestError
 from board.loop import Loop
-from board.time import TimeQuality
+from board.time import ITS_END, TimeQuality
 from drivers.contract import Answer, Can, Parting, Witness
 from drivers.reason import Reason
 from firmware import bearers
@@ -141,8 +141,10 @@ class Station:
         if not self._interfaces:
             log.warning("no interface is configured: nothing is sent or received; see [interfaces.<name>]")
         if not self._is_clock_set():
-            now = time.strftime("%Y-%m-%d %H:%M:%S", time.gmtime())
-            log.warning("the clock is not set (it says %s): own position counts as unknown, V2N waits", now)
+            now_s = time.time()
+            now = time.strftime("%Y-%m-%d %H:%M:%S", time.gmtime(now_s))
+            what = "is not set" if now_s < ITS_END else "is beyond ITS time, which ends in 2143"
+            log.warning("the clock %s (it says %s): own position counts as unknown, V2N waits", what, now)
         self._notice.send(f"READY=1\nSTATUS=routing over {len(self._interfaces)} interfaces")
         self._notice.watch(self.loop)
 

@@ -14,7 +14,7 @@ from board.describe import Range
 from board.errors import InterfaceError
 from board.free_udp import free_udp
 from board.loop import Loop, Timer
-from board.time import EPOCH, its_time_ms, leap_seconds
+from board.time import leap_seconds, nearest_its_time_ms
 from drivers.message import ITS_HEADER, Area, Ego, MessageType, Position, Request, Shape
 from drivers.sim.messages import cam, denm
 from drivers.wire import frame
@@ -220,5 +220,5 @@ class Neighbours:
         self.missed += 1
 
     def _its_ms(self) -> int:
-        utc_s = max(self._wall(), EPOCH)  # a clock that was never set: ITS time begins in 2004
-        return its_time_ms(utc_s, leap_seconds(utc_s))
+        utc_s = self._wall()  # a clock that was never set, or is set beyond 2143, has no ITS time
+        return nearest_its_time_ms(utc_s, leap_seconds(utc_s))

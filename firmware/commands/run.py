@@ -2,9 +2,11 @@
 
 import argparse
 import logging
+import resource
 import signal
 import sys
 
+from board.errors import StationError
 from board.loop import Loop
 from board.signals import Signals
 from firmware import config
@@ -35,6 +37,9 @@ exit codes:
   2    wrong usage
 """
 
+LEAST_DESCRIPTORS = 64  # on the simulated board 30; each user takes one more
+ENOUGH = "run `ulimit -n 1024` before it, or set LimitNOFILE=1024 in its unit"
+
 
 class Prefixed(logging.Formatter):
     """Each line with who says it: several mistakes of a file are as many lines, and one may be searched for."""
@@ -53,6 +58,7 @@ def main(arguments: argparse.Namespace) -> int:
     journal.setFormatter(Prefixed())
     logging.basicConfig(level=arguments.log.upper(), handlers=[journal])
 
+    _check_descriptors()
     source = config.Source(arguments.config, tuple(arguments.overrides), arguments.board, arguments.defaults)
     wanted = source.load()
     loop = Loop()
@@ -77,3 +83,10 @@ def main(arguments: argparse.Namespace) -> int:
         for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
             signal.signal(number, signal.SIG_IGN)
     return 0
+
+
+def _check_descriptors() -> None:
+    """Raises StationError where they are too few: below ten libzmq aborts, above that some part fails late."""
+    most = resource.getrlimit(resource.RLIMIT_NOFILE)[1]
+    if 0 <= most < LEAST_DESCRIPTORS:  # RLIM_INFINITY is -1
+        raise StationError(f"file descriptors: {most} are too few; a station needs {LEAST_DESCRIPTORS}", ENOUGH)

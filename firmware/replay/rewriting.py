@@ -10,7 +10,7 @@ from math import cos, radians
 from typing import NamedTuple
 
 from board.errors import ProtocolError, RequestError
-from board.time import EPOCH, its_time_ms, leap_seconds
+from board.time import leap_seconds, nearest_its_time_ms
 from drivers.sim.track import METRES
 from drivers.wire import frame as ethernet
 from drivers.wire import geonet_packet
@@ -144,8 +144,8 @@ def _late_ms(one: Pdu, steps: Sequence[Step], now_ns: int) -> int:
 
 
 def _its_ms(unix_ns: int) -> int:
-    utc_s = max(unix_ns / 1e9, EPOCH)
-    return its_time_ms(utc_s, leap_seconds(utc_s))
+    utc_s = unix_ns / 1e9
+    return nearest_its_time_ms(utc_s, leap_seconds(utc_s))
 
 
 def _times(octets: _Bits, steps: Sequence[Step], late_ms: int) -> None:

@@ -10,7 +10,7 @@ from itertools import count, islice
 from random import Random
 from typing import Protocol, TypeAlias
 
-from board.time import EPOCH, its_time_ms, leap_seconds
+from board.time import leap_seconds, nearest_its_time_ms
 from drivers.message import Area, MessageType
 from drivers.sim.track import Motion
 from firmware.swarm.generation import CHECK_S
@@ -190,8 +190,8 @@ class Swarm:
         self.sent.stations[kind.name, vehicle.station_id] += 1
 
     def _its_ms(self) -> int:
-        utc_s = max(self._wall(), EPOCH)
-        return its_time_ms(utc_s, leap_seconds(utc_s))
+        utc_s = self._wall()
+        return nearest_its_time_ms(utc_s, leap_seconds(utc_s))
 
 
 def _steadily(period: float, do: Callable[[float], None]) -> Call:

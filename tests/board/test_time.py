@@ -11,6 +11,7 @@ from board.errors import RequestError
 from board.time import (
     EPOCH,
     GPS_LEAD,
+    ITS_END,
     LEAPS,
     TAI_LEAD,
     Lock,
@@ -19,12 +20,14 @@ from board.time import (
     gn_timestamp,
     its_time_ms,
     leap_seconds,
+    nearest_its_time_ms,
     time32,
     utc_s,
 )
 from tests.drivers.wire.captured import FRAMES
 
 MAX_ITS_MS = 2**42 - 1
+NOON = 1_795_176_000.0  # 2026-11-20T12:00:00Z
 
 
 def test_its_time_matches_the_example_of_the_standard():
@@ -40,6 +43,13 @@ def test_its_time_begins_with_2004():
 def test_a_moment_before_2004_has_no_its_time():
     with pytest.raises(RequestError, match="2004"):
         its_time_ms(1_072_915_199.9, 0)
+
+
+@pytest.mark.parametrize(
+    ("utc_s", "nearest"), [(-1e9, EPOCH), (0.0, EPOCH), (NOON, NOON), (5_471_000_000.0, ITS_END), (1e18, ITS_END)]
+)
+def test_the_nearest_its_time_of_any_moment_is_in_range(utc_s, nearest):
+    assert nearest_its_time_ms(utc_s, 5) == its_time_ms(nearest, 5) <= MAX_ITS_MS
 
 
 def test_a_moment_beyond_42_bits_has_no_its_time():

@@ -60,8 +60,8 @@ def test_their_denms_are_geobroadcasts_to_an_area_around_them_each_an_event_of_i
     assert {(rx.transport, rx.traffic_class) for pdu, _, rx in host.indications if pdu[1] == 2} == {("shb", 2)}
 
 
-@pytest.mark.parametrize("utc_s", [0.0, -1.0, 1_072_915_199.0])
-def test_a_clock_that_was_never_set_is_taken_for_the_beginning_of_its_time(loop, host, begin, utc_s):
+@pytest.mark.parametrize("utc_s", [0.0, -1.0, 1_072_915_199.0, 5_471_000_000.0, 9_223_372_036.0])
+def test_a_clock_that_was_never_set_or_is_beyond_2143_is_taken_for_the_nearest_its_time(loop, host, begin, utc_s):
     _, neighbours = begin(wall=lambda: utc_s)
     loop.run_for(1.99)
     assert neighbours.sent[2] > 30

@@ -26,8 +26,9 @@ def test_a_time_that_was_made_up_is_none_until_somebody_steers_the_clock_and_is_
     assert next(steered) is False
 
 
-def test_a_clock_before_2004_is_not_set_whoever_steers_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("firmware.made_up.time.time", lambda: 12.0)
+@pytest.mark.parametrize("now_s", [12.0, 5_471_000_000.0])
+def test_a_clock_before_2004_or_beyond_2143_is_not_set(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, now_s: float):
+    monkeypatch.setattr("firmware.made_up.time.time", lambda: now_s)
     assert not ClockSet(tmp_path / "none", lambda: True)()
 
 
