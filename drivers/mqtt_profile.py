@@ -52,13 +52,13 @@ def check_editions(profile: str, editions: Sequence[str]) -> None:
 
 
 def _check_encodes(description: ProfileDescription, editions: Sequence[str]) -> None:
-    if editions and not description.needs_codec:
+    if editions and not description.may_decode:
         what = f"editions: profile {description.name} does not encode messages"
         raise ConfigurationError(what, "remove the key, or choose a profile with JSON")
 
 
 def codec(description: ProfileDescription, editions: Sequence[str] = ()) -> Codec | None:
-    """The message library, if the profile needs it.
+    """The message library, if the profile has a use for it: None where it only may, and the library is not there.
 
     editions  to encode JSON payloads in, preferred to all others of their type; also to decode in, if two editions
               decode to different values.
@@ -66,11 +66,13 @@ def codec(description: ProfileDescription, editions: Sequence[str] = ()) -> Code
     Raises BlockedError where it cannot be imported, ConfigurationError for editions of a profile that never encodes.
     """
     _check_encodes(description, editions)
-    if not description.needs_codec:
+    if not description.may_decode:
         return None
     try:
         import captain_messages
     except ImportError as error:
+        if not description.needs_codec:
+            return None
         what = f"profile {description.name} decodes, and the message library cannot be imported: {error}"
         raise BlockedError(what, "`make codec` builds it") from error
     return MessageLibrary(captain_messages.all(), editions)

@@ -51,7 +51,7 @@ class _Place(NamedTuple):
 class Profile:
     """One profile of one station.
 
-    codec  for a description that needs_codec.
+    codec  for a description that needs_codec, or may_decode.
 
     Raises ConfigurationError where the identity cannot stand in the profile's topics or payloads.
     """
@@ -236,7 +236,7 @@ class Profile:
                 return Base64()
             case "orange":
                 check_value("uuid", self.identity.uuid)
-                return Orange(self.identity.uuid, self.description.types)
+                return Orange(self.identity.uuid, self.description.types, self._codec)
         if self._codec is None:
             what = f"profile {self.description.name}: payload {form!r} needs the message library, which is not there"
             raise ConfigurationError(what, "`make codec` builds it")

@@ -13,6 +13,7 @@ Form = Literal["vcaptain", "binary", "base64", "orange", "orange-raw", "nap", "n
 _IDS = frozenset(map(str, range(256)))  # which a type has in topics where it has no name; and protocolVersions
 OTHERS, UNKNOWN = "others", "unknown"  # row of TypeRule.standard for other versions; its value without one
 _DECODING = ("orange-raw", "nap", "nap-body")
+_MAY_DECODE = ("orange",)
 
 
 @dataclass(frozen=True)
@@ -198,6 +199,11 @@ class ProfileDescription:
     def needs_codec(self) -> bool:
         """Whether a form of payload decodes messages."""
         return any(row.payload in _DECODING for row in (*self.publish, *self.subscribe))
+
+    @property
+    def may_decode(self) -> bool:
+        """Whether a form of payload decodes messages, or does so where the message library is there."""
+        return self.needs_codec or any(row.payload in _MAY_DECODE for row in (*self.publish, *self.subscribe))
 
     def check_types(self, known: Collection[str]) -> None:
         """Raises ConfigurationError for a type of its rows or rules that is none of known, and no messageID."""

@@ -99,6 +99,18 @@ class Codec(Protocol):
         """Those of a type, by its name or messageID, the preferred one first; none where it is not known."""
 
 
+def message_id(codec: Codec, edition: Edition, kind: str) -> int:
+    """That of the topic; else the edition's first one that no other type has: 14 of the first VAMs is CPM's.
+
+    kind  name of the type, or its messageID.
+    """
+    if kind.isdecimal() and int(kind) in edition.ids:
+        return int(kind)
+    names = {one.name for one in codec.editions(kind)}
+    own = [number for number in edition.ids if names >= {one.name for one in codec.editions(str(number))}]
+    return (own or edition.ids)[0]
+
+
 class Sending(NamedTuple):
     """What a payload is made of.
 

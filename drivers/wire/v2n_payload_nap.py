@@ -16,7 +16,7 @@ from typing import Any
 from board.errors import RequestError
 from drivers.reason import Reason
 from drivers.wire.editions import of_header
-from drivers.wire.v2n_message import Codec, Edition, RefusedError, Sending
+from drivers.wire.v2n_message import Codec, Edition, RefusedError, Sending, message_id
 from drivers.wire.v2n_payload_json import member, read_object, refuse, shown
 from drivers.wire.v2n_payload_si import ConversionError, to_json
 from drivers.wire.v2n_payload_si_read import from_json
@@ -127,18 +127,10 @@ class NapToSend:
         station = next((given[name] for name in STATION_IDS if name in given), self._station)
         components = [field.name for field in tree.fields if field.name != "header"]
         whole = {components[0]: body} if len(components) == 1 else body
-        numbers = _version(edition, editions), self._message_id(edition, editions, kind)
+        numbers = _version(edition, editions), message_id(self._codec, edition, kind)
         return from_json(
             tree, {"header": dict(zip(_names(tree), (*numbers, station), strict=True)), **whole}, kind, note
         )
-
-    def _message_id(self, edition: Edition, editions: Sequence[Edition], kind: str) -> int:
-        """That of the topic; else the edition's first one that no other type has: 14 of the first VAMs is CPM's."""
-        if kind.isdecimal() and int(kind) in edition.ids:
-            return int(kind)
-        names = {one.name for one in editions}
-        own = [number for number in edition.ids if names >= {one.name for one in self._codec.editions(str(number))}]
-        return (own or edition.ids)[0]
 
 
 def _names(tree: Type) -> list[str]:

@@ -1,8 +1,10 @@
-"""The JSON envelope of Orange's its-client 2.x around a PDU: message_format "asn1/uper", and for CAM "json/raw" too.
+"""The JSON envelope of Orange's its-client 2.x around a message, in message_format "json/raw" or "asn1/uper".
 
-Members and bounds: the schemas cam 2.4.0 and mcm 2.0.1 of its-client, which have asn1/uper; the same envelope carries
-the other types. json/raw is a message as JSON with names of its own for each type: what arrives in it and is not read
-is refused by that name.
+Written is what the newest schema of the type has: JSON where all of the message has a form in it, as its-client finds
+position and speed there; else the PDU in base64, which the schemas of cam, mcm and poim have. Other types are sent in
+the same envelope. Read are both, of older schemas too; schema 1.1.3 calls message_type type.
+
+Members and bounds: schema/ of its-client (2026).
 """
 
 import binascii
@@ -12,18 +14,25 @@ from typing import Any
 
 from board.errors import RequestError
 from drivers.reason import Reason
+from drivers.wire.editions import of_header
 from drivers.wire.v2n_description import TypeRule
-from drivers.wire.v2n_message import Codec, RefusedError, Sending, source_of
+from drivers.wire.v2n_message import Codec, RefusedError, Sending, message_id, source_of
 from drivers.wire.v2n_payload import from_base64
 from drivers.wire.v2n_payload_json import member, read_object, refuse, shown
-from drivers.wire.v2n_payload_orange_raw import KINDS_OF_MESSAGES, from_raw, to_raw
+from drivers.wire.v2n_payload_orange_names import RAW
+from drivers.wire.v2n_payload_orange_old import numbers, renewed
+from drivers.wire.v2n_payload_orange_raw import to_raw
+from drivers.wire.v2n_payload_orange_read import from_raw
 from drivers.wire.v2n_payload_si import ConversionError
 
-FORMAT, RAW = "asn1/uper", "json/raw"
+UPER, JSON = "asn1/uper", "json/raw"
 FIRST_MS = 1_514_764_800_000  # 2018-01-01, the least timestamp of the schemas
 LAST_MS = 1 << 42  # 2109. The schemas end in 2028, and a receiver has no use for that
 
 _NO_RULE = TypeRule()
+_NAMES_FORMAT = frozenset({"cam"})  # types whose schema has message_format beside JSON
+_OLDEST_CPM = (2, 1)  # before, a CPM was that of TR 103 562, with names of its own
+_MESSAGE_TYPES = {"poi": "poi"}  # of the envelope, where it differs from the topic's
 
 
 class Orange:
@@ -31,31 +40,43 @@ class Orange:
 
     uuid   of this station; what it sent itself is refused.
     rules  of types: schema_version, standard, origin.
+    codec  for JSON; None: only asn1/uper is written and read.
     """
 
-    def __init__(self, uuid: str, rules: Mapping[str, TypeRule]) -> None:
+    def __init__(self, uuid: str, rules: Mapping[str, TypeRule], codec: Codec | None = None) -> None:
         self._uuid = uuid
         self._rules = rules
+        self._codec = codec
+        self._kinds = {rule.topic: kind for kind, rule in rules.items() if rule.topic}
 
     def write(self, sending: Sending) -> bytes:
+        if self._codec and sending.kind in RAW:
+            try:
+                return self._envelope(sending, JSON, _raw(self._codec, sending))
+            except ValueError:
+                pass  # asn1/uper has room for it
         coded = binascii.b2a_base64(sending.pdu, newline=False).decode()
         standard = self._rule(sending.kind).standard_of(sending.pdu[0])
-        return self._envelope(sending, FORMAT, {"version": standard, "payload": coded})
+        return self._envelope(sending, UPER, {"version": standard, "payload": coded})
 
     def read(self, kind: str, payload: bytes) -> tuple[bytes, str]:
         envelope = read_object(payload)
         source = member(envelope, "source_uuid", str)
         if source == self._uuid:
             raise RefusedError(Reason.OWN_ECHO, f"source_uuid: {source!r} is this station")
-        named, expected = member(envelope, "message_type", str), self._rule(kind).topic or kind
-        if expected and named != expected:
-            refuse("message_type", f"{shown(named)} in a topic of {expected!r}")
-        member(envelope, "version", str)
+        named = member(
+            envelope, "type" if "type" in envelope and "message_type" not in envelope else "message_type", str
+        )
+        expected = {self._rule(kind).topic or kind, kind}
+        if kind and named not in expected:
+            refuse("message_type", f"{shown(named)} in a topic of {self._rule(kind).topic or kind!r}")
+        version = member(envelope, "version", str)
         timestamp = member(envelope, "timestamp", int)
         if not FIRST_MS <= timestamp <= LAST_MS:
             refuse("timestamp", f"{shown(timestamp)} is not in {FIRST_MS}..{LAST_MS}")
-        form = envelope.get("message_format", RAW)  # as in schemas before asn1/uper
-        return self._pdu(kind, form, member(envelope, "message", dict)), source_of(source)
+        form = envelope.get("message_format", JSON)  # as in schemas before asn1/uper
+        message = member(envelope, "message", dict)
+        return self._pdu(kind or self._kinds.get(named, named), form, version, message), source_of(source)
 
     def _envelope(self, sending: Sending, form: str, message: dict[str, Any]) -> bytes:
         if sending.now_ms < FIRST_MS:
@@ -65,19 +86,23 @@ class Orange:
             )
         rule = self._rule(sending.kind)
         envelope: dict[str, Any] = {
-            "message_type": rule.topic or sending.kind,
+            "message_type": _MESSAGE_TYPES.get(sending.kind) or rule.topic or sending.kind,
             "message_format": form,
             "source_uuid": self._uuid,
             "timestamp": sending.now_ms,
             "version": rule.schema_version,
         }
+        if form == JSON and sending.kind not in _NAMES_FORMAT:
+            del envelope["message_format"]
         if rule.origin:
             envelope["origin"] = rule.origin
         return json.dumps(envelope | {"message": message}, separators=(",", ":")).encode()
 
-    def _pdu(self, kind: str, form: object, message: dict[str, Any]) -> bytes:
-        if form != FORMAT:
-            refuse("message_format", f'{shown(form)} is not read; the sender has to choose "{FORMAT}"')
+    def _pdu(self, kind: str, form: object, version: str, message: dict[str, Any]) -> bytes:
+        if form == JSON and self._codec:
+            return _encoded(self._codec, kind, version, message)
+        if form != UPER:
+            refuse("message_format", f'{shown(form)} is not read; the sender has to choose "{UPER}"')
         coded = member(message, "payload", str, "message")
         return from_base64(coded.encode("utf-8", "replace"), "message.payload")
 
@@ -86,36 +111,55 @@ class Orange:
 
 
 class OrangeRaw(Orange):
-    """The envelope with CAMs as JSON; other types are read as in Orange, and not written."""
+    """The envelope with messages as JSON; what has no form in it is read as in Orange, and not written."""
 
     def __init__(self, uuid: str, rules: Mapping[str, TypeRule], codec: Codec) -> None:
-        super().__init__(uuid, rules)
-        self._codec = codec
+        super().__init__(uuid, rules, codec)
+        self._library = codec
 
     def write(self, sending: Sending) -> bytes:
-        if sending.kind not in KINDS_OF_MESSAGES:
+        if sending.kind not in RAW:
             hint = 'give payload "orange" a row of its own, without these types'
-            raise RequestError(f'{sending.kind}: "{RAW}" is written for {", ".join(KINDS_OF_MESSAGES)} only', hint)
-        first: ValueError | None = None
+            raise RequestError(f'{sending.kind}: "{JSON}" is written for {", ".join(RAW)} only', hint)
         try:
-            for edition, value in self._codec.decodings(sending.pdu):
-                try:
-                    return self._envelope(sending, RAW, to_raw(edition.type_tree(), value))
-                except ConversionError as error:
-                    first = first or error
+            message = _raw(self._library, sending)
         except ValueError as error:
-            first = first or error
-        raise RequestError(f'{sending.kind} is not to be had as "{RAW}": {first}') from first
+            raise RequestError(f'{sending.kind} is not to be had as "{JSON}": {error}') from error
+        return self._envelope(sending, JSON, message)
 
-    def _pdu(self, kind: str, form: object, message: dict[str, Any]) -> bytes:
-        if form != RAW or kind not in KINDS_OF_MESSAGES:
-            return super()._pdu(kind, form, message)
-        version = member(message, "protocol_version", int, "message")
-        editions = [edition for edition in self._codec.editions(kind) if version in edition.versions]
-        first: ValueError | None = None
-        for edition in editions:
-            try:
-                return edition.encode(from_raw(edition.type_tree(), edition.ids[0], message))
-            except ValueError as error:
-                first = first or error
-        return refuse("", str(first)) if first else refuse("message.protocol_version", f"{version} is of no {kind}")
+
+def _raw(codec: Codec, sending: Sending) -> dict[str, Any]:
+    """A message as JSON, in the first edition that has a form for all of it. Raises ValueError."""
+    first: ValueError | None = None
+    for edition, value in codec.decodings(sending.pdu):
+        try:
+            return to_raw(sending.kind, edition.type_tree(), value)
+        except ConversionError as error:
+            first = first or error
+    raise first or ValueError("no edition reads it")
+
+
+def _encoded(codec: Codec, kind: str, version: str, message: dict[str, Any]) -> bytes:
+    """The PDU, in the first edition of the protocol_version that it fits. Raises RefusedError."""
+    if kind not in RAW:
+        refuse("message_format", f'"{JSON}" of {shown(kind)} is not read; the sender has to choose "{UPER}"')
+    if kind == "cpm" and numbers(version) < _OLDEST_CPM:
+        refuse("version", f"{shown(version)}: cpm is read as JSON from 2.1.0 on")
+    number = member(message, "protocol_version", int, "message")
+    last: ValueError | None = None
+    for edition in codec.editions(kind):
+        if number not in edition.versions:
+            continue
+        try:
+            value = from_raw(
+                kind, edition.type_tree(), message_id(codec, edition, kind), renewed(kind, version, message)
+            )
+            pdu = edition.encode(value)
+        except ValueError as error:
+            last = error
+        else:
+            if of_header([edition], pdu):
+                return pdu
+    if last:
+        raise RefusedError(Reason.PAYLOAD, str(last)) from last
+    return refuse("message.protocol_version", f"{number} is of no {kind}")

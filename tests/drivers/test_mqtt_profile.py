@@ -158,11 +158,14 @@ def test_a_file_that_is_not_there_is_told(tmp_path: Path):
         load(str(tmp_path / "none.toml"))
 
 
-@pytest.mark.parametrize(("name", "is_needed"), [("vcaptain", False), ("raw", False), ("orange", False), ("nap", True)])
+@pytest.mark.parametrize(
+    ("name", "is_used", "is_needed"),
+    [("vcaptain", False, False), ("raw", False, False), ("orange", True, False), ("nap", True, True)],
+)
 def test_only_a_profile_that_decodes_wants_the_message_library(
-    name: str, is_needed: bool, monkeypatch: pytest.MonkeyPatch
+    name: str, is_used: bool, is_needed: bool, monkeypatch: pytest.MonkeyPatch
 ):
-    assert (codec(load(name)) is not None) is is_needed
+    assert (codec(load(name)) is not None) is is_used
     monkeypatch.setitem(sys.modules, "captain_messages", None)
     if not is_needed:
         assert codec(load(name)) is None
@@ -209,7 +212,7 @@ def test_an_edition_of_captain_toml_that_does_not_fit_decides_nothing():
     [
         ("nap", "cpm-2.1.1-x", "editions: unknown edition 'cpm-2.1.1-x'", "one of cpm-2.1.1, cpm-2.1.1-ext"),
         ("nap", "hello-1", "editions: unknown edition 'hello-1'", "one of cam-1.3.2"),
-        ("orange", "cpm-2.1.1", "editions: profile orange does not encode messages", "remove the key"),
+        ("raw", "cpm-2.1.1", "editions: profile raw does not encode messages", "remove the key"),
     ],
 )
 def test_editions_that_a_profile_cannot_encode_are_refused(profile: str, edition: str, what: str, hint: str):

@@ -53,7 +53,7 @@ LATITUDE, LONGITUDE = whole(-900_000_000, 900_000_001), whole(-1_800_000_000, 1_
 AXIS, ANGLE = whole(0, 4095), whole(0, 3601)
 ACCELERATION = pair((-160, 161), (0, 102))
 SIREN = flags("light_bar_activated", "siren_activated")
-CAUSE = record({"cause": whole(0, 255)}, {"subcause": whole(0, 255)})
+CAUSE = record({"cause": whole(0, 255), "subcause": whole(0, 255)})
 INCIDENT = record({"cc_and_scc": CAUSE})
 LANE_STATUS = whole(0, 2)
 

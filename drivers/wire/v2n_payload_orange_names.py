@@ -1,0 +1,127 @@
+"""Names and bounds of Orange's JSON that do not follow from those of the ASN.1.
+
+Rule: snake_case of the field's name; value and confidence of a pair.
+
+Source: the schemas cam 2.4.0, denm 2.3.0, cpm 2.1.1 and spatem 2.0.0 of its-client; a misspelled name is theirs.
+"""
+
+import re
+
+from drivers.wire.v2n_payload_si import ConversionError, element_of
+from drivers.wire.v2n_type import Field, Type
+
+RAW = ("cam", "denm", "cpm", "spatem")  # types that are converted
+
+# By the field's name, or by type and field.
+NAMES = {
+    "roadworksSubCauseCode": "road_works_sub_cause_code",
+    "innerhardShoulderStatus": "inner_hard_shoulder_status",
+    "outerhardShoulderStatus": "outer_hard_shoulder_status",
+    "vDS": "v_d_s",
+    "relevanceDistance": "awareness_distance",  # DENM of release 1
+    "relevanceTrafficDirection": "traffic_direction",
+    "eventHistory": "event_zone",
+    "traces": "detection_zones_to_event_position",
+    "timeStamp": "timestamp",
+    "RectangularShape.shapeReferencePoint": "center_point",
+    "horizontalOpeningAngleStart": "stationary_horizontal_opening_angle_start",
+    "horizontalOpeningAngleEnd": "stationary_horizontal_opening_angle_end",
+    "roadsegment": "road_segment",
+    "vehicleSubClass": "vehicle",
+    "vruSubClass": "vru",
+    "groupSubClass": "group",
+    "otherSubClass": "other",
+    "VruProfileAndSubprofile.motorcyclist": "motorcylist",
+}
+SEQUENCES = {"semiMajorC": ("semi_major", "semi_minor", "semi_major_orientation")}  # by how the first member begins
+SEQUENCES["semiMajorAxisLength"] = SEQUENCES["semiMajorC"]
+NO_PAIR = frozenset({"ObjectClassWithConfidence"})  # two members, the second a confidence, with names of their own
+INLINE = frozenset({"camParameters"})  # its members stand beside those of its holder
+CONTAINERS = {  # of a CPM, by containerId
+    1: "originating_vehicle_container",
+    2: "originating_rsu_container",
+    3: "sensor_information_container",
+    4: "perception_region_container",
+    5: "perceived_object_container",
+}
+# Bit strings are objects of flags, but for these types: arrays of the ASN.1's names; masks whose bit 0 is the first.
+SETS, MASKS = frozenset({"spatem"}), frozenset({"denm"})
+
+# Types without a form, and why.
+REFUSED = {
+    "ItineraryPath": "the schema has positions relative to the event's",
+    "LowerTriangularPositiveSemidefiniteMatrices": "the schema has a dimension more than the message",
+}
+# The largest number, or size, that the schema has, where that of the ASN.1 is larger.
+MOST = {
+    "traffic_flow_rule": 3,
+    "positioning_solution": 6,
+    "emergency_action_code": 4,
+    "semi_length": 102,
+    "semi_breadth": 102,
+}
+
+
+def is_wrapped(kind: str) -> bool:
+    """Return whether causes stand in a member cc_and_scc."""
+    return kind == "cam"
+
+
+TEXTS = ("IA5String", "UTF8String", "NumericString", "VisibleString", "PrintableString")
+NO_FORM = 'has no form in "json/raw"; take "asn1/uper"'
+FINE = -30_000  # least CurvatureValue of TS 102 894-2 V1.2.1
+_WORDS = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])|-")
+_FROM_OUTSIDE = ("outermostDrivingLane", 1)  # LanePosition of V1.2.1
+
+
+def check_edition(kind: str, body: Type) -> None:
+    if kind == "cpm" and body.name != "CpmPayload":
+        raise ConversionError("message", f"CPM of TR 103 562 {NO_FORM}")
+
+
+def members_of(kind: Type) -> dict[str, Field]:
+    """Components of a SEQUENCE by their names in the schema."""
+    fields = list(kind.fields)
+    names = [name_of(kind, field) for field in fields]
+    if len(fields) == 2 and "onfidence" in fields[1].name and kind.name not in NO_PAIR:
+        names = ["value", "confidence"]
+    for beginning, others in SEQUENCES.items():
+        if len(fields) == len(others) and fields[0].name.startswith(beginning):
+            names = list(others)
+    return dict(zip(names, fields, strict=True))
+
+
+def name_of(kind: Type, field: Field) -> str:
+    return NAMES.get(f"{kind.name}.{field.name}") or NAMES.get(field.name) or snake(field.name)
+
+
+def snake(name: str) -> str:
+    return NAMES.get(name) or _WORDS.sub("_", name).lower()
+
+
+def open_type_of(containers: Field) -> Type:
+    return element_of(containers.type).fields[1].type
+
+
+def check_form(kind: Type, path: str) -> None:
+    if why := REFUSED.get(kind.name or ""):
+        raise ConversionError(path, f'is not converted to or from "json/raw": {why}; take "asn1/uper"')
+
+
+def is_fine(kind: Type, path: str) -> bool:
+    """Is it the curvature of V1.2.1? Raises ConversionError for a number of V1.2.1 that is not converted."""
+    if _FROM_OUTSIDE in kind.names:
+        why = "it counts from the outermost lane, the schema from the innermost"
+        raise ConversionError(path, f"LanePosition of CAM V1.3.2 cannot be converted: {why}")
+    return kind.name == "CurvatureValue" and kind.low == FINE
+
+
+def bit_names(kind: Type) -> list[tuple[str, int]]:
+    if kind.names:
+        return list(kind.names)
+    return [(f"lane_{at + 1}_closed", at) for at in range(kind.high or 0)] if kind.name == "DrivingLaneStatus" else []
+
+
+def size_of(kind: Type, places: list[int]) -> int:
+    """How many bits a string has in which these are set, when nothing else says it."""
+    return max([kind.low or 0, *(at + 1 for _, at in kind.names), *(at + 1 for at in places)])
