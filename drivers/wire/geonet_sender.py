@@ -109,7 +109,7 @@ class Sender:
         return beacon
 
     def answer(self, position: bytes, now: float, ego: Ego) -> bytes:
-        """The Location Service reply to a station (clause 10.2.7); empty above ANSWERS_PER_S.
+        """The Location Service reply to a station (clause 10.3.7.3); empty above ANSWERS_PER_S.
 
         position  short position vector of that station, 20 octets.
         """

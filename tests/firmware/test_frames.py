@@ -189,7 +189,7 @@ def linked(bench: Bench) -> tuple[GeoLink, Host]:
     host = Host(bench.loop)
     host.name = "air"
     host.indicate = lambda pdu, received_ns, rx=NO_RX_INFO: bench.indicate(pdu, rx=rx, when_ns=received_ns)
-    host.drop = lambda reason, sample=b"", count=1: bench.drops.count("air", reason, sample, count)
+    host.drop = lambda reason, sample=b"", count=1, detail="": bench.drops.count("air", reason, sample, count, detail)
     return GeoLink(host, SHARED._replace(witness=bench.witness), MAC, 3.0, lambda octets: NOW), host
 
 
