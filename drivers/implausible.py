@@ -24,3 +24,12 @@ DOUBTS: dict[Implausible, str] = {
     Implausible.SEQUENCE: "two different packets of one source have one sequence number",
     Implausible.OWN_ADDRESS: "another station uses the address of this one",
 }
+
+# In 1e-7 degree. One step beyond the end of the world stands for an unknown place (TS 102 894-2 V2.4.1, Latitude and
+# Longitude).
+MOST_LATITUDE, MOST_LONGITUDE = 900_000_001, 1_800_000_001
+
+
+def is_outside(latitude: int, longitude: int) -> bool:
+    """Whether no such place exists; in 1e-7 degree."""
+    return not (-MOST_LATITUDE < latitude <= MOST_LATITUDE and -MOST_LONGITUDE < longitude <= MOST_LONGITUDE)

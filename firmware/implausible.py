@@ -3,12 +3,10 @@
 import logging
 import time
 
-from drivers.implausible import DOUBTS, Implausible
-from drivers.message import Position, RxInfo
+from drivers.implausible import DOUBTS, Implausible, is_outside
+from drivers.message import RxInfo
 from firmware.drops import SAMPLE, Drop
 
-# One step beyond the end of the world stands for an unknown place (TS 102 894-2 V2.4.1, Latitude and Longitude).
-MOST_LATITUDE, MOST_LONGITUDE = 900_000_001, 1_800_000_001
 AHEAD_MS = 60_000  # as drivers/wire/geonet_receiver.py allows timestamps
 
 # Of a DENM: detectionTime and referenceTime, TimestampIts of 42 bits, from bit 105 of the PDU on. In front of them are
@@ -20,12 +18,6 @@ _TIME_BITS = 42
 _TIME = (1 << _TIME_BITS) - 1
 
 log = logging.getLogger("captain.implausible")
-
-
-def is_outside(place: Position) -> bool:
-    """Whether no such place exists."""
-    latitude, longitude = place
-    return not (-MOST_LATITUDE < latitude <= MOST_LATITUDE and -MOST_LONGITUDE < longitude <= MOST_LONGITUDE)
 
 
 def is_denm_ahead(pdu: bytes, its_ms: int) -> bool:
@@ -42,7 +34,7 @@ def is_denm_ahead(pdu: bytes, its_ms: int) -> bool:
 def doubted(rx: RxInfo, is_ahead: bool) -> RxInfo:
     """The same with what is to be doubted of place and time, beside what the interface doubts."""
     reasons = rx.implausible
-    if is_outside(rx.position) or (rx.area is not None and is_outside(rx.area.centre)):
+    if Implausible.POSITION not in reasons and is_outside(*rx.position):
         reasons = (Implausible.POSITION, *reasons)
     if is_ahead and Implausible.TIME not in reasons:
         reasons = (*reasons, Implausible.TIME)

@@ -9,6 +9,7 @@ from board.journal import Journal
 from board.loop import Loop
 from board.time import Fix, TimeMark, TimeQuality
 from drivers.contract import Can, Driver, Sent
+from drivers.implausible import MOST_LATITUDE, MOST_LONGITUDE
 from drivers.message import (
     ITS_HEADER,
     MAX_PDU,
@@ -26,7 +27,7 @@ from drivers.message import (
 )
 from drivers.reason import Reason
 from firmware.drops import Drops
-from firmware.implausible import DENM, MOST_LATITUDE, MOST_LONGITUDE, Doubts, doubted, is_denm_ahead
+from firmware.implausible import DENM, Doubts, doubted, is_denm_ahead
 from firmware.neighbours import Neighbours
 from firmware.outlet import Outlet
 from firmware.tables import QueueOptions
@@ -129,7 +130,6 @@ class Interface:
                 rx.implausible != ()
                 or not -MOST_LATITUDE < latitude <= MOST_LATITUDE
                 or not -MOST_LONGITUDE < longitude <= MOST_LONGITUDE
-                or rx.area is not None
             )
         kind = self._by_number[pdu[1]] if size >= ITS_HEADER else self._topics.unknown
         if is_doubted or kind.number == DENM:
