@@ -95,6 +95,7 @@ def tables(status: Mapping[str, object], now: float) -> list[Table]:
         *_storage(status),
         _interfaces(status),
         _drops(status, now),
+        *_implausible(status, now),
         *_security(status),
         Table(_endpoint(status)),
         *_reports(status),
@@ -219,6 +220,25 @@ def _drops(status: Mapping[str, object], now: float) -> Table:
     ]
     heads = ("where", "reason", ">count", ">ago", ">octets", "last sample")
     return Table("drops" if rows else "no drops", heads, rows, notes)
+
+
+def _implausible(status: Mapping[str, object], now: float) -> list[Table]:
+    """Only where messages were marked; whether they are dropped is said by the drops."""
+    found = [(name, doubt) for name, one in named(status, "interfaces") for doubt in listed(one, "implausible")]
+    rows = [
+        (
+            name,
+            text(doubt, "reason"),
+            f"{number(doubt, 'count'):.0f}",
+            span(max(0.0, now - number(doubt, "time"))),
+            text(doubt, "source"),
+        )
+        for name, doubt in found
+    ]
+    meanings = {text(doubt, "reason"): text(doubt, "meaning") for _, doubt in found}
+    notes = [f"{reason}: {meaning}" for reason, meaning in meanings.items()]
+    heads = ("interface", "reason", ">count", ">ago", "last source")
+    return [Table("implausible messages", heads, rows, notes)] if rows else []
 
 
 def _duplicates(status: Mapping[str, object]) -> Table:

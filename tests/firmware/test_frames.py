@@ -252,6 +252,14 @@ def test_our_own_frame_that_comes_back_is_told_with_its_reason(bench: Bench) -> 
     assert bench.octets[1] == own
 
 
+def test_an_implausible_frame_is_told_with_its_reasons(bench: Bench) -> None:
+    link, _ = linked(bench)
+    link.receive(gn_frame(), NOW_NS)
+    assert "implausible" not in bench.later()[-1]
+    link.receive(gn_frame()[:6] + bytes.fromhex("02000000000f") + gn_frame()[12:], NOW_NS)
+    assert bench.later()[-1]["implausible"] == "source"
+
+
 def test_a_beacon_that_leaves_is_told(bench: Bench) -> None:
     link, _ = linked(bench)
     link.start()

@@ -48,6 +48,19 @@ def test_a_status_tells_links_queues_counters_and_drops_with_their_meaning():
     assert "duplicates within 2 s: 7 suppressed" in text
 
 
+def test_implausible_messages_are_told_with_their_meaning_and_last_source():
+    doubt = {"reason": "source", "meaning": "two senders", "count": 3, "time": NOW - 10, "source": "02:00:00:00:00:0a"}
+    told = {"interfaces": {"g5": {**STATUS["interfaces"]["g5"], "implausible": [doubt]}}}
+    lines = shown(STATUS | told)
+    at = lines.index("implausible messages")
+    assert lines[at + 1 : at + 4] == [
+        "interface  reason  count   ago  last source",
+        "g5         source      3  10 s  02:00:00:00:00:0a",
+        "  source: two senders",
+    ]
+    assert "implausible messages" not in shown(STATUS)
+
+
 def test_paths_are_told_for_each_station_type_and_interface():
     paths = [
         {"station": 4294967295, "type": "cam", "first": {"g5": 90, "v2n": 4}, "lead_ms": {"g5": 31.25, "v2n": 2.0},

@@ -105,6 +105,7 @@ def test_another_start_of_the_station_begins_a_section_and_counts_anew():
     ("more", "words"),
     [
         ({}, "cam of station 1337; time locked +-1.2 us"),
+        ({"implausible": "time, source"}, "cam of station 1337; implausible: time, source; time locked +-1.2 us"),
         ({"rssi_dbm": -71, "is_made_up": True}, "cam of station 1337; -71 dBm; headers made up; time locked +-1.2 us"),
         (
             {"reason": "duplicate", "meaning": "another one was first", "detail": "g5"},
