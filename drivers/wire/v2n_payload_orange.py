@@ -16,7 +16,7 @@ from board.errors import RequestError
 from drivers.reason import Reason
 from drivers.wire.editions import of_header
 from drivers.wire.v2n_description import TypeRule
-from drivers.wire.v2n_message import Codec, RefusedError, Sending, message_id, source_of
+from drivers.wire.v2n_message import MAX_PAYLOAD, Codec, RefusedError, Sending, message_id, source_of
 from drivers.wire.v2n_payload import from_base64
 from drivers.wire.v2n_payload_json import member, read_object, refuse, shown
 from drivers.wire.v2n_payload_orange_names import RAW
@@ -52,9 +52,11 @@ class Orange:
     def write(self, sending: Sending) -> bytes:
         if self._codec and sending.kind in RAW:
             try:
-                return self._envelope(sending, JSON, _raw(self._codec, sending))
+                found = self._envelope(sending, JSON, _raw(self._codec, sending))
             except ValueError:
-                pass  # asn1/uper has room for it
+                found = b""  # asn1/uper has room for it
+            if 0 < len(found) <= MAX_PAYLOAD:
+                return found
         coded = binascii.b2a_base64(sending.pdu, newline=False).decode()
         standard = self._rule(sending.kind).standard_of(sending.pdu[0])
         return self._envelope(sending, UPER, {"version": standard, "payload": coded})
@@ -132,6 +134,8 @@ def _raw(codec: Codec, sending: Sending) -> dict[str, Any]:
     """A message as JSON, in the first edition that has a form for all of it. Raises ValueError."""
     first: ValueError | None = None
     for edition, value in codec.decodings(sending.pdu):
+        if not of_header([edition], sending.pdu):
+            continue  # receivers of JSON choose the edition by its protocol_version
         try:
             return to_raw(sending.kind, edition.type_tree(), value)
         except ConversionError as error:

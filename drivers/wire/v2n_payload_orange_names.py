@@ -2,7 +2,8 @@
 
 Rule: snake_case of the field's name; value and confidence of a pair.
 
-Source: the schemas cam 2.4.0, denm 2.3.0, cpm 2.1.1 and spatem 2.0.0 of its-client; a misspelled name is theirs.
+Source: the schemas cam 2.4.0, denm 2.3.0, cpm 2.1.1, spatem 2.0.0 and mapem 2.0.0 of its-client; a misspelled name is
+theirs.
 """
 
 import re
@@ -10,7 +11,7 @@ import re
 from drivers.wire.v2n_payload_si import ConversionError, element_of
 from drivers.wire.v2n_type import Field, Type
 
-RAW = ("cam", "denm", "cpm", "spatem")  # types that are converted
+RAW = ("cam", "denm", "cpm", "spatem", "mapem")  # types that are converted
 
 # By the field's name, or by type and field.
 NAMES = {
@@ -32,6 +33,14 @@ NAMES = {
     "groupSubClass": "group",
     "otherSubClass": "other",
     "VruProfileAndSubprofile.motorcyclist": "motorcylist",
+    "offsetXaxis": "offset_x_axis",
+    "offsetYaxis": "offset_y_axis",
+    "scaleXaxis": "scale_x_axis",
+    "scaleYaxis": "scale_y_axis",
+    "Position3D.lat": "latitude",
+    "Position3D.long": "longitude",
+    "Connection.remoteIntersection": "remote_intersections",
+    "Connection.userClass": "restriction_class_id",
 }
 SEQUENCES = {"semiMajorC": ("semi_major", "semi_minor", "semi_major_orientation")}  # by how the first member begins
 SEQUENCES["semiMajorAxisLength"] = SEQUENCES["semiMajorC"]
@@ -45,12 +54,23 @@ CONTAINERS = {  # of a CPM, by containerId
     5: "perceived_object_container",
 }
 # Bit strings are objects of flags, but for these types: arrays of the ASN.1's names; masks whose bit 0 is the first.
-SETS, MASKS = frozenset({"spatem"}), frozenset({"denm"})
+SETS, MASKS = frozenset({"spatem", "mapem"}), frozenset({"denm"})
+# Enumerations that are names of items, where all others are numbers; and items and bits with another name, or none.
+WORDS = frozenset({"LayerType", "SpeedLimitType", "NodeAttributeXY", "SegmentAttributeXY", "RestrictionAppliesTo"})
+ITEMS = {
+    "loadingzoneOnLeft": "loadingZoneOnLeft",
+    "loadingzoneOnRight": "loadingZoneOnRight",
+    "sidewalk-RevocableLane": "sidewalkRevocableLane",
+    "median-RevocableLane": "medianRevocableLane",
+}
+NO_ITEMS = frozenset({"generalMapData", "reserved1"})
+NOT_EMPTY = frozenset({"LaneDirection"})  # bit strings of which one has to be set
 
 # Types without a form, and why.
 REFUSED = {
     "ItineraryPath": "the schema has positions relative to the event's",
     "LowerTriangularPositiveSemidefiniteMatrices": "the schema has a dimension more than the message",
+    "LaneDataAttributeList": "the schema has all alternatives in each item",
 }
 # The largest number, or size, that the schema has, where that of the ASN.1 is larger.
 MOST = {
@@ -114,6 +134,16 @@ def is_fine(kind: Type, path: str) -> bool:
         why = "it counts from the outermost lane, the schema from the innermost"
         raise ConversionError(path, f"LanePosition of CAM V1.3.2 cannot be converted: {why}")
     return kind.name == "CurvatureValue" and kind.low == FINE
+
+
+def is_sized(kind: Type) -> bool:
+    """Return whether a CHOICE is a number in two sizes."""
+    return [field.name for field in kind.fields] == ["small", "large"]
+
+
+def words_of(kind: Type) -> dict[str, str]:
+    """Names of an enumeration's items, or of bits, in the schema, by their own."""
+    return {name: ITEMS.get(name, name) for name, _ in kind.names if name not in NO_ITEMS}
 
 
 def bit_names(kind: Type) -> list[tuple[str, int]]:

@@ -1,7 +1,7 @@
 """Messages as JSON of Orange's its-client, message_format "json/raw": snake_case names and the integers of the ASN.1.
 
-Structure of the newest schemas: cam 2.4.0, denm 2.3.0, cpm 2.1.1, spatem 2.0.0. v2n_payload_orange_names has the names
-that do not follow from those of the ASN.1, v2n_payload_orange_read is the other way.
+Structure of the newest schemas: cam 2.4.0, denm 2.3.0, cpm 2.1.1, spatem and mapem 2.0.0. v2n_payload_orange_names has
+the names that do not follow from those of the ASN.1, v2n_payload_orange_read is the other way.
 
 The numbers of a CAM of V1.3.2 (protocolVersion 1) are those of its data dictionary, TS 102 894-2 V1.2.1; the schema has
 those of V1.3.1 and later. CurvatureValue is converted: 1/30,000 there, 1/10,000 of 1/m in the schema. LanePosition is
@@ -17,18 +17,22 @@ from drivers.wire.v2n_payload_orange_names import (
     MASKS,
     MOST,
     NO_FORM,
+    NOT_EMPTY,
     SETS,
     TEXTS,
+    WORDS,
     bit_names,
     check_edition,
     check_form,
     is_fine,
+    is_sized,
     is_wrapped,
     members_of,
     name_of,
     open_type_of,
     size_of,
     snake,
+    words_of,
 )  # fmt: skip
 from drivers.wire.v2n_payload_si import ConversionError, element_of
 from drivers.wire.v2n_type import Type
@@ -64,6 +68,8 @@ class _Writing:
                 return _coarse(value) if is_fine(kind, path) else _bounded(kind, value, value, path)
             case "BOOLEAN":
                 return value
+            case "ENUMERATED" if kind.name in WORDS:
+                return _word(kind, value, path)
             case "ENUMERATED":
                 number = dict(kind.names).get(value)
                 if number is None:
@@ -77,6 +83,12 @@ class _Writing:
                 if kind.name == "Traces":
                     items = [{"path": item} for item in items]
                 return _bounded(kind, len(items), items, path)
+            case "CHOICE" if kind.name == "RestrictionUserType" and value[0] == "basicType":
+                return self.value(kind.fields[0].type, value[1], path)
+            case "CHOICE" if kind.name == "NodeOffsetPointXY" and value[0].startswith("node-XY"):
+                return {"node_xy": dict(value[1])}
+            case "CHOICE" if is_sized(kind):
+                return value[1]
             case "CHOICE":
                 name, chosen = value
                 field = next((one for one in kind.fields if one.name == name), None)
@@ -153,10 +165,19 @@ class _Writing:
                 path, f"bit {unnamed[0]} has no name" if unnamed else f"the schema cannot tell {size} bits"
             )
         if self._kind in SETS:
-            return [names[at] for at in places]
+            if kind.name in NOT_EMPTY and not places:
+                raise ConversionError(path, "no bit is set; the schema wants one")
+            return [_word(kind, names[at], f"{path}[{at}]") for at in places]
         if self._kind in MASKS:
             return sum(1 << at for at in places)
         return {snake(name): at in places for at, name in names.items()}
+
+
+def _word(kind: Type, name: str, path: str) -> str:
+    words = words_of(kind)
+    if name not in words:
+        raise ConversionError(path, f"{name} is not in the schema")
+    return words[name]
 
 
 def _bounded(kind: Type, size: int, value: Any, path: str) -> Any:

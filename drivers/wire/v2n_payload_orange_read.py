@@ -12,16 +12,19 @@ from drivers.wire.v2n_payload_orange_names import (
     INLINE,
     NO_FORM,
     TEXTS,
+    WORDS,
     bit_names,
     check_edition,
     check_form,
     is_fine,
+    is_sized,
     is_wrapped,
     members_of,
     name_of,
     open_type_of,
     size_of,
     snake,
+    words_of,
 )  # fmt: skip
 from drivers.wire.v2n_payload_orange_raw import FINE_IN_ONE, FINE_UNAVAILABLE, LEFT_MOST, RIGHT_MOST, UNAVAILABLE
 from drivers.wire.v2n_payload_si import ConversionError, element_of
@@ -57,6 +60,8 @@ class _Reading:
                 return _fine(number, path) if is_fine(kind, path) else number
             case "BOOLEAN":
                 return _want(value, bool, path)
+            case "ENUMERATED" if kind.name in WORDS:
+                return _named(_own_names(kind), _want(value, str, path), path)
             case "ENUMERATED":
                 return _named({number: name for name, number in kind.names}, _want(value, int, path), path)
             case "SEQUENCE":
@@ -67,6 +72,14 @@ class _Reading:
                 if kind.name == "Traces":
                     items = [_only(item, "path", f"{path}[{at}]") for at, item in enumerate(items)]
                 return [self.value(element, item, f"{path}[{at}]") for at, item in enumerate(items)]
+            case "CHOICE" if kind.name == "RestrictionUserType" and isinstance(value, str):
+                return kind.fields[0].name, self.value(kind.fields[0].type, value, path)
+            case "CHOICE" if kind.name == "NodeOffsetPointXY" and list(_want(value, dict, path)) == ["node_xy"]:
+                return self._offset(kind, value["node_xy"], f"{path}.node_xy")
+            case "CHOICE" if is_sized(kind):
+                small, large = kind.fields
+                number = _want(value, int, path)
+                return (small if abs(number) <= (small.type.high or 0) else large).name, number
             case "CHOICE":
                 if len(_want(value, dict, path)) != 1:
                     raise ConversionError(path, f"{len(value)} members; there has to be one")
@@ -100,6 +113,16 @@ class _Reading:
         if kind.name == "LocationContainer":  # mandatory there, and optional in the schema: one zone without a point
             found.setdefault(members["detection_zones_to_event_position"].name, [[]])
         return found
+
+    def _offset(self, kind: Type, value: Any, path: str) -> tuple[str, dict[str, Any]]:
+        """The smallest of the message's offsets that holds it."""
+        *others, last = [field for field in kind.fields if field.name.startswith("node-XY")]
+        found = self.value(last.type, value, path)
+        for field in others:
+            low, high = field.type.fields[0].type.low or 0, field.type.fields[0].type.high or 0
+            if all(low <= number <= high for number in found.values()):
+                return field.name, found
+        return last.name, found
 
     def _cause(self, kind: Type, value: dict[str, Any], path: str) -> dict[str, Any]:
         if is_wrapped(self._kind):
@@ -166,9 +189,9 @@ def _bits(kind: Type, value: Any, path: str) -> tuple[bytes, int]:
                 raise ConversionError(path, f"{shown(value)} is not bits, 0 and 1")
             places, size = [at for at, digit in enumerate(value) if digit == "1"], len(value)
         case list():
-            places = [
-                _named(names, _want(item, str, f"{path}[{at}]"), f"{path}[{at}]") for at, item in enumerate(value)
-            ]
+            own = _own_names(kind)
+            words = [_named(own, _want(item, str, f"{path}[{at}]"), f"{path}[{at}]") for at, item in enumerate(value)]
+            places = [names[word] for word in words]
         case _:
             mask = _want(value, int, path)
             if not 0 <= mask < 1 << 64:
@@ -179,6 +202,10 @@ def _bits(kind: Type, value: Any, path: str) -> tuple[bytes, int]:
     for at in places:
         octets[at // 8] |= 128 >> at % 8
     return bytes(octets), size
+
+
+def _own_names(kind: Type) -> dict[str, str]:
+    return {word: name for name, word in words_of(kind).items()}
 
 
 def _ascii(value: Any, path: str) -> bytes:

@@ -33,7 +33,7 @@ class Values:
                 return field.name, self.value(field.type, depth + 1)
             case "BIT STRING":
                 size = self._random.randint(kind.low or 0, kind.high or 8)
-                named = {at for _, at in kind.names} or set(range(size))
+                named = {at for name, at in kind.names if name != "reserved1"} or set(range(size))
                 bits = [at in named and self._random.random() < 0.5 for at in range(size)]
                 octets = bytearray(-(-size // 8))
                 for at, is_set in enumerate(bits):

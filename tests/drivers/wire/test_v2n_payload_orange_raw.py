@@ -225,7 +225,7 @@ def test_other_types_are_refused_by_the_name_of_the_format():
 
 
 def test_other_types_are_not_written():
-    with pytest.raises(RequestError, match='vam: "json/raw" is written for cam, denm, cpm, spatem only'):
+    with pytest.raises(RequestError, match='vam: "json/raw" is written for cam, denm, cpm, spatem, mapem only'):
         station().publications("vam", 2018, PDU, HERE, NOW_MS)
 
 
