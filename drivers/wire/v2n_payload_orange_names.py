@@ -7,6 +7,7 @@ theirs.
 """
 
 import re
+from functools import lru_cache
 
 from drivers.wire.v2n_payload_si import ConversionError, element_of
 from drivers.wire.v2n_type import Field, Type
@@ -91,6 +92,7 @@ TEXTS = ("IA5String", "UTF8String", "NumericString", "VisibleString", "Printable
 NO_FORM = 'has no form in "json/raw"; take "asn1/uper"'
 FINE = -30_000  # least CurvatureValue of TS 102 894-2 V1.2.1
 _WORDS = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])|-")
+_KEPT = 4096  # types and names: the messages of RAW have 1,500
 _FROM_OUTSIDE = ("outermostDrivingLane", 1)  # LanePosition of V1.2.1
 
 
@@ -99,6 +101,7 @@ def check_edition(kind: str, body: Type) -> None:
         raise ConversionError("message", f"CPM of TR 103 562 {NO_FORM}")
 
 
+@lru_cache(_KEPT)
 def members_of(kind: Type) -> dict[str, Field]:
     """Components of a SEQUENCE by their names in the schema."""
     fields = list(kind.fields)
@@ -115,6 +118,7 @@ def name_of(kind: Type, field: Field) -> str:
     return NAMES.get(f"{kind.name}.{field.name}") or NAMES.get(field.name) or snake(field.name)
 
 
+@lru_cache(_KEPT)
 def snake(name: str) -> str:
     return NAMES.get(name) or _WORDS.sub("_", name).lower()
 
@@ -141,11 +145,25 @@ def is_sized(kind: Type) -> bool:
     return [field.name for field in kind.fields] == ["small", "large"]
 
 
+@lru_cache(_KEPT)
+def numbers_of(kind: Type) -> dict[str, int]:
+    """Items of an enumeration."""
+    return dict(kind.names)
+
+
+@lru_cache(_KEPT)
+def names_of(kind: Type) -> dict[int, str]:
+    """Items of an enumeration, by number."""
+    return {number: name for name, number in kind.names}
+
+
+@lru_cache(_KEPT)
 def words_of(kind: Type) -> dict[str, str]:
     """Names of an enumeration's items, or of bits, in the schema, by their own."""
     return {name: ITEMS.get(name, name) for name, _ in kind.names if name not in NO_ITEMS}
 
 
+@lru_cache(_KEPT)
 def bit_names(kind: Type) -> list[tuple[str, int]]:
     if kind.names:
         return list(kind.names)

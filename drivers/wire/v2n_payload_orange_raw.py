@@ -29,6 +29,7 @@ from drivers.wire.v2n_payload_orange_names import (
     is_wrapped,
     members_of,
     name_of,
+    numbers_of,
     open_type_of,
     size_of,
     snake,
@@ -71,7 +72,7 @@ class _Writing:
             case "ENUMERATED" if kind.name in WORDS:
                 return _word(kind, value, path)
             case "ENUMERATED":
-                number = dict(kind.names).get(value)
+                number = numbers_of(kind).get(value)
                 if number is None:
                     raise ConversionError(path, f"{value} is not an item of {kind.name}")
                 return _bounded(kind, number, number, path)
@@ -109,14 +110,16 @@ class _Writing:
         if kind.name == "CpmPayload":
             return self._containers(kind, value, path)
         members = members_of(kind)
-        left = set(value) - {field.name for field in members.values()}
-        if left:
-            raise ConversionError(f"{path}.{min(left)}", "no edition knows it, and so has no name for it")
         found: dict[str, Any] = {}
+        left = len(value)
         for name, field in members.items():
             if field.name in value:
                 written = self.value(field.type, value[field.name], path if field.name in INLINE else f"{path}.{name}")
                 found |= written if field.name in INLINE else {name: written}
+                left -= 1
+        if left:
+            unknown = set(value) - {field.name for field in members.values()}
+            raise ConversionError(f"{path}.{min(unknown)}", "no edition knows it, and so has no name for it")
         return found
 
     def _cause(self, kind: Type, value: dict[str, Any], path: str) -> dict[str, Any]:

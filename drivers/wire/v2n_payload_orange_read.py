@@ -21,6 +21,7 @@ from drivers.wire.v2n_payload_orange_names import (
     is_wrapped,
     members_of,
     name_of,
+    names_of,
     open_type_of,
     size_of,
     snake,
@@ -63,7 +64,7 @@ class _Reading:
             case "ENUMERATED" if kind.name in WORDS:
                 return _named(_own_names(kind), _want(value, str, path), path)
             case "ENUMERATED":
-                return _named({number: name for name, number in kind.names}, _want(value, int, path), path)
+                return _named(names_of(kind), _want(value, int, path), path)
             case "SEQUENCE":
                 return self._object(kind, _want(value, dict, path), path)
             case "SEQUENCE OF":

@@ -1,0 +1,56 @@
+"""Orange's JSON through a station and a real broker: what its vehicles send, and what its applications receive."""
+
+import json
+from typing import Any
+
+import pytest
+
+from tests.broker.fixtures import Brokers
+from tests.cases import orange
+from tests.cases.test_orange import VECTORS, VEHICLE
+from tests.system.conftest import Launcher
+from tests.system.station import toml_table
+from tests.system.v2n import NAME, V2n, table, until_up
+
+PLACE = {"latitude": 48.7668616, "longitude": 11.432068}
+
+
+@pytest.fixture(scope="module")
+def orange_station(launch_shared: Launcher, brokers_shared: Brokers) -> V2n:
+    """A station with this profile and a surveyed place, and an application at its broker."""
+    broker = brokers_shared()
+    application = brokers_shared.client(broker).subscribe("5GCroCo/inQueue/v2x/#", no_local=True)
+    more = toml_table(f"interfaces.{NAME}", table(brokers_shared, broker.url, profile="orange", uuid="com_car_1"))
+    bench = launch_shared("btp", station={"position": PLACE}, more=more)
+    until_up(bench)
+    return V2n(bench, broker, application)
+
+
+@pytest.mark.parametrize(("kind", "pdu"), VECTORS)
+def test_a_message_is_published_as_its_schema_says_and_received_by_another(
+    orange_station: V2n, kind: str, pdu: bytes
+) -> None:
+    orange_station.bench.user.send(f"v2x.{kind}.".encode(), pdu)
+    message = orange_station.observer.next()
+    envelope: dict[str, Any] = json.loads(message.payload)
+    if "payload" not in envelope["message"]:
+        orange.check(kind, envelope)
+    orange_station.observer.publish(
+        message.topic.replace("inQueue", "outQueue"), json.dumps(envelope | {"source_uuid": "ora_car_1"})
+    )
+    received = orange_station.bench.user.receive()
+    assert (received.envelope, received.pdu) == (f"v2x.{kind}.".encode(), pdu)
+
+
+def test_a_cam_1_1_3_of_their_vehicle_reaches_users_and_an_invalid_one_is_dropped_with_its_path(
+    orange_station: V2n,
+) -> None:
+    orange_station.bench.user.send(b"v2x.cam.", VECTORS[1][1])
+    topic = orange_station.observer.next().topic.replace("inQueue", "outQueue")
+    orange_station.observer.publish(topic, json.dumps(VEHICLE))
+    received = orange_station.bench.user.receive()
+    assert (received.envelope, received.pdu[:2]) == (b"v2x.cam.", b"\x01\x02")
+    wrong = json.loads(json.dumps(VEHICLE))
+    wrong["message"]["high_frequency_container"]["speed"] = "fast"
+    orange_station.observer.publish(topic, json.dumps(wrong))
+    assert "speed.value: 'fast' is not an integer" in orange_station.dropped("payload", 1)["detail"]
