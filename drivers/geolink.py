@@ -14,7 +14,7 @@ MAX_PAYLOAD = 1394
 
 # Fields of RxInfo that GeoNetworking fills.
 GEONETWORKING_METADATA = frozenset(
-    {"btp_port", "traffic_class", "hop_limit", "security", "position", "area", "source_mac", "transport"}
+    {"btp_port", "traffic_class", "hop_limit", "security", "position", "area", "source_mac", "transport", "implausible"}
 )
 
 

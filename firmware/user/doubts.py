@@ -1,6 +1,5 @@
 """Marks of implausible messages: they come by the report port, the messages by another."""
 
-import hashlib
 from collections import OrderedDict
 
 from board.errors import StationError
@@ -42,7 +41,9 @@ class Doubts:
         """The same with its mark, if it has one."""
         if not self._marks or message.raw is None:
             return message
-        digest = hashlib.sha256(message.pdu).hexdigest()[:16]
+        from hashlib import sha256  # with OpenSSL, which few need
+
+        digest = sha256(message.pdu).hexdigest()[:16]
         found = self._marks.pop((digest, message.raw.received_ns // 1000), ())
         return message._replace(implausible=found) if found else message
 
