@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 from board.errors import ProtocolError
 from drivers.wire.oer import Field, Sequence, choice, content, counted, elements, fixed, sequence_of
-from drivers.wire.security_v2 import unwrap_v2
 
 MAX_SSP = 32  # octets that RxSecurity can hold
 
@@ -133,6 +132,8 @@ def unwrap(octets: bytes) -> Unwrapped:
     try:
         if octets[0] != _V2:
             return _unwrap_v3(octets)
+        from drivers.wire.security_v2 import unwrap_v2  # rare, and half a percent of each start
+
         payload, its_aid, ssp = unwrap_v2(octets)
     except IndexError as error:
         raise ProtocolError(f"security: truncated after {len(octets)} octets") from error
