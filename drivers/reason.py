@@ -57,6 +57,12 @@ class Reason(StrEnum):
     RETAINED = "retained"
     # towards a user
     SUBSCRIBER_SLOW = "subscriber-slow"
+    # a connection of the endpoint that was ended
+    CONNECTIONS = "connections"
+    TOPICS = "topics"
+    UNFINISHED = "unfinished-message"
+    SUBSCRIBER_FLOOD = "subscriber-flood"
+    SUBSCRIBER_CUT = "subscriber-cut"
 
 
 MEANING: dict[Reason, str] = {
@@ -106,4 +112,9 @@ MEANING: dict[Reason, str] = {
     Reason.PAYLOAD: "its payload is not of the form that the profile of the broker has, or above 64 KiB",
     Reason.RETAINED: "the broker had kept it from earlier: how old it is nobody knows",
     Reason.SUBSCRIBER_SLOW: "a subscriber fell behind; it alone loses messages until it has read half of its queue",
+    Reason.CONNECTIONS: "too many connections; of the address with most, the oldest unused one was ended",
+    Reason.TOPICS: "a subscriber has too many topics, or one of more than 256 octets; its connection was ended",
+    Reason.UNFINISHED: "a message has too many octets or frames and does not end; its connection was ended",
+    Reason.SUBSCRIBER_FLOOD: "a subscriber sends more than subscriptions need; its connection was ended",
+    Reason.SUBSCRIBER_CUT: "subscribers that do not read have too many messages waiting; the slowest was ended",
 }

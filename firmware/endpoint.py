@@ -13,6 +13,7 @@ from drivers.message import Ego
 from firmware.control_socket import ControlSocket, default_path
 from firmware.drops import Drops
 from firmware.inlet import Inlet
+from firmware.peers.guard import Guard
 from firmware.publisher import Publisher
 from firmware.question import Commands
 from firmware.report import CONFIRM, FRAME, IMPLAUSIBLE, INDICATION, SOON, STATUS, TIME, TOPICS, Report
@@ -87,7 +88,7 @@ class Endpoint:
             )
             self.report = Report(loop, self._reports, status, refresh, time_status, router.quality_now)
             self.inlets = [
-                Inlet(loop, self.context, kind, at(port), name, topics, router, kind == zmq.PULL, options.strict)
+                Inlet(loop, self.context, kind, at(port), name, topics, router, drops, kind == zmq.PULL, options.strict)
                 for kind, port, name in (
                     (zmq.SUB, options.from_users, "from_users"),
                     (zmq.PULL, options.pull, "pull"),
@@ -97,6 +98,7 @@ class Endpoint:
         except StationError:
             self.context.destroy(linger=0)  # those sockets that could be had
             raise
+        self._guard = Guard(loop, self.inlets, (self.users.publisher, self._reports))
         router.publish = self.users.publish
 
     def start(self) -> None:
@@ -125,6 +127,7 @@ class Endpoint:
         self._control.close()
         self.users.publisher.close()
         self._reports.close()
+        self._guard.close()
         self.context.term()
 
     def status(self) -> dict[str, object]:
@@ -138,6 +141,7 @@ class Endpoint:
                 "raw": self.users.raw,
                 "slow_since": publisher.slow_since,
                 "slow_count": publisher.slow_count,
+                "connections": self._guard.status(),
             },
             "report": {
                 "slow_since": self._reports.slow_since,

@@ -5,12 +5,14 @@ import logging
 import zmq
 from zmq.backend import Socket as PlainSocket
 
-from board.errors import RequestError
+from board.errors import InterfaceError, RequestError
 from board.loop import Loop
 from drivers.message import ITS_HEADER, MAX_PDU, MessageType
 from drivers.reason import Reason
 from firmware import options
-from firmware.publisher import bind, is_readable
+from firmware.drops import Drops
+from firmware.peers.door import Door, descriptor_of
+from firmware.publisher import beat, bind, is_readable
 from firmware.router import Router
 from firmware.topics import Topics
 
@@ -25,6 +27,8 @@ SUB_HWM = 10_000
 PULL_HWM = 1_000
 # Octets. A file sent by mistake is refused with its reason; a client that sends more loses its connection, uncounted.
 MAX_FRAME = 65536
+# Frames of a message. Three have a meaning; a connection that sends more than this is ended.
+MAX_FRAMES = 64
 
 log = logging.getLogger("captain.inlet")
 
@@ -46,6 +50,7 @@ class Inlet:
         name: str,
         topics: Topics,
         router: Router,
+        drops: Drops,
         takes_options: bool = False,
         is_strict: bool = False,
     ) -> None:
@@ -63,7 +68,14 @@ class Inlet:
         self._socket.set(zmq.IPV6, int("[" in address))
         if kind == zmq.SUB:
             self._socket.set(zmq.SUBSCRIBE, b"")
-        bind(self._socket, address, f"endpoint.{name}")
+        beat(self._socket)
+        self.door = Door(loop, context, self._socket, name, drops)
+        self._is_skipping = False  # the rest of a message of too many frames
+        try:
+            bind(self._socket, address, f"endpoint.{name}")
+        except InterfaceError:
+            self.door.close()
+            raise
         loop.add(self)
 
     def fileno(self) -> int:
@@ -79,6 +91,15 @@ class Inlet:
         if self._is_scheduled:
             self._loop.soon(self._go_on)
 
+    def drain(self, most: int) -> bool:
+        """Take up to most messages now, one of each connection that has one before the second of any.
+
+        Returns whether that was so: the rest of a message of too many frames may have been in the way.
+        """
+        if not self._socket.closed and is_readable(self._socket):
+            self._take_batch(most)
+        return not self._is_skipping
+
     def finish(self, until: float) -> None:
         """Take what has arrived, but no longer than until (the loop's clock), and close: the station stops."""
         while self._take_batch(BATCH) and self._loop.clock() < until:
@@ -91,16 +112,21 @@ class Inlet:
         """Idempotent."""
         if not self._socket.closed:
             self._loop.remove(self)
+            self.door.close()
             self._socket.close(0)
 
     def _take_batch(self, size: int) -> bool:
         """Take up to size messages; whether there may be more."""
-        socket = self._socket
+        socket, door = self._socket, self.door
         for taken in range(size):
             try:
                 envelope = _recv(socket, NOBLOCK, False)
             except zmq.Again:
                 return False
+            if self._is_skipping:
+                self._is_skipping = envelope.more
+                continue
+            door.heard.add(descriptor_of(envelope))
             if not envelope.more:
                 self._router.refuse_message(Reason.ONE_FRAME, envelope.bytes, self._name)
                 continue
@@ -146,8 +172,14 @@ class Inlet:
     def _take_with_more(self, envelope: bytes, pdu: bytes) -> None:
         """Three frames and more: the third may be options, the rest is read so that the next message is whole."""
         last = third = _recv(self._socket, NOBLOCK, False)
-        while last.more:
+        frames = 3
+        while last.more and frames < MAX_FRAMES:
             last = _recv(self._socket, NOBLOCK, False)
+            frames += 1
+        if last.more:
+            self._is_skipping = True
+            if (connection := self.door.connections.get(descriptor_of(third))) is not None:
+                self.door.cut(connection, Reason.UNFINISHED, pdu, f"more than {MAX_FRAMES} frames in one message")
         if not self._takes_options:
             self._take(envelope, pdu, options.NOTHING_ASKED)
             return

@@ -17,6 +17,16 @@ from firmware.drops import Drops
 from firmware.peers.connection import Connection
 from firmware.peers.door import Door, descriptor_of
 from firmware.peers.interest import Interest
+from firmware.peers.limits import (
+    HEARTBEAT_MS,
+    HEARTBEAT_TIMEOUT_MS,
+    QUEUE,
+    SUBSCRIBER_MESSAGE,
+    TOPIC,
+    TOPICS_LOCAL,
+    TOPICS_OUTSIDE,
+    TOPICS_TOTAL,
+)
 
 # The methods of the plain socket: the wrappers of zmq.Socket cost 0.8 us a frame more.
 _send = PlainSocket.send
@@ -26,10 +36,10 @@ EVENTS = int(zmq.EVENTS)
 READABLE = int(zmq.POLLIN)
 NOBLOCK = int(zmq.NOBLOCK)
 MORE = int(zmq.SNDMORE | zmq.NOBLOCK)
-# Messages that wait for one subscriber; a second of a full channel, four times over, and 4 MB.
-SEND_HWM = 8192
 # Subscriptions taken in one turn: a client that sends nothing else must not hold up the rest.
 BATCH = 64
+SUBSCRIPTIONS = 8  # of one subscriber that wait in libzmq: it takes them while they come, whatever the loop has to do
+EACH = 256  # messages, after which on_sent is called
 LOOK_S = 0.01  # a new subscription waits no longer than this while messages flow
 LINGER_MS = 200  # what is still unsent when the station stops
 
@@ -56,6 +66,12 @@ def bind(socket: zmq.Socket[bytes], address: str, option: str) -> None:
         number = error.errno or 0
         hint = BIND_HINTS.get(number, "it must be an address of this host")
         raise InterfaceError(f"{option}: cannot bind {address}: {os.strerror(number)}", hint) from error
+
+
+def beat(socket: zmq.Socket[bytes]) -> None:
+    """Let ZMTP's heartbeat end connections of peers that do not answer."""
+    socket.set(zmq.HEARTBEAT_IVL, HEARTBEAT_MS)
+    socket.set(zmq.HEARTBEAT_TIMEOUT, HEARTBEAT_TIMEOUT_MS)
 
 
 class Publisher:
@@ -86,6 +102,9 @@ class Publisher:
     ) -> None:
         self.slow_since: float | None = None
         self.slow_count = 0
+        self.sent = 0  # messages
+        self.on_sent: Callable[[], None] = lambda: None
+        self._next = EACH
         self._loop = loop
         self._place = place
         self._drops = drops
@@ -93,16 +112,20 @@ class Publisher:
         self._taken: deque[tuple[int, bytes]] = deque()  # whoever hears of interest may send, and so look, at once
         self._is_looking = False
         self._socket = context.socket(zmq.XPUB)
-        self._socket.set(zmq.SNDHWM, SEND_HWM)
+        self._socket.set(zmq.SNDHWM, QUEUE)
         self._socket.set(zmq.LINGER, LINGER_MS)
         self._socket.set(zmq.XPUB_NODROP, 1)
         # Every subscription, not only the first of its prefix, and each end of one. Not XPUB_MANUAL: libzmq 4.3.5 keeps
         # the pipe of one that nobody has read yet, and uses it after its subscriber has gone and it was freed
         # (valgrind); and it puts subscriptions down to the wrong subscriber when another sends what is none.
         self._socket.set(zmq.XPUB_VERBOSER, 1)
+        self._socket.set(zmq.MAXMSGSIZE, SUBSCRIBER_MESSAGE)
+        self._socket.set(zmq.RCVHWM, SUBSCRIPTIONS)
         self._socket.set(zmq.IPV6, int("[" in address))
-        self.door = Door(loop, context, self._socket, place)
-        self.door.closed = self._gone
+        if address.startswith("tcp:"):
+            beat(self._socket)
+        self.door = Door(loop, context, self._socket, place, drops)
+        self.door.closed.append(self._gone)
         try:
             for one in (*also, address):
                 bind(self._socket, one, f"endpoint.{place}")
@@ -125,6 +148,7 @@ class Publisher:
         """As publish(), one after the other."""
         socket = self._socket
         for topic, body in messages:
+            self.sent += 1
             try:
                 _send(socket, topic, MORE)
             except zmq.Again:
@@ -136,6 +160,7 @@ class Publisher:
 
     def publish_both(self, topic: bytes, body: bytes, octets: bytes) -> None:
         """As publish(), a message of three frames."""
+        self.sent += 1
         try:
             _send(self._socket, topic, MORE)
         except zmq.Again:
@@ -186,6 +211,9 @@ class Publisher:
         self._is_looking = False
         if self._socket.closed:
             return
+        if self.sent >= self._next:
+            self._next = self.sent + EACH
+            self.on_sent()
         taken = self._take()
         self.door.settle()  # after the messages: see Door
         while self._taken:
@@ -215,9 +243,36 @@ class Publisher:
         if not is_wish:
             self.slow_since = None
         if connection is not None:
-            (self._interest.subscribe if is_wish else self._interest.unsubscribe)(connection, prefix)
+            if is_wish:
+                self._subscribe(connection, prefix)
+            else:
+                self._interest.unsubscribe(connection, prefix)
         elif descriptor < 0:
             self._interest.inproc(is_wish, prefix)
+
+    def _subscribe(self, connection: Connection, topic: bytes) -> None:
+        """Count a subscription, or end the connection that has too many topics: libzmq cannot take one back."""
+        if connection.is_cut:
+            return
+        if len(topic) > TOPIC:
+            self.door.cut(connection, Reason.TOPICS, topic, f"topic of {len(topic)} octets; at most {TOPIC}")
+            return
+        interest, address = self._interest, connection.address
+        interest.subscribe(connection, topic)
+        if connection.is_unix:
+            return
+        most = TOPICS_LOCAL if connection.is_local else TOPICS_OUTSIDE
+        if interest.by_address[address] > most:
+            self._end_largest(f"{interest.by_address[address]} topics of this address; at most {most}", topic, address)
+        elif interest.total > TOPICS_TOTAL:
+            self._end_largest(f"{interest.total} topics of all; at most {TOPICS_TOTAL}", topic)
+
+    def _end_largest(self, detail: str, topic: bytes, address: str = "") -> None:
+        """End the connection with most topics, of an address or of all, and take its topics back."""
+        some = [one for one in self.door.connections.values() if not one.is_unix and address in ("", one.address)]
+        largest = max(some, key=lambda one: len(one.topics))
+        self.door.cut(largest, Reason.TOPICS, topic, detail)
+        self._interest.end(largest)
 
     def _gone(self, connection: Connection) -> None:
         """Its connection has ended; whoever was slow may have been it."""

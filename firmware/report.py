@@ -250,9 +250,12 @@ def said_of(quality: TimeQuality) -> dict[str, object]:
 
 
 def memory_kb() -> int:
-    """Resident memory of this process in kB, from /proc/self/statm (proc(5))."""
-    with open("/proc/self/statm", "rb") as statm:
-        return int(statm.read().split()[1]) * PAGE_KB
+    """Resident memory of this process in kB, from /proc/self/statm (proc(5)); 0 where descriptors are used up."""
+    try:
+        with open("/proc/self/statm", "rb") as statm:
+            return int(statm.read().split()[1]) * PAGE_KB
+    except OSError:
+        return 0
 
 
 def process_status(started: float, now: float) -> dict[str, object]:

@@ -5,6 +5,7 @@ from collections.abc import Callable
 
 GREETING = b"\xff" + bytes(8) + b"\x7f" + b"\x03\x00" + b"NULL".ljust(20, b"\0") + bytes(32)
 PATIENCE_S = 2.0
+ESTABLISHED = 1  # tcpi_state: TCP_ESTABLISHED
 
 
 class Peer:
@@ -42,6 +43,22 @@ class Peer:
         except OSError:
             return True
         return True
+
+    def read(self) -> bytes:
+        """What has come until now."""
+        self.socket.settimeout(0.001)
+        octets = b""
+        try:
+            while part := self.socket.recv(1 << 20):
+                octets += part
+        except TimeoutError:
+            pass
+        return octets
+
+    def is_ended(self) -> bool:
+        """As is_cut(), of a peer that does not read."""
+        state = self.socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 1)[0]
+        return state != ESTABLISHED
 
     def close(self) -> None:
         self.socket.close()

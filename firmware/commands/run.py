@@ -10,6 +10,7 @@ from board.errors import StationError
 from board.loop import Loop
 from board.signals import Signals
 from firmware import config
+from firmware.peers.limits import raise_descriptors
 from firmware.station import Station
 from firmware.user.arguments import add_configuration
 
@@ -61,6 +62,7 @@ def main(arguments: argparse.Namespace) -> int:
     _check_descriptors()
     source = config.Source(arguments.config, tuple(arguments.overrides), arguments.board, arguments.defaults)
     wanted = source.load()
+    raise_descriptors()
     loop = Loop()
     station = Station(loop, wanted, source)
     Signals(loop, {signal.SIGTERM: station.stop, signal.SIGINT: station.stop, signal.SIGHUP: station.reread})

@@ -8,6 +8,8 @@ import zmq
 from zmq.backend import Socket as PlainSocket
 
 from board.loop import Loop
+from drivers.reason import Reason
+from firmware.drops import Drops
 from firmware.peers.connection import Connection
 
 _recv = PlainSocket.recv
@@ -34,6 +36,7 @@ class Door:
 
     name    of the socket: where its drops are counted.
     opened, closed  are called with each connection that comes and goes.
+    drops   counts connections that are ended.
 
     libzmq's one thread tells of an end before it closes the descriptor, and of an acceptance before it reads. So a
     caller that takes messages first, and settles then, knows whose they are: a number that is used again names its
@@ -41,13 +44,19 @@ class Door:
     """
 
     def __init__(
-        self, loop: Loop, context: "zmq.Context[zmq.Socket[bytes]]", socket: "zmq.Socket[bytes]", name: str
+        self,
+        loop: Loop,
+        context: "zmq.Context[zmq.Socket[bytes]]",
+        socket: "zmq.Socket[bytes]",
+        name: str,
+        drops: Drops,
     ) -> None:
         self.name = name
         self.connections: dict[int, Connection] = {}
         self.heard: set[int] = set()  # descriptors whose messages were delivered
-        self.opened: Callable[[Connection], None] = lambda connection: None
-        self.closed: Callable[[Connection], None] = lambda connection: None
+        self.opened: list[Callable[[Connection], None]] = []
+        self.closed: list[Callable[[Connection], None]] = []
+        self._drops = drops
         self._loop = loop
         self._socket = socket
         address = f"inproc://door-{id(self)}-{next(_numbers)}"
@@ -57,6 +66,7 @@ class Door:
         self._monitor.set(zmq.LINGER, 0)
         self._monitor.connect(address)
         self._is_scheduled = False
+        _get(self._monitor, EVENTS)  # takes the edge off that connecting has left: else no other comes
         loop.add(self)
 
     def fileno(self) -> int:
@@ -72,6 +82,16 @@ class Door:
         if not self._monitor.closed:
             while self._take():
                 pass
+
+    def cut(self, connection: Connection, reason: Reason, sample: bytes = b"", detail: str = "") -> None:
+        """End a connection and count it."""
+        if not connection.is_cut:
+            connection.cut()
+            self.count(connection, reason, sample, detail)
+
+    def count(self, connection: Connection, reason: Reason, sample: bytes = b"", detail: str = "") -> None:
+        """Count the end of a connection."""
+        self._drops.count(self.name, reason, sample, detail=f"{connection.peer}: {detail}")
 
     def close(self) -> None:
         """Idempotent. Before the socket is closed."""
@@ -102,7 +122,8 @@ class Door:
         if event == ACCEPTED:
             self._end(descriptor)
             connection = self.connections[descriptor] = Connection(descriptor, self.name)
-            self.opened(connection)
+            for call in self.opened:
+                call(connection)
         elif event == ENDED:
             self._end(descriptor)
         return True
@@ -110,5 +131,6 @@ class Door:
     def _end(self, descriptor: int) -> None:
         if (connection := self.connections.pop(descriptor, None)) is not None:
             self.heard.discard(descriptor)
-            self.closed(connection)
+            for call in self.closed:
+                call(connection)
             connection.close()

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from drivers.message import MessageType
 from drivers.reason import Reason
+from firmware.drops import Drops
 from firmware.inlet import BATCH, SUB_HWM, Inlet
 from firmware.options import Parsed
 from firmware.topics import Topics
@@ -50,7 +51,7 @@ class Bench:
         kind, name = (zmq.PULL, "pull") if takes_options else (zmq.SUB, "from_users")
         topics = Topics(profile)
         self.inlet = Inlet(
-            loop, self.context, kind, "inproc://inlet", name, topics, self.router, takes_options, is_strict
+            loop, self.context, kind, "inproc://inlet", name, topics, self.router, Drops(), takes_options, is_strict
         )
         self.user = self.context.socket(zmq.PUSH if takes_options else zmq.PUB)
         self.user.set(zmq.LINGER, 0)

@@ -1,0 +1,111 @@
+"""Subscribers that send without end, ended by a thread: libzmq keeps the loop inside one call while they send."""
+
+import os
+import select
+import time
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from threading import Thread
+
+from board.loop import Loop
+from firmware.peers.connection import OCTETS_CAME, Connection
+
+# Octets that subscribers of one address may send at once, and a second: 512 topics of 256 octets are 136 kB, and
+# libzmq needs 80 us for such a topic.
+BURST, REFILL = 256 * 1024, 16 * 1024
+# A connection that has sent no more is not ended for what others of its address have sent.
+SMALL = 4096
+PAUSE_S = 0.002  # between two looks
+ADDRESSES = 4096
+
+
+class FloodWatch:
+    """Waits in epoll for octets from subscribers, which seldom send; ends whoever sends more than its address may.
+
+    A subscription costs the loop's thread more time than libzmq's own thread needs to read it. So libzmq, once it is
+    called, takes subscriptions for as long as they come: 12 s and 2 GB were seen. Only another thread can end that. It
+    shares descriptors with the loop, and a queue from which the loop takes what it has cut.
+
+    on_end  is called in the loop with each connection that was ended.
+    """
+
+    def __init__(self, loop: Loop, on_end: Callable[[Connection], None]) -> None:
+        self._loop = loop
+        self._on_end = on_end
+        self._ended: deque[Connection] = deque()
+        self._tell = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
+        self._epoll = select.epoll()
+        self._stop = os.eventfd(0, os.EFD_CLOEXEC)
+        self._epoll.register(self._stop, select.EPOLLIN)
+        self._connections: dict[int, Connection] = {}
+        self._charged: dict[int, int] = {}
+        self._levels: dict[str, tuple[float, float]] = {}  # octets left, and when
+        self._thread: Thread | None = None
+        loop.add(self)
+
+    def fileno(self) -> int:
+        return self._tell
+
+    def ready(self, events: int) -> None:
+        """Take what the thread has ended."""
+        os.eventfd_read(self._tell)
+        while self._ended:
+            self._on_end(self._ended.popleft())
+
+    def watch(self, connection: Connection) -> None:
+        """Begin with a connection; the thread starts with the first one."""
+        descriptor = connection.fileno()
+        if connection.is_unix or descriptor < 0:
+            return
+        self._connections[descriptor] = connection
+        self._charged[descriptor] = 0
+        with suppress(OSError):
+            self._epoll.register(descriptor, OCTETS_CAME)
+        if self._thread is None:
+            self._thread = Thread(target=self._run, name="flood-watch", daemon=True)
+            self._thread.start()
+
+    def forget(self, connection: Connection) -> None:
+        """Before its descriptor is closed."""
+        descriptor = connection.fileno()
+        if self._connections.pop(descriptor, None) is not None and not self._epoll.closed:
+            with suppress(OSError):
+                self._epoll.unregister(descriptor)
+
+    def close(self) -> None:
+        """End the thread. Idempotent."""
+        if self._epoll.closed:
+            return
+        if self._thread is not None:
+            os.eventfd_write(self._stop, 1)
+            self._thread.join()
+        self._loop.remove(self)
+        self._epoll.close()
+        os.close(self._stop)
+        os.close(self._tell)
+
+    def _run(self) -> None:
+        while True:
+            for descriptor, _ in self._epoll.poll():
+                if descriptor == self._stop:
+                    return
+                connection = self._connections.get(descriptor)
+                if connection is not None and not connection.is_cut:
+                    self._look(descriptor, connection)
+            time.sleep(PAUSE_S)
+
+    def _look(self, descriptor: int, connection: Connection) -> None:
+        received = connection.received()
+        sent = received - self._charged.get(descriptor, 0)
+        self._charged[descriptor] = received
+        now = time.monotonic()
+        left, when = self._levels.get(connection.address, (float(BURST), now))
+        left = min(float(BURST), left + (now - when) * REFILL) - sent
+        if len(self._levels) >= ADDRESSES:
+            self._levels.clear()
+        self._levels[connection.address] = max(left, -float(BURST)), now
+        if left < 0 and received > SMALL:
+            connection.cut()
+            self._ended.append(connection)
+            os.eventfd_write(self._tell, 1)

@@ -1,0 +1,199 @@
+"""Looks after the connections of all sockets, and ends those that take more than their part."""
+
+import select
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
+from typing import Protocol
+
+from board.loop import READ, Loop, Timer
+from drivers.reason import Reason
+from firmware.peers.connection import OCTETS_CAME, Connection
+from firmware.peers.door import Door
+from firmware.peers.flood import FloodWatch
+from firmware.peers.limits import HEARTBEATS, QUEUE, UNFINISHED, WAITING, most_connections
+
+# Between two looks at what has come, and while a connection has an unfinished message of EARLY octets. A program of the
+# same machine fills the memory at 4 GB/s.
+PAUSE_S, EARLY_S = 0.005, 0.001
+EARLY = UNFINISHED // 8
+ACTIVE = 8  # messages more than connections: then each that has a whole message was served (libzmq serves them in turn)
+
+
+class Taking(Protocol):
+    """A socket that messages come by: firmware.inlet.Inlet."""
+
+    door: Door
+
+    def drain(self, most: int) -> bool: ...
+
+
+class Publishing(Protocol):
+    """A socket that messages leave by: firmware.publisher.Publisher."""
+
+    door: Door
+    sent: int
+    on_sent: Callable[[], None]
+
+
+class Guard:
+    """Limits for the connections of some sockets together. It costs nothing while nothing comes and goes."""
+
+    def __init__(self, loop: Loop, taking: Sequence[Taking], publishing: Sequence[Publishing]) -> None:
+        self.most = most_connections()
+        self._doors = [one.door for one in taking] + [one.door for one in publishing]
+        self._watches = [_UnfinishedWatch(loop, one) for one in taking]
+        self._flood = FloodWatch(loop, self._flooded)
+        for door in self._doors:
+            door.opened.append(self._opened)
+        for one in publishing:
+            one.door.opened.append(self._flood.watch)
+            one.door.closed.append(self._flood.forget)
+            one.on_sent = _SlowWatch(one).look
+
+    def close(self) -> None:
+        """Idempotent. After the sockets."""
+        for watch in self._watches:
+            watch.close()
+        self._flood.close()
+
+    def status(self) -> dict[str, object]:
+        """Connections that are open, by socket."""
+        return {door.name: len(door.connections) for door in self._doors}
+
+    def _opened(self, connection: Connection) -> None:
+        """Of the address with most connections end the oldest that was never used; else the oldest."""
+        if sum(len(door.connections) for door in self._doors) <= self.most:
+            return
+        some = [
+            (door, one) for door in self._doors for one in door.connections.values() if not (one.is_cut or one.is_unix)
+        ]
+        if len(some) <= self.most:
+            return
+        addresses = Counter(one.address for _, one in some)
+        address = addresses.most_common(1)[0][0]
+        door, one = min(
+            ((door, one) for door, one in some if one.address == address),
+            key=lambda pair: (pair[1].is_used or pair[1].descriptor in pair[0].heard, pair[1].number),
+        )
+        detail = f"{len(some)} connections, {addresses[address]} of this address; at most {self.most}"
+        door.cut(one, Reason.CONNECTIONS, detail=detail)
+
+    def _flooded(self, connection: Connection) -> None:
+        door = next(door for door in self._doors if door.name == connection.name)
+        door.count(connection, Reason.SUBSCRIBER_FLOOD, detail=f"{connection.sent_at_cut} octets")
+
+
+class _UnfinishedWatch:
+    """Ends connections that have sent more than a message has, and no message ended.
+
+    It waits for octets in an epoll of its own, which the loop waits for, but not for a moment after a look.
+    """
+
+    def __init__(self, loop: Loop, taking: Taking) -> None:
+        self._loop = loop
+        self._taking = taking
+        self._door = taking.door
+        self._timer: Timer | None = None
+        self._epoll = select.epoll()
+        self._door.opened.append(self._watch)
+        self._door.closed.append(self._forget)
+        loop.add(self)
+
+    def fileno(self) -> int:
+        return self._epoll.fileno()
+
+    def ready(self, events: int) -> None:
+        active = {descriptor for descriptor, _ in self._epoll.poll(0)}
+        most = self._look([one for one in self._door.connections.values() if one.fileno() in active])
+        self._loop.want(self, 0)
+        self._timer = self._loop.after(EARLY_S if most > EARLY else PAUSE_S, lambda: self._loop.want(self, READ))
+
+    def close(self) -> None:
+        """Idempotent."""
+        if not self._epoll.closed:
+            if self._timer is not None:
+                self._timer.cancel()
+            self._loop.remove(self)
+            self._epoll.close()
+
+    def _watch(self, connection: Connection) -> None:
+        connection.looked_at = self._loop.clock()
+        if not connection.is_unix:
+            with suppress(OSError):
+                self._epoll.register(connection.fileno(), OCTETS_CAME)
+
+    def _forget(self, connection: Connection) -> None:
+        if not (connection.is_unix or self._epoll.closed):
+            with suppress(OSError):
+                self._epoll.unregister(connection.fileno())
+
+    def _look(self, active: Iterable[Connection]) -> float:
+        """End connections; return the most octets of a message that is unfinished.
+
+        All messages that have ended are taken before a connection is ended: what a fast sender has sent is delivered.
+        """
+        door = self._door
+        self._note_heard()
+        unfinished = {one: self._unfinished(one) for one in active if not one.is_cut}
+        most = max(unfinished.values(), default=0.0)
+        suspects = [one for one, octets in unfinished.items() if octets > UNFINISHED]
+        if not suspects or not self._taking.drain(len(door.connections) + ACTIVE):
+            return most
+        heard = self._note_heard()
+        for one in suspects:
+            if one.descriptor not in heard:
+                detail = f"{one.read() - one.mark:.0f} octets of one message; at most {UNFINISHED}"
+                door.cut(one, Reason.UNFINISHED, detail=detail)
+        return most
+
+    def _note_heard(self) -> set[int]:
+        """Mark the connections whose messages were delivered, and return their descriptors."""
+        heard, self._door.heard = self._door.heard, set()
+        for descriptor in heard:
+            if (one := self._door.connections.get(descriptor)) is not None:
+                one.is_used = True
+                one.mark = one.read()
+        return heard
+
+    def _unfinished(self, one: Connection) -> float:
+        """Octets that libzmq has read since the last message was delivered, without heartbeats."""
+        read, now = one.read(), self._loop.clock()
+        one.mark = min(float(read), one.mark + HEARTBEATS * (now - one.looked_at))
+        one.looked_at = now
+        return read - one.mark
+
+
+class _SlowWatch:
+    """Ends the subscribers with most messages waiting, until those of all together are few enough."""
+
+    def __init__(self, publishing: Publishing) -> None:
+        self._publishing = publishing
+
+    def look(self) -> None:
+        sent, door = self._publishing.sent, self._publishing.door
+        connections = [one for one in door.connections.values() if not (one.is_unix or one.is_cut)]
+        writable = _writable(connections)
+        for one in connections:
+            one.writable_looks = one.writable_looks + 1 if one.fileno() in writable else 0
+            if not one.writable_looks and one.blocked_at is None:
+                one.blocked_at = sent
+            elif one.writable_looks > 1:  # once may be a moment in which it has read a little
+                one.blocked_at = None
+        waiting = {one: min(QUEUE, sent - one.blocked_at) for one in connections if one.blocked_at is not None}
+        total = sum(waiting.values())
+        for one, count in sorted(waiting.items(), key=lambda pair: -pair[1]):
+            if total <= WAITING:
+                return
+            total -= count
+            detail = f"{count} messages wait for it; at most {WAITING} for all subscribers that do not read"
+            door.cut(one, Reason.SUBSCRIBER_CUT, detail=detail)
+
+
+def _writable(connections: Iterable[Connection]) -> set[int]:
+    """Descriptors of those that take octets."""
+    poll = select.poll()
+    for one in connections:
+        if (descriptor := one.fileno()) >= 0:
+            poll.register(descriptor, select.POLLOUT)
+    return {descriptor for descriptor, _ in poll.poll(0)}
