@@ -148,6 +148,7 @@ class Endpoint:
                 "slow_count": self._reports.slow_count,
                 "confirms": self.report.confirms,
                 "indications": self.report.indications,
+                "frames": {} if self._frames is None else self._frames.totals(),
             },
         }
 
@@ -172,9 +173,16 @@ class Endpoint:
             from firmware.frames import Frames  # few stations have somebody who wants them
 
             publish = self._reports.publish_both
-            self._frames = Frames(self._loop, publish, self._router, self._mac, self._drops, self._show_frames)
-        if not is_wanted:
-            self._frames.forget()
+            self._frames = Frames(
+                self._loop,
+                publish,
+                self._router,
+                self._mac,
+                self._drops,
+                self._show_frames,
+                is_counting=bool(self.private_report),
+            )
+        (self._frames.resume if is_wanted else self._frames.forget)()
         self._drops.watch = self._frames.drop if is_wanted else None
         self._show_frames(is_wanted)
 

@@ -43,11 +43,13 @@ class Noted:
 class Told:
     """Numbers frames, those of each interface from 1 on.
 
-    mac  the station's own, of what is made up to go out.
+    mac     the station's own, of what is made up to go out.
+    totals  of each interface: frames that were told, and that were missed before these.
     """
 
     def __init__(self, mac: bytes) -> None:
         self._mac = mac
+        self.totals: dict[str, int] = {}
         self._sequence: dict[str, int] = {}
         self._quality = UNKNOWN_TIME, json.dumps(said_of(UNKNOWN_TIME))
 
@@ -55,8 +57,9 @@ class Told:
         """Topic, object and octets. The object is put together by hand: json.dumps() of it takes twice the time."""
         interface, kind, confirm = one.interface, one.kind, one.confirm
         self._sequence[interface] = sequence = self._sequence.get(interface, 0) + 1
+        self.totals[interface] = total = self.totals.get(interface, 0) + 1 + one.missed
         said = (
-            f'{{"sequence": {sequence}, "missed": {one.missed}, "interface": {_quoted(interface)}, '
+            f'{{"sequence": {sequence}, "missed": {one.missed}, "total": {total}, "interface": {_quoted(interface)}, '
             f'"direction": "{"out" if one.is_out else "in"}", "when_ns": {one.when_ns}, '
             f'"quality": {self._in_words(one.quality)}, "is_made_up": {"false" if one.frame else "true"}'
         )

@@ -64,6 +64,7 @@ class Frames:
     attend    is told whether messages and whole frames are to be shown: in a flood for a part of the time, and what
               comes in the rest is known from the station's counters. Drops are always shown.
     clock_ns  Unix time.
+    is_counting  what comes while nobody listens is missed by who listens next: a recorder that was killed.
     """
 
     def __init__(
@@ -75,6 +76,7 @@ class Frames:
         drops: Drops,
         attend: Callable[[bool], None] = lambda is_wanted: None,
         clock_ns: Callable[[], int] = time.time_ns,
+        is_counting: bool = False,
     ) -> None:
         self._loop = loop
         self._publish = publish
@@ -94,12 +96,36 @@ class Frames:
         self._told = Told(mac)
         self._most = MOST
         self._is_scheduled = False
+        self._is_counting = is_counting
+        self._away: dict[str, int] | None = None  # counts of when the last one left
 
     def forget(self) -> None:
         """Nobody listens any more."""
-        for kept in (self._noted, self._telling, self._by_octets, self._dropped, self._made, self._missed):
+        missed: Counter[str] = Counter()
+        if self._is_counting:
+            self._station.flush()  # what is counted already has its frame noted
+            for one in (*self._telling, *self._noted, *self._dropped.values()):
+                missed[one.interface] += 1 + one.missed
+            missed += self._missed
+            self._away = self._counts() if self._counted is None else self._counted
+        for kept in (self._noted, self._telling, self._by_octets, self._dropped, self._made):
             kept.clear()
+        self._missed = missed
         self._counted = None
+
+    def resume(self) -> None:
+        """Somebody listens, perhaps again."""
+        before, self._away = self._away, None
+        if before is not None:
+            self._station.flush()
+            self._missed.update(self._since(before))
+
+    def totals(self) -> dict[str, int]:
+        """Of each interface: frames that were told or missed, without those that are still to be told."""
+        totals = Counter(self._told.totals)
+        if not (self._noted or self._telling or self._dropped):
+            totals.update(self._missed)
+        return dict(totals)
 
     def finish(self) -> None:
         """Tell what still waits: the station ends."""
@@ -217,11 +243,15 @@ class Frames:
         if before is not None:
             self._station.flush()  # what is counted already is not to be noted as well
             self._made.clear()  # their confirms may have come meanwhile
-            missed = {name: count - before.get(name, 0) for name, count in self._counts().items()}
+            missed = self._since(before)
             self._missed.update(missed)
             if sum(missed.values()) > FLOOD:
                 self._most = OF_FLOOD
             self._attend(True)
+
+    def _since(self, before: Mapping[str, int]) -> dict[str, int]:
+        """Messages that came or left since these counts."""
+        return {name: count - before.get(name, 0) for name, count in self._counts().items()}
 
     def _counts(self) -> dict[str, int]:
         """Messages by interface: what a stage has dropped was received as well, whatever else was dropped was not."""

@@ -56,6 +56,7 @@ class Recorder:
             "is_memory_fine": options.in_memory,
         }
         self._told: dict[str, object] = {}
+        self._state: object = None  # what a process hands to the next one, should it be killed
         self._why = "not started"
         self._worker = Worker(loop, WORKER, self._message, self._changed, command=command, silence_s=SILENCE_S)
 
@@ -86,7 +87,8 @@ class Recorder:
         self._why = why
         log.log(logging.INFO if is_up else logging.WARNING, "%s", why)
         if is_up:
-            self._worker.send(json.dumps(self._asked).encode())
+            self._worker.send(json.dumps({**self._asked, "state": self._state}).encode())
 
     def _message(self, message: bytes) -> None:
         self._told = json.loads(message)
+        self._state = self._told.pop("state") or self._state

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from board.errors import StationError
 from firmware.recorder.hearing import Hearing, say
+from firmware.recorder.recovery import restore, state_of
 from firmware.recorder.ring import Limits
 from firmware.recorder.sinks import Keeper
 from firmware.user import client
@@ -31,12 +32,15 @@ def serve(channel: socket.socket) -> None:
         folder.mkdir(exist_ok=True)
     limits = Limits(asked["size"], asked["age_s"], asked["before_s"], asked["after_s"], asked["is_memory_fine"])
     keeper = Keeper(folder, limits, frozenset(asked["keep_on"]))
+    if asked["state"]:
+        restore(keeper.ring, asked["state"])
     place = client.Address(asked["host"], report=asked["report"])
     with client.session() as context:
         try:
             hearing = Hearing(context, place, private=asked["private"])
             hearing.on_status, hearing.on_time = keeper.know, keeper.time
             ear = Ear(channel, keeper, hearing)
+            keeper.ring.on_file = ear.tell
             for told in hearing.frames(ear.goes_on):
                 keeper.add(told)
         except StationError as error:
@@ -70,8 +74,14 @@ class Ear:
         now = time.monotonic()
         if now >= self._told_at + TELL_S:
             self._told_at = now
-            self._channel.send(json.dumps(self._keeper.ring.status()).encode())
+            self.tell()
         return True
+
+    def tell(self) -> None:
+        """Status, and what the next process needs should this one be killed."""
+        ring = self._keeper.ring
+        state = state_of(ring)
+        self._channel.send(json.dumps({**ring.status(), "state": state and state._asdict()}).encode())
 
     def _drains(self) -> bool:
         """The station ends: what it told last is on its way for a moment."""

@@ -97,6 +97,11 @@ class Filing:
     def path(self) -> Path | None:
         return self._segment.path if self._segment else None
 
+    @property
+    def in_file(self) -> Counter[str]:
+        """Frames by interface that are in the file or wait for it."""
+        return self._stored + self._waiting
+
     def add(self, told: Told) -> None:
         self.scribe.add(told)
         if self._segment is not None:
@@ -124,7 +129,6 @@ class Filing:
         except OSError as error:
             self._failed(error)
             return
-        self._stored.clear()
         self.scribe.begin(self._segment)
         self.store()
         if self._segment is not None and self.trouble:
@@ -151,6 +155,7 @@ class Filing:
         if segment is not None:
             segment.close()
             self._closed(segment.path, self._stored.total())
+        self._stored.clear()
 
     def _do(self, what: Callable[[Segment], None]) -> bool:
         if self._segment is None:

@@ -29,7 +29,7 @@ LONGEST_EVENT_S = 60.0
 LONGEST_WHY = 200  # characters of the reasons of an event, for the log
 # Left to others on the same disk, or a twentieth of it where it is small.
 LEAVE = 64 << 20
-_NAME = re.compile(r"(ring|kept)-(\d{8})-.*\.pcapng")
+NAME = re.compile(r"(ring|kept)-(\d{8})-.*\.pcapng")
 
 MOUNTS = Path("/proc/self/mountinfo")
 
@@ -70,6 +70,7 @@ class Ring:
     """Files `ring-NUMBER-TIME.pcapng` of a folder, and `kept-NUMBER-TIME-WHY.pcapng`, which stay for longer.
 
     clock  monotonic.
+    on_file  called when the file before is whole and the next is not yet begun: what is counted now is on the disk.
     """
 
     def __init__(
@@ -77,12 +78,13 @@ class Ring:
     ) -> None:
         self.folder = folder
         self.kept = self.not_kept = 0
+        self.on_file: Callable[[], None] = lambda: None
+        self.number, self.is_known = 0, False  # of the last file, and whether the folder was looked at
         self.filing = Filing(scribe, self._open, self._note, clock)
         self._limits = limits
         self._clock = clock
         self._closed: list[Closed] = []
         self._shares = Shares(limits.size)
-        self._number = 0
         self._begun = clock()
         self._why = self._word = ""  # all reasons of the event; the one whose share the next file counts in
         self._until = self._longest = 0.0
@@ -126,7 +128,7 @@ class Ring:
             self._shares.look(self.folder)
         say(f"kept because of {why}: {self._limits.before_s:g} s before and {self._limits.after_s:g} s after")
         before = [one for one in self._closed if one.ended >= since]
-        self._first = before[0].number if before else self._number
+        self._first = before[0].number if before else self.number
         # The file that is being written first: it has what triggers, and its name, should this be the end.
         self.filing.begin()
         for one in reversed(before):
@@ -149,6 +151,10 @@ class Ring:
         self.filing.end()
         self._let_go()
 
+    def go_on(self, number: int) -> None:
+        """Files up to this number are there already."""
+        self.number, self.is_known = max(self.number, number), True
+
     def status(self) -> dict[str, object]:
         filing = self.filing
         return {
@@ -162,9 +168,15 @@ class Ring:
             "not_kept": self.not_kept,
             "frames": filing.scribe.frames,
             "lost": filing.scribe.lost,
+            "lost_by": self._lost_by(),
             "trouble": filing.trouble,
             "troubles": filing.troubles,
         }
+
+    def _lost_by(self) -> dict[str, int]:
+        scribe = self.filing.scribe
+        disk = scribe.lost - scribe.missing - scribe.killed
+        return {"way": scribe.missing, "disk": disk, "restart": scribe.killed}
 
     def _note(self, path: Path, frames: int) -> None:
         """A file that nothing more is written to; one that cannot write took what it could, one without frames goes."""
@@ -185,11 +197,12 @@ class Ring:
         if not self._limits.is_memory_fine and kind_of(MOUNTS, self.folder) in VOLATILE:
             raise OSError(errno.ENODEV, "it is in memory: its card is not mounted", str(self.folder))
         self._claim()
+        self.on_file()
         self._prune()
         self._begun = self._clock()
-        self._number += 1
+        self.number += 1
         when = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
-        return Segment(self.folder / f"ring-{self._number:08d}-{when}.pcapng")
+        return Segment(self.folder / f"ring-{self.number:08d}-{when}.pcapng")
 
     def _claim(self) -> None:
         """Make the folder this recorder's, and know what is in it: another card is another folder."""
@@ -217,7 +230,7 @@ class Ring:
     def _look(self) -> None:
         """What earlier runs have left: the last may end in the middle of a block."""
         now = self._clock()
-        found = [(path, match) for path in self.folder.iterdir() if (match := _NAME.fullmatch(path.name))]
+        found = [(path, match) for path in self.folder.iterdir() if (match := NAME.fullmatch(path.name))]
         names = sorted((int(match[2]), path, match[1]) for path, match in found)
         if names:
             mend(names[-1][1])
@@ -227,7 +240,7 @@ class Ring:
                 status = path.stat()
                 self._closed.append(Closed(path, status.st_size, now - max(0.0, time.time() - status.st_mtime)))
         self._shares.look(self.folder)
-        self._number = max(self._number, names[-1][0] if names else 0)
+        self.go_on(names[-1][0] if names else 0)
 
     def _prune(self) -> None:
         """Remove the oldest until the next one has its room. Raises OSError where there is none."""

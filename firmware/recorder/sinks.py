@@ -134,7 +134,7 @@ class Keeper:
 
     def know(self, status: Mapping[str, object]) -> None:
         self.scribe.know(status)
-        self.idle()
+        self.ring.idle()
 
     def time(self, status: Mapping[str, object]) -> None:
         if why := self._triggers.time(status):
@@ -150,6 +150,7 @@ class Keeper:
             self.ring.trigger(why)
 
     def idle(self) -> None:
+        self.scribe.settle()
         self.ring.idle()
 
     def trigger(self, why: str) -> None:

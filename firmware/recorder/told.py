@@ -44,7 +44,8 @@ def parse(frames: list[bytes]) -> Told | None:
 def _is_sound(said: dict[str, object]) -> bool:
     """Whether it is as a station says it: numbers that a file has room for, and nothing deep."""
     are_counts = all(
-        type(count := said.get(key, 0)) is int and 0 <= count <= MOST for key in ("when_ns", "sequence", "missed")
+        type(count := said.get(key, 0)) is int and 0 <= count <= MOST
+        for key in ("when_ns", "sequence", "missed", "total")
     )
     are_flat = all(isinstance(value, _FLAT) or key == "quality" for key, value in said.items())
     has_all = isinstance(said.get("interface"), str) and "direction" in said and "when_ns" in said

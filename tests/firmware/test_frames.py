@@ -136,6 +136,7 @@ def test_a_message_without_a_frame_is_told_in_one_that_is_made_up(bench: Bench) 
     assert said == {
         "sequence": 1,
         "missed": 0,
+        "total": 1,
         "interface": "air",
         "direction": "in",
         "when_ns": NOW_NS,
