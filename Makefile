@@ -3,7 +3,7 @@
 
 .DEFAULT_GOAL := help
 .PHONY: help setup packages run codec import-check docs test fresh test-binary test-binary-directory test-binary-file check portable fuzz truth \
-	bench bench-station bench-messages bench-v2n bench-time bench-record bench-ros2 lab meter chaos outages fleet swarm \
+	bench bench-station bench-messages bench-v2n bench-time bench-record bench-ros2 lab meter attack chaos outages fleet swarm \
 	kernel ros2 clock days chronyd binary image image-test programs programs-test release flash lock proof clean
 
 PYTEST := .venv/bin/python -m pytest
@@ -97,6 +97,9 @@ meter: setup-test ## the link meter and the paper's tables: measured beside what
 	@rm -f build/meter-table[13].*
 	@.venv/bin/captain meter table1 --report build/meter-table1.html $(ARGS)
 	@.venv/bin/captain meter table3 --report build/meter-table3.html $(ARGS)
+
+attack: setup-test binary ## hostile peers at all four ports at once for 60 s: the good client's lag beside a quiet minute; ARGS='--duration 10'
+	@.venv/bin/python -m tests.attack $(ARGS)
 
 chaos: setup-test ## everything that is simulated fails at random: MINUTES=30 of virtual time, then DURATION=600 real seconds
 	@.venv/bin/python -m tests.chaos.virtual --minutes $(or $(MINUTES),30) --seeds 1 2 3

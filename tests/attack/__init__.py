@@ -1,0 +1,1 @@
+"""Attacks on the ports of a station, and what they cost it."""

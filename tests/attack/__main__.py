@@ -1,0 +1,192 @@
+"""All attacks on a station's ports at once, beside a good client; the same time without attacks before it.
+
+usage: python -m tests.attack [--duration 60] [--captain COMMAND] [--only NAME ...]
+
+Ends with 1 when the station ended, a message of the good client was lost or took 1 s, memory grew by more than 64 MB (128
+by several attacks), or descriptors were not released. The ratio of the lags is a measurement; its goal is 3.
+"""
+
+import argparse
+import os
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+import zmq
+
+from tests.attack.attacks import ATTACKS
+from tests.bench.subject import BINARY, SOURCE, Station
+
+GOAL = 3.0
+LONGEST_S = 1.0
+MEMORY_KB, MEMORY_ALL_KB = 64 * 1024, 128 * 1024  # by one attack, by several at once
+EVERY_S = 0.01
+PATIENCE_S = 10.0
+BODY = bytes(300)
+
+
+class Phase(NamedTuple):
+    """What a good client saw: its lags in seconds, from the air to a subscriber, sorted; messages, resident memory."""
+
+    lags: list[float]
+    sent: int
+    received: int
+    raw: int
+    memory_kb: int
+
+    @property
+    def p99_ms(self) -> float:
+        return self.lags[int(len(self.lags) * 0.99)] * 1000
+
+    @property
+    def longest_ms(self) -> float:
+        return self.lags[-1] * 1000
+
+
+class Client:
+    """Sends a CAM by UDP every 10 ms, and takes it as v2x.cam. and raw. of a subscriber each."""
+
+    def __init__(self, station: Station, context: "zmq.Context[zmq.Socket[bytes]]") -> None:
+        self._station = station
+        self._air = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._to = "127.0.0.1", station.ports.listen
+        self._pdus, self._raws = (self._subscriber(context, topic) for topic in (b"v2x.", b"raw."))
+        self._sent = 0
+
+    def join(self) -> None:
+        """Until both subscribers receive."""
+        end = time.monotonic() + PATIENCE_S
+        missing = {self._pdus, self._raws}
+        while missing:
+            assert time.monotonic() < end, "the station does not serve the good client"
+            self._send()
+            missing -= {one for one in missing if one.poll(20)}
+        time.sleep(0.2)
+        for one in (self._pdus, self._raws):
+            while one.poll(0):
+                one.recv_multipart()
+
+    def run(self, duration: float) -> Phase:
+        lags, sent, received, raw, memory_kb = [], 0, 0, 0, 0
+        end = time.monotonic() + duration
+        while time.monotonic() < end:
+            began = time.monotonic()
+            self._send()
+            sent += 1
+            if self._pdus.poll(PATIENCE_S * 1000):
+                self._pdus.recv_multipart()
+                received += 1
+            raw += self._take_raws(0)
+            lags.append(time.monotonic() - began)
+            memory_kb = max(memory_kb, self._station.memory_kb())
+            time.sleep(max(0.0, EVERY_S - (time.monotonic() - began)))
+        while raw < sent and (taken := self._take_raws(1000)):
+            raw += taken
+        return Phase(sorted(lags), sent, received, raw, memory_kb)
+
+    def _send(self) -> None:
+        self._sent += 1
+        self._air.sendto(bytes((2, 2)) + self._sent.to_bytes(4, "big") + BODY, self._to)
+
+    def _take_raws(self, wait_ms: int) -> int:
+        count = 0
+        while self._raws.poll(wait_ms if not count else 0):
+            self._raws.recv_multipart()
+            count += 1
+        return count
+
+    def _subscriber(self, context: "zmq.Context[zmq.Socket[bytes]]", topic: bytes) -> "zmq.Socket[bytes]":
+        subscriber = context.socket(zmq.SUB)
+        subscriber.linger = 0
+        subscriber.subscribe(topic)
+        subscriber.connect(f"tcp://127.0.0.1:{self._station.ports.to_users}")
+        return subscriber
+
+
+@contextmanager
+def attacking(station: Station, names: Sequence[str]) -> Iterator[None]:
+    """All of them as processes, each at each of its ports; the processor is the station's and the client's first."""
+    with ExitStack() as ending:
+        for name in names:
+            for port in ATTACKS[name][1]:
+                number = getattr(station.ports, port)
+                command = ["nice", "-n", "19", sys.executable, "-m", "tests.attack.attacks", name, str(number)]
+                one = subprocess.Popen(command)
+                ending.callback(one.wait)
+                ending.callback(one.kill)
+        yield
+
+
+def main() -> int:
+    options = arguments()
+    with Station(captain=options.captain) as station, zmq.Context() as context:
+        client = Client(station, context)
+        client.join()
+        descriptors = count_descriptors(station)
+        quiet = client.run(options.duration)
+        with attacking(station, options.only):
+            attacked = client.run(options.duration)
+        is_released = until(lambda: count_descriptors(station) <= descriptors)
+        is_alive = station.process.poll() is None
+        drops = station.status()["drops"] if is_alive else []
+        context.destroy(0)
+    show(quiet, attacked)
+    for row in drops:
+        print(f"  {row['where']:12}{row['reason']:22}{row['count']:8}")
+    grown_kb = attacked.memory_kb - quiet.memory_kb
+    wrong = [
+        words
+        for is_wrong, words in (
+            (not is_alive, "the station ended"),
+            (attacked.received < attacked.sent or attacked.raw < attacked.sent, "the good client lost messages"),
+            (attacked.longest_ms >= LONGEST_S * 1000, f"a message took {attacked.longest_ms:.0f} ms"),
+            (
+                grown_kb > (MEMORY_KB if len(options.only) == 1 else MEMORY_ALL_KB),
+                f"memory grew by {grown_kb // 1024} MB",
+            ),
+            (not is_released, "descriptors were not released"),
+        )
+        if is_wrong
+    ]
+    print(f"NOT held: {'; '.join(wrong)}" if wrong else "alive, no message lost, descriptors released")
+    return 1 if wrong else 0
+
+
+def arguments() -> argparse.Namespace:
+    assert __doc__ is not None
+    parser = argparse.ArgumentParser(prog="python -m tests.attack", description=__doc__.splitlines()[0])
+    parser.add_argument("--duration", type=float, default=60.0, help="of each of the two phases, s")
+    parser.add_argument("--captain", default=BINARY if os.path.exists(BINARY) else SOURCE)
+    parser.add_argument("--only", nargs="+", choices=tuple(ATTACKS), default=tuple(ATTACKS))
+    return parser.parse_args()
+
+
+def show(quiet: Phase, attacked: Phase) -> None:
+    print(f"{'':12}{'p99, ms':>10}{'longest':>10}{'sent':>8}{'received':>10}{'raw':>8}{'memory, MB':>12}")
+    for name, one in (("quiet", quiet), ("attacked", attacked)):
+        figures = f"{one.p99_ms:10.2f}{one.longest_ms:10.1f}{one.sent:8}{one.received:10}{one.raw:8}"
+        print(f"{name:12}{figures}{one.memory_kb / 1024:12.1f}")
+    print(f"lag p99 attacked / quiet: {attacked.p99_ms / quiet.p99_ms:.2f} (goal: at most {GOAL:g})")
+
+
+def count_descriptors(station: Station) -> int:
+    return len(list(Path(f"/proc/{station.process.pid}/fd").iterdir()))
+
+
+def until(holds: Callable[[], bool]) -> bool:
+    """Whether something comes to hold."""
+    end = time.monotonic() + PATIENCE_S
+    while not holds():
+        if time.monotonic() > end:
+            return False
+        time.sleep(0.05)
+    return True
+
+
+if __name__ == "__main__":
+    sys.exit(main())
