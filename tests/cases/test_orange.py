@@ -21,7 +21,7 @@ VECTORS = [
     (vector["type"].lower(), bytes.fromhex(vector["hex"]))
     for vector in json.loads((Path(firmware.__file__).parent / "vectors.json").read_text())
 ]
-SAMPLES = 20
+SAMPLES = 12
 # Read as JSON by some version; all others are refused by their format, or version.
 READ = [
     name
