@@ -16,22 +16,25 @@ CAPABILITY_VERSION_3 = 0x20080522  # capget(2)
 _libc = ctypes.CDLL(None, use_errno=True)
 
 
-def isolate() -> None:
+def isolate(*, as_root: bool = False) -> None:
     """Move this process, and so its children, into a new network namespace whose loopback is up.
 
-    The user stays the same and gets no capability by it. Call it before any thread starts.
-    Raises OSError where the kernel does not allow it: user_namespaces(7).
+    as_root  become root there, who may make network devices; else the user stays the same and gets no capability.
+
+    Call it before any thread starts. Raises OSError where the kernel does not allow it: user_namespaces(7).
     """
     user, group = os.geteuid(), os.getegid()
+    inner_user, inner_group = (0, 0) if as_root else (user, group)
     is_root = user == 0
     if _libc.unshare(CLONE_NEWNET | (0 if is_root else CLONE_NEWUSER)):
         raise _failure("unshare")
     if not is_root:
-        for name, text in (("setgroups", "deny"), ("uid_map", f"{user} {user} 1"), ("gid_map", f"{group} {group} 1")):
+        maps = ("uid_map", f"{inner_user} {user} 1"), ("gid_map", f"{inner_group} {group} 1")
+        for name, text in (("setgroups", "deny"), *maps):
             Path("/proc/self", name).write_text(text, encoding="ascii")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
         fcntl.ioctl(one, SIOCSIFFLAGS, struct.pack("16sh14x", b"lo", IFF_UP))
-    if not is_root:
+    if not is_root and not as_root:
         _drop_capabilities()
 
 

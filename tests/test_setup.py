@@ -5,6 +5,8 @@ import shutil
 import subprocess
 from pathlib import Path
 
+import pytest
+
 SETUP = Path(__file__).resolve().parent.parent / ".ci" / "setup"
 
 # Says its version; what else it is asked for, it has.
@@ -35,3 +37,26 @@ def test_an_environment_that_is_kept_is_told_with_its_own_python(tmp_path: Path)
         ["sh", str(tmp_path / ".ci" / "setup"), "run"], env=environment, capture_output=True, text=True, check=True
     )
     assert ended.stderr == "setup: .venv for run, Python 3.11.2\n"
+
+
+@pytest.mark.parametrize(("number", "status"), [("INT", 130), ("TERM", 143), ("HUP", 143)])
+def test_an_installation_that_is_interrupted_leaves_no_log_behind(tmp_path: Path, number: str, status: int):
+    (tmp_path / ".ci").mkdir()
+    shutil.copy(SETUP, tmp_path / ".ci" / "setup")
+    (logs := tmp_path / "logs").mkdir()
+    (programs := tmp_path / "path").mkdir()
+    for name in ("sh", "env", "mktemp", "rm", "cat", "id", "dirname"):  # no compiler: that is to be installed
+        (programs / name).symlink_to(str(shutil.which(name)))
+    for name, text in (("sudo", '[ "$1" = -n ] && shift\nexec "$@"'), ("apt-get", f"kill -{number} $PPID")):
+        (programs / name).write_text(f"#!/bin/sh\n{text}\n")
+        (programs / name).chmod(0o755)
+    ended = subprocess.run(
+        [str(programs / "sh"), str(tmp_path / ".ci" / "setup"), "run"],
+        env={"PATH": str(programs), "TMPDIR": str(logs)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert "setup: Debian packages: " in ended.stderr
+    assert ended.returncode == status
+    assert list(logs.iterdir()) == []

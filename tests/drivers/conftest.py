@@ -1,8 +1,6 @@
 """Loops and hosts for drivers, and network namespaces for those that need devices of their own."""
 
-import ctypes
 import os
-import subprocess
 import sys
 import traceback
 from contextlib import ExitStack, closing
@@ -11,9 +9,8 @@ import pytest
 
 from tests.drivers import gnss, modem
 from tests.drivers.host import Host
+from tests.network import isolate
 from tests.ptys import PtyLoop, Ptys
-
-CLONE_NEWUSER, CLONE_NEWNET = 0x10000000, 0x40000000
 
 
 @pytest.fixture
@@ -86,7 +83,7 @@ def pytest_pyfunc_call(pyfuncitem):
 def _run_apart(pyfuncitem, writer):
     status = 1
     try:
-        _enter_namespace()
+        isolate(as_root=True)
         names = pyfuncitem._fixtureinfo.argnames
         pyfuncitem.obj(**{name: pyfuncitem.funcargs[name] for name in names})
         status = 0
@@ -95,21 +92,3 @@ def _run_apart(pyfuncitem, writer):
     finally:
         sys.stdout.flush()
         os._exit(status)
-
-
-def _enter_namespace():
-    user, group = os.getuid(), os.getgid()
-    flags = CLONE_NEWNET if user == 0 else CLONE_NEWNET | CLONE_NEWUSER
-    libc = ctypes.CDLL(None, use_errno=True)
-    if libc.unshare(flags) != 0:
-        raise OSError(ctypes.get_errno(), "unshare: this machine lets nobody make a network namespace")
-    if user != 0:
-        _write("/proc/self/setgroups", "deny")
-        _write("/proc/self/uid_map", f"0 {user} 1")
-        _write("/proc/self/gid_map", f"0 {group} 1")
-    subprocess.run(["ip", "link", "set", "lo", "up"], check=True)
-
-
-def _write(path, text):
-    with open(path, "w") as file:
-        file.write(text)
