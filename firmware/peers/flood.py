@@ -12,8 +12,8 @@ from board.loop import Loop
 from firmware.peers.connection import OCTETS_CAME, Connection
 
 # Octets that subscribers of one address may send at once, and a second: 512 topics of 256 octets are 136 kB, and
-# libzmq needs 80 us for such a topic.
-BURST, REFILL = 256 * 1024, 16 * 1024
+# libzmq needs 80 us for such a topic. 512 connections that send a heartbeat each second need 12 kB/s.
+BURST, REFILL = 256 * 1024, 64 * 1024
 # A connection that has sent no more is not ended for what others of its address have sent.
 SMALL = 4096
 PAUSE_S = 0.002  # between two looks

@@ -271,6 +271,18 @@ def test_a_subscriber_that_sends_without_end_is_ended_by_a_thread(bench: Bench, 
     bench.until(lambda: b"pdu" in good.read())
 
 
+def test_a_subscriber_that_sends_heartbeats_and_topics_within_its_allowance_stays(bench: Bench) -> None:
+    good = bench.peer()
+    for number in range(TOPICS_LOCAL - 1):
+        good.subscribe(b"v2x.%d." % number + bytes(100))
+    for _ in range(1000):
+        good.socket.sendall(b"\4\x12\4PING\0\0" + bytes(11))
+    bench.until(lambda: bench.publisher._interest.total == TOPICS_LOCAL - 1)
+    bench.until(lambda: next(iter(bench.publisher.door.connections.values())).read() > 1000 * 20)
+    assert not good.is_cut()
+    assert list(bench.drops.status()) == []
+
+
 def test_of_too_many_connections_the_oldest_unused_one_is_ended(bench: Bench) -> None:
     bench.guard.most = 8
     good = bench.peer("push")
