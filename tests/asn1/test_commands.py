@@ -1,13 +1,14 @@
 """The command line: what it prints, what it writes, and how it says that something is wrong."""
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from asn1 import __main__ as program
+from asn1 import cli as program
 from asn1 import commands, progress, selection, text
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -215,3 +216,29 @@ def test_on_a_terminal_progress_is_one_line_that_is_gone_in_the_end():
     assert "\n" not in terminal.text
     assert "\r[2/2] short " in terminal.text
     assert terminal.text.rstrip(" \r").endswith("short")
+
+
+# Imported by Python at its start: Ctrl-C is pressed while the program loads its first module.
+PRESSED = """\
+import sys
+
+class Pressed:
+    def find_spec(self, name, *_):
+        if name.startswith("asn1.") and name != "asn1.__main__":
+            raise KeyboardInterrupt
+
+sys.meta_path.insert(0, Pressed())
+"""
+
+
+def test_ctrl_c_while_the_program_loads_is_quiet(tmp_path: Path):
+    (tmp_path / "sitecustomize.py").write_text(PRESSED)
+    ended = subprocess.run(
+        [sys.executable, "-m", "asn1", "list"],
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (ended.returncode, ended.stdout, ended.stderr) == (130, "", "\n")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from asn1 import __main__ as program
+from asn1 import cli as program
 
 ROOT = Path(__file__).resolve().parents[2]
 ASN = """

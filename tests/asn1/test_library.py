@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import pytest
 
-from asn1 import __main__ as program
+from asn1 import cli as program
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = Path(__file__).with_name("package")

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from asn1 import __main__ as program
 from asn1 import add, library, menu, text
+from asn1 import cli as program
 
 CAM = ["generate", "cam", "--form"]
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from asn1 import __main__ as program
 from asn1 import add, text
+from asn1 import cli as program
 from asn1.importer.fault import ImportFault
 from asn1.types import Module, Reference, Schema, Sequence
 
