@@ -49,7 +49,7 @@ VERBS = {
 USAGE_ERROR = 2
 OUTPUT_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 NO_DESCRIPTOR = (errno.EMFILE, errno.ENFILE)
-ENOUGH = "run `ulimit -n 1024` before it, or set LimitNOFILE=1024 in its unit"
+ENOUGH = "run `ulimit -n 1024` in this shell first, or set LimitNOFILE=1024 in the unit"
 # Their exit status is a verdict over all that they look at: they go on though nobody reads what they say.
 JUDGES = frozenset({"doctor", "selftest", "lab"})
 # What begins like a negative number is a value, and no option: argparse knows whole values only, and not "-20.5,100".
@@ -231,7 +231,7 @@ def _run(argv: list[str]) -> int:
         if getattr(error, "errno", None) not in NO_DESCRIPTOR:
             raise
         most = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
-        told = StationError(f"out of file descriptors: this process may have {most}", ENOUGH)
+        told = StationError(f"out of file descriptors: the limit of this process is {most}", ENOUGH)
         _tell(told, getattr(options, "json", False))
         return 1
 

@@ -173,10 +173,10 @@ def _policy(tables: Table, interfaces: set[str]) -> Iterator[str]:
 def _of_received(row: Table) -> Iterator[str]:
     """What a row for received messages lacks, and what is of no use in it."""
     if row.get("interfaces") not in ([], ["*"]):
-        yield 'interfaces: not given for match.implausible; [] drops a received message, ["*"] passes it on'
+        yield 'interfaces: invalid with match.implausible; write [] to drop these messages, or ["*"] to deliver them'
     for key in LEAVING:
         if key in row:
-            yield f"{key}: says how a message leaves, and match.implausible is of received ones; remove it"
+            yield f"{key}: not allowed with match.implausible, which matches received messages; remove {key}"
 
 
 def _known_types(tables: Table) -> set[str] | None:

@@ -4,7 +4,7 @@ import logging
 import time
 
 from drivers.implausible import DOUBTS, Implausible, is_outside
-from drivers.message import RxInfo
+from drivers.message import NO_MAC, RxInfo
 from firmware.drops import SAMPLE, Drop
 
 AHEAD_MS = 60_000  # as drivers/wire/geonet_receiver.py allows timestamps
@@ -60,8 +60,9 @@ class Doubts:
             doubt.detail = rx.source_mac.hex(":")
             # As drops: the first, the tenth, the hundredth ...
             if doubt.count == 10 ** (len(str(doubt.count)) - 1):
-                what = f"{DOUBTS[reason]}; the last from {doubt.detail}"
-                log.warning("%s: %s: %d implausible: %s", self._interface, reason, doubt.count, what)
+                last = f"; the last from {doubt.detail}" if rx.source_mac != NO_MAC else ""
+                what = f"{reason}: {DOUBTS[reason]}{last}"
+                log.warning("%s: %d implausible messages: %s", self._interface, doubt.count, what)
 
     def status(self) -> list[dict[str, object]]:
         """A row for each reason, as in the status message."""

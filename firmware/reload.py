@@ -145,16 +145,19 @@ class Reload:
         before, after = self._names(), [row.name for row in self._policy.rows]
         digests, self._written = self._facts["digests"], self._written.union(self._facts["written"])
         if changed := [name for name, digest in self._running.digests().items() if digests.get(name) != digest]:
-            log.warning("%s changed too: only [[policy]] is taken without a restart", ", ".join(changed))
+            log.warning(
+                "%s: changed but not applied: only [[policy]] is reloaded; restart captain to apply the rest",
+                ", ".join(changed),
+            )
         self._take(self._policy)
-        log.info("policy read again: %s", difference(before[:-1], after[:-1]))
+        log.info("policy reloaded: %s", difference(before[:-1], after[:-1]))
 
 
 def difference(before: Sequence[str], after: Sequence[str]) -> str:
     """Words for the names of rows that went and came: at most TOLD of each, then their count."""
     known, now = set(before), set(after)
     gone, came = [one for one in before if one not in now], [one for one in after if one not in known]
-    words = [f"{len(after)} rows, {len(before)} before"]
+    words = [f"rows: {len(after)}, before: {len(before)}"]
     words += [f"{what}: {_some(names)}" for what, names in (("removed", gone), ("added", came)) if names]
     return "; ".join(words)
 

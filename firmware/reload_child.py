@@ -65,10 +65,9 @@ def read(source: Source, written: Collection[str]) -> Config:
     config = source.load()
     for name in NEEDED:
         if name in written and name not in config.written:
-            none = "policy = []" if name == "policy" else "[interfaces]"
+            table, none = ("[[policy]]", "policy = [] above all tables") if name == "policy" else ("[interfaces]",) * 2
             raise ConfigurationError(
-                f"{source.path}: [{name}]: missing, and the running configuration has it",
-                f'write "{none}" if you want none',
+                f"{source.path}: {table}: missing, but the running configuration has it", f"to have none, write {none}"
             )
     return config
 
@@ -79,13 +78,13 @@ def _check(path: str) -> None:
         mode = os.stat(path).st_mode
         if not stat.S_ISREG(mode):
             what = KINDS.get(stat.S_IFMT(mode), "special")
-            raise ConfigurationError(f"{path}: not a regular file: {what}", "name a file that can be read twice")
+            raise ConfigurationError(f"{path}: not a regular file: {what}", "replace it by a regular file")
         with open(path, "rb") as file:
             is_empty = not file.read(LOOK).strip()
     except (OSError, ValueError):
         return  # the reader says why it cannot be read
     if is_empty:
-        raise ConfigurationError(f"{path}: empty", "save it again; is the disk full?")
+        raise ConfigurationError(f"{path}: empty", "check free disk space and save the file again")
 
 
 def _rows(rows: Sequence[PolicyRow]) -> Iterator[bytes]:

@@ -4,7 +4,7 @@ import logging
 
 log = logging.getLogger("captain.security")
 
-UNVERIFIED = "the station does not verify signatures yet"
+UNVERIFIED = "signatures are not verified yet"
 DELIVERED = "signed messages are delivered as unverifiable-pkt"
 BY_POLICY = {"deliver": DELIVERED, "drop": "signed messages are dropped"}
 
@@ -23,7 +23,9 @@ class Signatures:
         """Count one message."""
         self._delivered += 1
         if self._delivered == 1:
-            log.warning('%s: %s; reception.unverified = "drop" drops them', UNVERIFIED, DELIVERED)
+            log.warning(
+                '%s: %s; to drop them, set reception.unverified = "drop" in captain.toml', UNVERIFIED, DELIVERED
+            )
 
     def status(self) -> dict[str, object]:
         """The object `security` of the status."""

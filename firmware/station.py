@@ -143,8 +143,8 @@ class Station:
         if not self._is_clock_set():
             now_s = time.time()
             now = time.strftime("%Y-%m-%d %H:%M:%S", time.gmtime(now_s))
-            what = "is not set" if now_s < ITS_END else "is beyond ITS time, which ends in 2143"
-            log.warning("the clock %s (it says %s): own position counts as unknown, V2N waits", what, now)
+            what = "not set" if now_s < ITS_END else "later than the last ITS time, in 2143"
+            log.warning("clock: %s: %s; own position is unknown and V2N waits until GNSS or NTP sets it", now, what)
         self._notice.send(f"READY=1\nSTATUS=routing over {len(self._interfaces)} interfaces")
         self._notice.watch(self.loop)
 

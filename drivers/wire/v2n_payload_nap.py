@@ -169,7 +169,7 @@ def _decoded(codec: Codec, sending: Sending) -> tuple[Edition, dict[str, Any]]:
                 return edition, fields
     except ValueError as error:
         first = first or error
-    raise RequestError(f"{sending.kind} is not to be had as JSON: {first}") from first
+    raise RequestError(f"{sending.kind}: cannot be written as JSON: {first}") from first
 
 
 def _encoded(codec: Codec, kind: str, header: object, convert: Callable[[Edition, Note], Any], note: Note) -> bytes:

@@ -126,7 +126,7 @@ class OrangeRaw(Orange):
         try:
             message = _raw(self._library, sending)
         except ValueError as error:
-            raise RequestError(f'{sending.kind} is not to be had as "{JSON}": {error}') from error
+            raise RequestError(f'{sending.kind}: cannot be written as "{JSON}": {error}') from error
         return self._envelope(sending, JSON, message)
 
 
@@ -166,4 +166,4 @@ def _encoded(codec: Codec, kind: str, version: str, message: dict[str, Any]) -> 
                 return pdu
     if last:
         raise RefusedError(Reason.PAYLOAD, str(last)) from last
-    return refuse("message.protocol_version", f"{number} is of no {kind}")
+    return refuse("message.protocol_version", f"{number}: no version of {kind} has it")

@@ -151,9 +151,7 @@ class _Writing:
             if name == "perceived_object_container":
                 count, written = written.values()
                 if count != len(written):
-                    raise ConversionError(
-                        f"{path}.{name}", f"{count} objects are counted, and {len(written)} described"
-                    )
+                    raise ConversionError(f"{path}.{name}", f"{count}, but the list has {len(written)} objects")
             found[name] = written
         return found
 
@@ -165,11 +163,11 @@ class _Writing:
         told = size_of(kind, places) if kind.names or self._kind in MASKS else len(names)
         if unnamed or size != told:
             raise ConversionError(
-                path, f"bit {unnamed[0]} has no name" if unnamed else f"the schema cannot tell {size} bits"
+                path, f"bit {unnamed[0]} has no name" if unnamed else f"{size} bits: no such length in the schema"
             )
         if self._kind in SETS:
             if kind.name in NOT_EMPTY and not places:
-                raise ConversionError(path, "no bit is set; the schema wants one")
+                raise ConversionError(path, "no bit is set; the schema needs at least one")
             return [_word(kind, names[at], f"{path}[{at}]") for at in places]
         if self._kind in MASKS:
             return sum(1 << at for at in places)

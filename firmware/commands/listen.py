@@ -26,9 +26,10 @@ Listens to a station as any user's program does, and shows for each type and
 station (stationID of the ITS PDU header): how many messages, how many a
 second, the last signal strength where the interface knows it, how long ago the
 last one came, and what it says: position in degrees, speed, heading; the cause
-of a DENM; how many objects or intersections. What does not decode begins with
-`!` and the reason. `! 3 implausible: time` counts what the station has marked
-(README, "Implausible messages"), with the reasons of the last one.
+of a DENM; how many objects or intersections. A row that begins with `!` has a
+problem: why the message does not decode, or how many messages the station has
+marked as implausible and the reasons of the last one: `! 3 implausible: time`
+(README, "Implausible messages").
 
 On a terminal the table stays in place; elsewhere the stations heard in the
 last second are printed every second, and all of them at the end. At most 256 rows are kept: those silent
@@ -59,7 +60,7 @@ JSON, one object a line:
   hop_limit, source_mac, security, latitude, longitude (degrees)
         of the interface, as RawRxMessage has them; absent without one
   implausible
-        reasons of the station to doubt it; absent without one
+        list of reasons why the station marked the message as implausible
   edition, message, warning and others where the values may be wrong
         with --decode; `captain encode` takes them
   edition, fields (path: value with unit)

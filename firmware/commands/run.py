@@ -39,7 +39,7 @@ exit codes:
 """
 
 LEAST_DESCRIPTORS = 64  # on the simulated board 30; each user takes one more
-ENOUGH = "run `ulimit -n 1024` before it, or set LimitNOFILE=1024 in its unit"
+ENOUGH = "raise the hard limit: LimitNOFILE=1024 in the unit, or nofile in /etc/security/limits.conf"
 
 
 class Prefixed(logging.Formatter):
@@ -91,4 +91,6 @@ def _check_descriptors() -> None:
     """Raises StationError where they are too few: below ten libzmq aborts, above that some part fails late."""
     most = resource.getrlimit(resource.RLIMIT_NOFILE)[1]
     if 0 <= most < LEAST_DESCRIPTORS:  # RLIM_INFINITY is -1
-        raise StationError(f"file descriptors: {most} are too few; a station needs {LEAST_DESCRIPTORS}", ENOUGH)
+        raise StationError(
+            f"file descriptors: hard limit {most} is too low; a station needs {LEAST_DESCRIPTORS}", ENOUGH
+        )

@@ -49,7 +49,7 @@ def test_a_simulated_board_whose_clock_is_far_ahead_goes_on(
 
     status = station.until(is_at_work)
     assert status["is_clock_set"] is (years < 117)
-    assert ("the clock is beyond ITS time, which ends in 2143" in station.stderr.read_text()) is (years > 117)
+    assert ("later than the last ITS time, in 2143" in station.stderr.read_text()) is (years > 117)
 
 
 @pytest.mark.parametrize("most", [8, 12, 20, 26, 63])
@@ -59,15 +59,15 @@ def test_a_station_that_may_open_few_files_says_so_and_ends(most: int, board: st
     ended = _with_few_files(run, most)
     assert ended.returncode == 1
     assert ended.stderr == (
-        f"captain: file descriptors: {most} are too few; a station needs 64\n"
-        "  (run `ulimit -n 1024` before it, or set LimitNOFILE=1024 in its unit)\n"
+        f"captain: file descriptors: hard limit {most} is too low; a station needs 64\n"
+        "  (raise the hard limit: LimitNOFILE=1024 in the unit, or nofile in /etc/security/limits.conf)\n"
     )
 
 
 def test_a_command_that_may_open_few_files_says_so_and_ends() -> None:
     ended = _with_few_files([sys.executable, "-m", "firmware", "lab"], 10)
     assert ended.returncode == 1
-    assert ended.stderr.startswith("captain: out of file descriptors: this process may have 10\n")
+    assert ended.stderr.startswith("captain: out of file descriptors: the limit of this process is 10\n")
 
 
 def _with_few_files(command: list[str], most: int) -> subprocess.CompletedProcess[str]:

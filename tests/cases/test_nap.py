@@ -115,7 +115,7 @@ def test_a_lane_width_with_a_fraction_is_in_metres_and_an_integer_is_the_value(
 ):
     pdu = station.receive(Delivery("vanetza/in/mapem", json.dumps(mapem(width)).encode())).pdu
     assert written("mapem", pdu)["map"]["intersections"][0]["laneWidth"] == number
-    says = f"mapem.map.{PLACE}: {width} is read as metres: {number}; an integer is the ASN.1 value, in 0.01 m"
+    says = f"mapem.map.{PLACE}: {width} read as {width} m (ASN.1 value {number}); write an integer for units of 0.01 m"
     assert station.noted == (says if is_noted else "")
 
 
@@ -123,7 +123,7 @@ def test_a_note_is_of_one_delivery_and_of_the_first_lane(station: Profile):
     given = mapem(3.25)
     given["intersections"] = [{**given["intersections"][0], "id": {"id": number}} for number in (1, 2, 3)]
     station.receive(Delivery("vanetza/in/mapem", json.dumps(given).encode()))
-    assert station.noted.endswith("in 0.01 m; 2 more")
+    assert station.noted.endswith("of 0.01 m; 2 more")
     station.receive(Delivery("vanetza/in/mapem", json.dumps(mapem(3)).encode()))
     assert station.noted == ""
 
@@ -146,7 +146,9 @@ def test_a_session_tells_the_note_and_why_it_refuses():
     bench.run(2.0)
     details = talk.parse_details(bench.all(talk.DETAILS)[-1])
     assert details["received_with_note"] == 1
-    assert str(details["note"]).startswith(f"vanetza/in/mapem: mapem.map.{PLACE}: 3.25 is read as metres: 325")
+    assert str(details["note"]).startswith(
+        f"vanetza/in/mapem: mapem.map.{PLACE}: 3.25 read as 3.25 m (ASN.1 value 325)"
+    )
     ((reason, why),) = bench.whys
     assert reason is Reason.PAYLOAD
     assert why.startswith("vanetza/in/ivim: ivim-2")

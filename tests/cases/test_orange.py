@@ -164,7 +164,7 @@ def test_a_value_of_another_kind_anywhere_is_read_or_refused(name: str):
         ("cam", ["basic_container", "station_type"], "car", "message.basic_container.station_type: 'car' is not"),
         ("cam", ["high_frequency_container", "speed"], "fast", "speed.value: 'fast' is not an integer"),
         ("cam", ["low_frequency_container", "exterior_lights"], "10x", "exterior_lights: '10x' is not bits"),
-        ("cam", ["protocol_version"], 7, "message.protocol_version: 7 is of no cam"),
+        ("cam", ["protocol_version"], 7, "message.protocol_version: 7: no version of cam has it"),
     ],
 )
 def test_an_invalid_value_of_a_cam_1_1_3_is_refused_with_its_path(kind: str, path: list[str], value: Any, says: str):

@@ -255,13 +255,13 @@ def test_a_message_that_leaves_in_some_forms_of_its_profile_is_counted_with_the_
     bench = Bench(profile=cast(Profile, profile)).accept()
     bench.run(2.0)
     assert b"in_part" not in bench.all(talk.DETAILS)[-1]
-    profile.missing = "cam is not to be had as JSON"
+    profile.missing = "cam: cannot be written as JSON"
     bench.send(1)
     profile.missing = ""
     bench.send(2)
     bench.run(2.0)
     details = talk.parse_details(bench.all(talk.DETAILS)[-1])
-    assert (details["published_in_part"], details["why_in_part"]) == (1, "cam is not to be had as JSON")
+    assert (details["published_in_part"], details["why_in_part"]) == (1, "cam: cannot be written as JSON")
     assert len(bench.client.published) == 2
 
 

@@ -77,10 +77,10 @@ def test_a_row_that_names_no_type_is_a_mistake(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("row", "said"),
     [
-        ("", "policy[0].interfaces: not given for match.implausible"),
-        ('interfaces = ["g5"]', "policy[0].interfaces: not given for match.implausible"),
-        ("interfaces = []\nlifetime_s = 2.0", "policy[0].lifetime_s: says how a message leaves"),
-        ('interfaces = []\nfallback = ["g5"]', "policy[0].fallback: says how a message leaves"),
+        ("", "policy[0].interfaces: invalid with match.implausible"),
+        ('interfaces = ["g5"]', "policy[0].interfaces: invalid with match.implausible"),
+        ("interfaces = []\nlifetime_s = 2.0", "policy[0].lifetime_s: not allowed with match.implausible"),
+        ('interfaces = []\nfallback = ["g5"]', "policy[0].fallback: not allowed with match.implausible"),
     ],
 )
 def test_a_row_for_received_messages_says_whether_they_are_dropped_and_nothing_else(

@@ -211,7 +211,7 @@ def test_what_a_reload_does_not_take_is_said(folder: Folder, loop: Loop, caplog:
     with closing(folder.station(loop)) as station:
         folder.write("[station]\nname = 'other'\n[[policy]]\nname = 'new'")
         reload(station)
-        assert "[station] changed too" in caplog.text
+        assert "[station]: changed but not applied" in caplog.text
         assert station.status()["station"] == "captain"
         assert names(station) == ["new", "default"]
 
@@ -224,7 +224,7 @@ def test_a_clock_that_is_not_set_makes_the_position_unknown_and_is_said(
     station.start()
     assert (station.place.ego().its_ms, station.place.ego().is_known) == (0, False)
     assert station.status()["is_clock_set"] is False
-    assert "clock is not set" in caplog.text
+    assert "not set; own position is unknown" in caplog.text
     station.close()
 
 
@@ -254,7 +254,7 @@ def test_a_board_file_that_has_changed_is_said_at_a_reload(
     with closing(Station(loop, source.load(), source)) as station:
         board.write_text("name = 'mine'\n[slots.v2x]\nusb = '1-1.3'\n")
         reload(station)
-        assert "the board file changed too" in caplog.text
+        assert "the board file: changed but not applied" in caplog.text
 
 
 STATIC = "[interfaces.place]\ndriver = 'zed_f9p'\nkind = 'static'\nlatitude = 48.5\nlongitude = 11.25\n"

@@ -79,7 +79,7 @@ def test_unverified_delivery_is_reported_once_in_the_log_and_counted_in_the_stat
         bench.air.throw(frames[name])
         assert bench.user.receive().fields["security_status"] == 3
     assert bench.station.status()["security"]["delivered"] == len(SIGNED)
-    assert bench.station.stderr.read_text().count("the station does not verify signatures yet") == 1
+    assert bench.station.stderr.read_text().count("signatures are not verified yet") == 1
 
 
 @pytest.mark.parametrize("name", SIGNED)

@@ -47,7 +47,7 @@ def test_status_has_the_note_of_a_width_in_metres_and_the_reason_of_a_refusal(na
     nap.observer.publish("vanetza/in/mapem", TO_SEND["mapem"].read_bytes())
     assert nap.bench.user.receive().pdu[1] == 5
     status = nap.bench.station.until(lambda status: "note" in status["interfaces"][NAME].get("details", {}))
-    assert "laneWidth: 3.25 is read as metres: 325" in status["interfaces"][NAME]["details"]["note"]
+    assert "laneWidth: 3.25 read as 3.25 m (ASN.1 value 325)" in status["interfaces"][NAME]["details"]["note"]
     nap.observer.publish("vanetza/in/ivim", b'{"mandatory":{"serviceProviderId":7}}')
     detail = nap.dropped("payload", 1)["detail"]
     assert detail.startswith("vanetza/in/ivim: ivim-2")

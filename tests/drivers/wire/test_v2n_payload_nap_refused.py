@@ -94,7 +94,7 @@ def test_a_message_that_cannot_be_decoded_is_published_as_it_is_and_it_says_what
     one = station()
     (found,) = one.publications("cam", 2001, pdu, HERE, NOW_MS)
     assert (found.topic, found.payload) == ("vanetza/out/cam_enc", pdu)
-    assert "cam is not to be had as JSON" in one.missing
+    assert "cam: cannot be written as JSON" in one.missing
     one.publications("cam", 2001, VECTORS[1][1], HERE, NOW_MS)
     assert one.missing == ""
 
@@ -102,7 +102,7 @@ def test_a_message_that_cannot_be_decoded_is_published_as_it_is_and_it_says_what
 def test_a_message_that_no_form_of_the_profile_can_hold_is_not_published_and_it_says_why():
     description = replace(load("nap"), publish=(PublishRow("out/{type}", "nap"),))
     one = Profile(description, Identity("vm", 1, "u", ""), LIBRARY)
-    with pytest.raises(RequestError, match="cam is not to be had as JSON"):
+    with pytest.raises(RequestError, match="cam: cannot be written as JSON"):
         one.publications("cam", 2001, bytes.fromhex("02020000000700"), HERE, NOW_MS)
 
 

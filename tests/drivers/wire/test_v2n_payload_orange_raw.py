@@ -189,7 +189,7 @@ def test_the_pdu_in_base64_is_taken_beside_it():
 @pytest.mark.parametrize(
     ("path", "value", "says"),
     [
-        ("protocol_version", 9, "message.protocol_version: 9 is of no cam"),
+        ("protocol_version", 9, "message.protocol_version: 9: no version of cam has it"),
         ("protocol_version", ..., "message.protocol_version: is missing"),
         ("station_id", "42", "message.station_id: '42' is not an integer"),
         ("station_id", 1 << 32, "4294967296"),
@@ -230,7 +230,7 @@ def test_other_types_are_not_written():
 
 
 def test_a_cam_that_cannot_be_decoded_is_not_written_and_it_says_why():
-    with pytest.raises(RequestError, match='cam is not to be had as "json/raw"'):
+    with pytest.raises(RequestError, match='cam: cannot be written as "json/raw"'):
         station().publications("cam", 2001, bytes.fromhex("02020000000700"), HERE, NOW_MS)
 
 

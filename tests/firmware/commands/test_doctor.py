@@ -67,7 +67,7 @@ def test_unverified_signatures_are_reported_once_with_the_policy(block, capsys, 
         {
             "level": "ok",
             "subject": "security",
-            "text": f"the station does not verify signatures yet: {told} (reception.unverified)",
+            "text": f"signatures are not verified yet: {told} (reception.unverified)",
             "remedy": "",
         }
     ]
