@@ -100,7 +100,7 @@ MEANING: dict[Reason, str] = {
     Reason.GN_NOT_FOR_US: "the packet is addressed to another station, or carries no message for a user",
     Reason.GN_REQUESTS: "more requests for the station's position than the 10 per second that it answers",
     Reason.GN_NEXT_HEADER: "what follows the GeoNetworking headers is not BTP",
-    Reason.OWN_ADDRESS: "beacon or request of another station that uses this station's address; change the address of one of the two",
+    Reason.OWN_ADDRESS: "beacon or request of another station that has this station's address; change one of the two",
     Reason.IMPLAUSIBLE: "implausible message, dropped by a row of the policy (match.implausible)",
     Reason.SECURED: "it is signed, signatures are not verified yet, and reception.unverified is drop",
     Reason.SECURED_FORMAT: "its security envelope is encrypted or cannot be read",
