@@ -107,9 +107,8 @@ class _Reading:
         name = kind.name or ""
         if name in _IN_METRES and value != int(value):
             width: int = round(value * _IN_METRES[name])
-            self._note(
-                f"{path}: {shown(value)} read as {shown(value)} m (ASN.1 value {width}); write an integer for units of 0.01 m"
-            )
+            read = f"{shown(value)} read as {shown(value)} m (ASN.1 value {width})"
+            self._note(f"{path}: {read}; write an integer for units of 0.01 m")
             return width
         scale, themselves = UNITS.get(name, (1, frozenset()))
         if scale != 1 and value not in themselves:
