@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import threading
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Self
 
@@ -12,6 +13,7 @@ from tests.broker.client import Client
 
 ROOT = Path(__file__).parents[3]
 PATIENCE = 20.0  # s; reached only by a test that fails
+_changed = threading.Condition()  # of the lines of all copies
 TOPIC = "v2x/cam"  # of profile raw
 
 
@@ -29,7 +31,6 @@ class Copy:
 
     def __init__(self, *options: str) -> None:
         self.lines: list[str] = []
-        self._changed = threading.Condition()
         self._process = subprocess.Popen(
             [sys.executable, "-m", "firmware", "v2n-tap", *options],
             stdout=subprocess.PIPE,
@@ -46,19 +47,18 @@ class Copy:
     def _read(self) -> None:
         assert self._process.stdout is not None
         for line in self._process.stdout:
-            with self._changed:
+            with _changed:
                 self.lines.append(line)
-                self._changed.notify_all()
+                _changed.notify_all()
 
     @property
     def numbers(self) -> list[int]:
-        with self._changed:
+        with _changed:
             return [number_of(json.loads(line)) for line in self.lines]
 
     def wait_for(self, count: int) -> None:
         """Until it has printed so many lines."""
-        with self._changed:
-            assert self._changed.wait_for(lambda: len(self.lines) >= count, PATIENCE), f"{len(self.lines)} of {count}"
+        wait_for([self], count)
 
     def end(self, number: int = signal.SIGTERM) -> tuple[int, str]:
         """Ask it to end. Returns its exit status and what it said."""
@@ -84,6 +84,16 @@ class Copy:
         for stream in (self._process.stdout, self._process.stderr):
             if stream is not None:
                 stream.close()
+
+
+def wait_for(copies: Sequence[Copy], count: int) -> None:
+    """Until together they have printed so many lines."""
+
+    def printed() -> int:
+        return sum(len(copy.lines) for copy in copies)
+
+    with _changed:
+        assert _changed.wait_for(lambda: printed() >= count, PATIENCE), f"{printed()} of {count}"
 
 
 def publish(client: Client, first: int, count: int) -> None:

@@ -6,7 +6,7 @@ import pytest
 
 from tests.broker.fixtures import Brokers
 from tests.broker.mosquitto import Mosquitto
-from tests.firmware.tap.copies import Copy, numbered, publish
+from tests.firmware.tap.copies import Copy, numbered, publish, wait_for
 
 COUNT = 600
 
@@ -17,9 +17,7 @@ def options(broker: Mosquitto, *more: str) -> tuple[str, ...]:
 
 def all_numbers(copies: list[Copy], count: int) -> list[int]:
     """Wait until together they have so many lines, end them, and return what they printed."""
-    while sum(len(copy.numbers) for copy in copies) < count:
-        shortest = min(copies, key=lambda copy: len(copy.lines))
-        shortest.wait_for(len(shortest.lines) + 1)
+    wait_for(copies, count)
     for copy in copies:
         assert copy.end()[0] == 0
     return sorted(number for copy in copies for number in copy.numbers)
