@@ -247,8 +247,8 @@ class Publisher:
                 self._subscribe(connection, prefix)
             else:
                 self._interest.unsubscribe(connection, prefix)
-        elif descriptor < 0:
-            self._interest.inproc(is_wish, prefix)
+        elif descriptor < 0 and is_wish:
+            self._interest.add(prefix)
 
     def _subscribe(self, connection: Connection, topic: bytes) -> None:
         """Count a subscription, or end the connection that has too many topics: libzmq cannot take one back."""

@@ -1,10 +1,14 @@
-"""A peer that speaks ZMTP 3.0 (23/ZMTP) by hand, and so may say what libzmq's own sockets never say."""
+"""Peers that speak ZMTP 3.0 or 2.0 (23/ZMTP, 15/ZMTP) by hand, and may say what libzmq's own sockets never say."""
 
 import socket
 from collections.abc import Callable
 
+from tests.system.station import PATIENCE
+
 GREETING = b"\xff" + bytes(8) + b"\x7f" + b"\x03\x00" + b"NULL".ljust(20, b"\0") + bytes(32)
-PATIENCE_S = 2.0
+PATIENCE_S = PATIENCE  # reached only by a test that fails
+GREETING_2_0 = 12  # octets: signature, revision, type of the socket
+KINDS_2_0 = {b"PUB": b"\1", b"SUB": b"\2", b"PUSH": b"\x08"}
 ESTABLISHED = 1  # tcpi_state: TCP_ESTABLISHED
 
 
@@ -15,13 +19,24 @@ class Peer:
     """
 
     def __init__(self, port: int, kind: bytes = b"SUB", turn: Callable[[], object] = lambda: None) -> None:
-        ready = b"\x05READY\x0bSocket-Type" + len(kind).to_bytes(4, "big") + kind
         self.socket = socket.create_connection(("127.0.0.1", port), PATIENCE_S)
-        self.socket.sendall(GREETING + b"\x04" + bytes((len(ready),)) + ready)
+        self.socket.sendall(self.greeting(kind))
         answer = b""
-        while b"Socket-Type" not in answer:
+        while not self.is_answered(answer):
             turn()
-            answer += self.socket.recv(200)
+            part = self.socket.recv(200)
+            if not part:
+                raise ConnectionResetError("ended in the handshake")
+            answer += part
+
+    def greeting(self, kind: bytes) -> bytes:
+        """Octets of the handshake up to the first message."""
+        ready = b"\x05READY\x0bSocket-Type" + len(kind).to_bytes(4, "big") + kind
+        return GREETING + b"\x04" + bytes((len(ready),)) + ready
+
+    def is_answered(self, octets: bytes) -> bool:
+        """Whether the handshake is complete."""
+        return b"Socket-Type" in octets
 
     def send(self, body: bytes, more: bool = False) -> None:
         self.socket.sendall(frame(body, more))
@@ -62,6 +77,16 @@ class Peer:
 
     def close(self) -> None:
         self.socket.close()
+
+
+class OldPeer(Peer):
+    """As Peer, of ZMTP 2.0: it has no metadata, and so libzmq tells no descriptor with its messages."""
+
+    def greeting(self, kind: bytes) -> bytes:
+        return b"\xff" + bytes(8) + b"\x7f\x01" + KINDS_2_0[kind] + frame(b"")
+
+    def is_answered(self, octets: bytes) -> bool:
+        return len(octets) >= GREETING_2_0
 
 
 def frame(body: bytes, more: bool = False) -> bytes:

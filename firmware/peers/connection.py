@@ -43,13 +43,13 @@ class Connection:
         self.blocked_at: int | None = None
         self.writable_looks = 0
         self.sent_at_cut = 0
-        self.address, self.peer = "", "a Unix socket"
+        self.address, self.port, self.peer = "", 0, "a Unix socket"
         self._socket: socket.socket | None = None
         try:
             self._socket = socket.socket(fileno=os.dup(descriptor))
             if self._socket.family != socket.AF_UNIX:
-                self.address, port = self._socket.getpeername()[:2]
-                self.peer = f"{self.address} port {port}"
+                self.address, self.port = self._socket.getpeername()[:2]
+                self.peer = f"{self.address} port {self.port}"
         except OSError:  # it has gone already: its end is told next; or there are no descriptors left
             self.peer = "a connection that has ended"
 

@@ -30,7 +30,9 @@ class Interest:
         self._counts = dict.fromkeys(topics, 0)
         self._costly = costly
         self._on_change = on_change
-        self._inproc: Counter[bytes] = Counter()
+        # Of takers and of topics: those that add() has counted. Never reduced.
+        self._lasting_takers: set[bytes] = set()
+        self._lasting: set[bytes] = set()
 
     def subscribe(self, connection: Connection, topic: bytes) -> None:
         if topic not in connection.topics:
@@ -49,17 +51,22 @@ class Interest:
         for topic in list(connection.topics):
             self.unsubscribe(connection, topic)
 
-    def inproc(self, is_wish: bool, topic: bytes) -> None:
-        """A subscription without a descriptor: of a socket of this process.
+    def add(self, prefix: bytes) -> None:
+        """Count a subscription without a descriptor for ever, once for each of the station's topics.
 
-        libzmq also tells so of each topic of a connection that has ended. end() has counted these.
+        libzmq tells no descriptor of a peer of ZMTP 2.0 (15/ZMTP), which has no metadata. Without one it also tells
+        the end of each topic of a connection that has ended, whoever it was. So nobody knows when such interest ends.
         """
-        if is_wish:
-            self._inproc[topic] += 1
-            self._step(topic, 1)
-        elif self._inproc[topic]:
-            self._inproc[topic] -= 1
-            self._step(topic, -1)
+        for topic in self.takers:
+            if topic not in self._lasting_takers and topic.startswith(prefix):
+                self._lasting_takers.add(topic)
+                self.takers[topic] += 1
+        for topic in self._counts:
+            if self._is_asked(topic, prefix):
+                if topic not in self._lasting:
+                    self._lasting.add(topic)
+                    self._counts[topic] += 1
+                self._on_change(topic, True)
 
     def _number(self, connection: Connection, step: int) -> None:
         self.total += step
@@ -73,8 +80,13 @@ class Interest:
             if topic.startswith(prefix):
                 self.takers[topic] = before + step
         for topic, before in self._counts.items():
-            if not (topic.startswith(prefix) or prefix.startswith(topic)) or (not prefix and topic in self._costly):
-                continue
-            after = self._counts[topic] = before + step
-            if step > 0 or not after:
-                self._on_change(topic, after > 0)
+            if self._is_asked(topic, prefix):
+                after = self._counts[topic] = before + step
+                if step > 0 or not after:
+                    self._on_change(topic, after > 0)
+
+    def _is_asked(self, topic: bytes, prefix: bytes) -> bool:
+        """Whether a subscription to prefix asks for some message of topic."""
+        if not prefix:
+            return topic not in self._costly
+        return topic.startswith(prefix) or prefix.startswith(topic)

@@ -1,5 +1,6 @@
 """Hostile subscribers: nothing that one sends takes anything from another, or from the station."""
 
+import os
 from collections.abc import Iterator
 from contextlib import closing
 
@@ -7,8 +8,9 @@ import pytest
 import zmq
 
 from firmware.drops import Drops
+from firmware.peers.connection import Connection
 from firmware.publisher import Publisher
-from tests.hostile import Peer
+from tests.hostile import OldPeer, Peer
 from tests.virtual import VirtualLoop
 
 TOPICS = (b"raw.", b"frame.", b"status.")
@@ -22,8 +24,7 @@ class Bench:
         self.context = zmq.Context()
         self.drops = Drops()
         self.wanted: dict[bytes, bool] = {}
-        self.news = 0
-        self.private = f"ipc://@captain-test-{id(self)}"
+        self.private = f"ipc://@captain-test-{os.urandom(8).hex()}"
         self.publisher = Publisher(
             loop, self.context, "tcp://127.0.0.1:0", "to_users", self.drops, TOPICS, self._change, also=[self.private]
         )
@@ -36,10 +37,20 @@ class Bench:
         return peer
 
     def subscribe(self, peer: Peer, topic: bytes) -> None:
-        """Until it was taken, and so all that the peer had sent before it."""
-        before = self.news
+        """Until it is in the set of its connection, and so all that the peer had sent before it was taken."""
+        port = peer.socket.getsockname()[1]
         peer.subscribe(topic)
-        self.loop.run_until(lambda: self.news > before)
+        self.loop.run_until(lambda: any(one.port == port and topic in one.topics for one in self.connections()))
+
+    def connections(self) -> list[Connection]:
+        return list(self.publisher.door.connections.values())
+
+    def old_peer(self, topic: bytes) -> OldPeer:
+        """A peer of ZMTP 2.0; subscribed when this returns, if nothing was before."""
+        self.peers.append(peer := OldPeer(self.port, b"SUB", self.loop.turn))
+        peer.subscribe(topic)
+        self.loop.run_until(lambda: self.wanted.get(topic) is True)
+        return peer
 
     def leaves(self, peer: Peer) -> None:
         peer.close()
@@ -48,7 +59,6 @@ class Bench:
 
     def _change(self, topic: bytes, is_wanted: bool) -> None:
         self.wanted[topic] = is_wanted
-        self.news += 1
 
     def close(self) -> None:
         for peer in self.peers:
@@ -124,3 +134,27 @@ def test_a_subscriber_whose_descriptor_is_used_again_keeps_its_own_topics(bench:
         assert bench.wanted[b"raw."] is True
         bench.leaves(second)
         assert bench.wanted[b"raw."] is False
+
+
+@pytest.mark.parametrize("leave", ["by closing", "by unsubscribing"])
+def test_a_zmtp_2_subscriber_receives_after_another_subscriber_has_left(bench: Bench, leave: str) -> None:
+    old = bench.old_peer(b"raw.")
+    new = bench.peer()
+    bench.subscribe(new, b"raw.")
+    if leave == "by unsubscribing":
+        new.unsubscribe(b"raw.")
+    bench.leaves(new)
+    bench.subscribe(bench.peer(), b"status.")  # libzmq's own unsubscription of a connection's end comes before it
+    assert bench.wanted[b"raw."] is True
+    bench.publisher.publish(b"raw.", b"octets")
+    bench.loop.run_until(lambda: b"octets" in old.read())
+
+
+def test_interest_of_a_zmtp_2_subscriber_is_never_taken_back(bench: Bench) -> None:
+    old, other = bench.old_peer(b"raw."), bench.old_peer(b"raw.")
+    old.unsubscribe(b"raw.")
+    bench.leaves(old)
+    bench.subscribe(bench.peer(), b"status.")
+    assert bench.wanted[b"raw."] is True
+    bench.publisher.publish(b"raw.", b"octets")
+    bench.loop.run_until(lambda: b"octets" in other.read())

@@ -71,16 +71,16 @@ def test_raw_is_not_built_for_nobody(bench: Bench) -> None:
     assert (bench.users.raw, bench.users.published) == (0, 1)
 
 
-def test_whoever_comes_between_two_messages_receives_both_of_the_next(bench: Bench) -> None:
-    for _ in range(20):
-        bench.publish()
-        late = bench.subscribers.socket()
-        late.subscribe(b"")
-        bench.loop.now += 0.0005
-        bench.publish()
-        assert [envelope for envelope, _ in received(late)] == [b"raw.", b"v2x.cam."]
-        late.unsubscribe(b"")
-        bench.loop.run_for(0.05)
+def test_whoever_comes_between_two_messages_receives_both_of_the_next() -> None:
+    for before in range(20):
+        with closing(VirtualLoop()) as loop, closing(Bench(loop)) as bench:
+            for _ in range(before):
+                bench.publish()
+            late = bench.subscribers.socket()
+            late.subscribe(b"")
+            loop.now += 0.0005
+            bench.publish()
+            assert [envelope for envelope, _ in received(late)] == [b"raw.", b"v2x.cam."]
 
 
 def test_an_unknown_type_has_two_dots(bench: Bench) -> None:
