@@ -5,7 +5,7 @@ import logging
 import os
 import time
 from collections import deque
-from collections.abc import Callable, Container, Iterable
+from collections.abc import Callable, Container, Iterable, Sequence
 
 import zmq
 from zmq.backend import Socket as PlainSocket
@@ -81,7 +81,7 @@ class Publisher:
     topics  of which on_interest tells with each subscriber that comes, and when the last goes: topic, whether wanted.
     whole   topics as they are sent, of which wants() tells.
     costly  of topics, those that a subscription to everything does not ask for.
-    also    further addresses to bind.
+    also    further addresses to bind; of Unix sockets, those of all addresses are for programs of the same user alone.
 
     libzmq drops for a slow subscriber alone and counts nothing. So the socket refuses first (XPUB_NODROP): the
     refusal is the word that a subscriber is slow, then the message is sent again, dropping for that one.
@@ -98,7 +98,7 @@ class Publisher:
         on_interest: Callable[[bytes, bool], None] = lambda topic, is_wanted: None,
         whole: Iterable[bytes] = (),
         costly: Container[bytes] = (),
-        also: Iterable[str] = (),
+        also: Sequence[str] = (),
     ) -> None:
         self.slow_since: float | None = None
         self.slow_count = 0
@@ -124,6 +124,8 @@ class Publisher:
         self._socket.set(zmq.IPV6, int("[" in address))
         if address.startswith("tcp:"):
             beat(self._socket)
+        if also:  # an abstract Unix socket has no file whose rights would decide
+            self._socket.set(zmq.IPC_FILTER_UID, os.geteuid())
         self.door = Door(loop, context, self._socket, place, drops)
         self.door.closed.append(self._gone)
         try:
@@ -259,8 +261,6 @@ class Publisher:
             return
         interest, address = self._interest, connection.address
         interest.subscribe(connection, topic)
-        if connection.is_unix:
-            return
         most = TOPICS_LOCAL if connection.is_local else TOPICS_OUTSIDE
         if interest.by_address[address] > most:
             self._end_largest(f"{interest.by_address[address]} topics of this address; at most {most}", topic, address)
@@ -269,7 +269,7 @@ class Publisher:
 
     def _end_largest(self, detail: str, topic: bytes, address: str = "") -> None:
         """End the connection with most topics, of an address or of all, and take its topics back."""
-        some = [one for one in self.door.connections.values() if not one.is_unix and address in ("", one.address)]
+        some = [one for one in self.door.connections.values() if address in ("", one.address)]
         largest = max(some, key=lambda one: len(one.topics))
         self.door.cut(largest, Reason.TOPICS, topic, detail)
         self._interest.end(largest)

@@ -17,6 +17,7 @@ RECEIVED_AT = 128  # tcpi_bytes_received of struct tcp_info, linux/tcp.h; since 
 # always a socket takes octets, too, and then that is seen.
 OCTETS_CAME = select.EPOLLIN | select.EPOLLOUT | select.EPOLLET
 RESET = struct.pack("=ii", 1, 0)  # struct linger: closing drops what is not sent
+UNIX, UNKNOWN = "unix", "unknown"
 LOCAL = ("127.", "::1", "::ffff:127.")
 _numbers = itertools.count()
 
@@ -25,14 +26,15 @@ class Connection:
     """A connection that a socket of libzmq has accepted.
 
     descriptor  libzmq's own, by which its messages name it. Another connection may get the number later.
-    address     of the peer without its port; empty for a Unix socket.
+    endpoint    that it was accepted at, in libzmq's words.
+    address     of the peer without its port; UNIX or UNKNOWN where there is none.
     topics      that it is subscribed to.
     is_used     whether a message of it was ever delivered.
     mark        octets that libzmq had read when a message of it was delivered last.
     blocked_at  messages published when it took nothing any more; None while it takes octets.
     """
 
-    def __init__(self, descriptor: int, name: str) -> None:
+    def __init__(self, descriptor: int, endpoint: str, name: str) -> None:
         self.descriptor = descriptor
         self.name = name
         self.topics: set[bytes] = set()
@@ -43,20 +45,19 @@ class Connection:
         self.blocked_at: int | None = None
         self.writable_looks = 0
         self.sent_at_cut = 0
-        self.address, self.port, self.peer = "", 0, "a Unix socket"
-        self._socket: socket.socket | None = None
-        try:
-            self._socket = socket.socket(fileno=os.dup(descriptor))
-            if self._socket.family != socket.AF_UNIX:
-                self.address, self.port = self._socket.getpeername()[:2]
-                self.peer = f"{self.address} port {self.port}"
-        except OSError:  # it has gone already: its end is told next; or there are no descriptors left
-            self.peer = "a connection that has ended"
+        self.address, self.port, self.peer = UNKNOWN, 0, "a connection that has ended"
+        self._socket = _second(descriptor, endpoint)
+        if self._socket is not None:
+            self._name(self._socket)
 
     @property
     def is_unix(self) -> bool:
-        """Whether files' rights decide who connects."""
-        return not self.address
+        return self.address == UNIX
+
+    @property
+    def is_counted(self) -> bool:
+        """Whether the kernel counts what comes by it: not of a Unix socket."""
+        return self._socket is not None and not self.is_unix
 
     @property
     def is_local(self) -> bool:
@@ -103,3 +104,43 @@ class Connection:
         if self._socket is not None:
             self._socket.close()
             self._socket = None
+
+    def _name(self, own: socket.socket) -> None:
+        if own.family == socket.AF_UNIX:
+            self.address, self.peer = UNIX, "a Unix socket"
+            return
+        with suppress(OSError):  # the peer has just left: its end is told next
+            self.address, self.port = own.getpeername()[:2]
+            self.peer = f"{self.address} port {self.port}"
+
+
+def _second(descriptor: int, endpoint: str) -> socket.socket | None:
+    """Return a second descriptor of a connection that was accepted at an endpoint.
+
+    None where the connection has ended already, and its number may belong to a file or to another socket, and where
+    no descriptor is left.
+    """
+    try:
+        second = os.dup(descriptor)
+    except OSError:
+        return None
+    try:
+        own = socket.socket(fileno=second)
+    except OSError:  # a file
+        os.close(second)
+        return None
+    with suppress(OSError):  # not connected: a listener, or a connection that was reset
+        if own.type == socket.SOCK_STREAM and _is_accepted_at(own, endpoint):
+            return own
+    own.close()
+    return None
+
+
+def _is_accepted_at(own: socket.socket, endpoint: str) -> bool:
+    """Whether a connection came to an endpoint. Of TCP the port tells: where any address is bound, all have it."""
+    own.getpeername()  # raises where there is no peer
+    bound = own.getsockname()
+    if own.family == socket.AF_UNIX:
+        name = os.fsdecode(bound)
+        return endpoint == "ipc://" + ("@" + name[1:] if name.startswith("\0") else name)
+    return own.family in (socket.AF_INET, socket.AF_INET6) and endpoint.endswith(f":{bound[1]}")

@@ -1,6 +1,7 @@
 """Connections of one socket of the endpoint, as the monitor of libzmq tells of them."""
 
 import itertools
+import os
 import struct
 from collections.abc import Callable
 
@@ -118,10 +119,10 @@ class Door:
         if not _get(self._monitor, EVENTS) & READABLE:
             return False
         event, descriptor = EVENT.unpack(_recv(self._monitor, NOBLOCK))
-        _recv(self._monitor, NOBLOCK)  # the address that it came to
+        endpoint = _recv(self._monitor, NOBLOCK)
         if event == ACCEPTED:
             self._end(descriptor)
-            connection = self.connections[descriptor] = Connection(descriptor, self.name)
+            connection = self.connections[descriptor] = Connection(descriptor, os.fsdecode(endpoint), self.name)
             for call in self.opened:
                 call(connection)
         elif event == ENDED:

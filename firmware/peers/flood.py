@@ -55,9 +55,9 @@ class FloodWatch:
 
     def watch(self, connection: Connection) -> None:
         """Begin with a connection; the thread starts with the first one."""
-        descriptor = connection.fileno()
-        if connection.is_unix or descriptor < 0:
+        if not connection.is_counted:
             return
+        descriptor = connection.fileno()
         self._connections[descriptor] = connection
         self._charged[descriptor] = 0
         with suppress(OSError):

@@ -62,11 +62,17 @@ class Guard:
         return {door.name: len(door.connections) for door in self._doors}
 
     def _opened(self, connection: Connection) -> None:
-        """Of the address with most connections end the oldest that was never used; else the oldest."""
+        """Of the address with most connections end the oldest that was never used; else the oldest.
+
+        Unix sockets are together one address: any program of this machine may connect to an abstract one.
+        """
         if sum(len(door.connections) for door in self._doors) <= self.most:
             return
         some = [
-            (door, one) for door in self._doors for one in door.connections.values() if not (one.is_cut or one.is_unix)
+            (door, one)
+            for door in self._doors
+            for one in door.connections.values()
+            if not one.is_cut and one.fileno() >= 0
         ]
         if len(some) <= self.most:
             return
@@ -119,12 +125,12 @@ class _UnfinishedWatch:
 
     def _watch(self, connection: Connection) -> None:
         connection.looked_at = self._loop.clock()
-        if not connection.is_unix:
+        if connection.is_counted:
             with suppress(OSError):
                 self._epoll.register(connection.fileno(), OCTETS_CAME)
 
     def _forget(self, connection: Connection) -> None:
-        if not (connection.is_unix or self._epoll.closed):
+        if connection.is_counted and not self._epoll.closed:
             with suppress(OSError):
                 self._epoll.unregister(connection.fileno())
 
@@ -172,7 +178,7 @@ class _SlowWatch:
 
     def look(self) -> None:
         sent, door = self._publishing.sent, self._publishing.door
-        connections = [one for one in door.connections.values() if not (one.is_unix or one.is_cut)]
+        connections = [one for one in door.connections.values() if not one.is_cut and one.fileno() >= 0]
         writable = _writable(connections)
         for one in connections:
             one.writable_looks = one.writable_looks + 1 if one.fileno() in writable else 0

@@ -6,11 +6,14 @@ from contextlib import closing
 
 import pytest
 import zmq
+from zmq.utils.monitor import recv_monitor_message
 
+from drivers.reason import Reason
 from firmware.drops import Drops
 from firmware.peers.connection import Connection
+from firmware.peers.limits import TOPICS_LOCAL
 from firmware.publisher import Publisher
-from tests.hostile import OldPeer, Peer
+from tests.hostile import PATIENCE_S, OldPeer, Peer
 from tests.virtual import VirtualLoop
 
 TOPICS = (b"raw.", b"frame.", b"status.")
@@ -121,6 +124,38 @@ def test_interest_of_a_private_subscriber_outlasts_all_that_peers_send(bench: Be
         bench.publisher.publish(b"frame.air.", b"{}")
         assert recorder.poll(1000)
         assert recorder.recv_multipart() == [b"frame.air.", b"{}"]
+
+
+def test_a_subscriber_of_a_unix_socket_has_as_many_topics_as_one_of_this_machine(bench: Bench) -> None:
+    with bench.context.socket(zmq.SUB) as recorder, bench.context.socket(zmq.SUB) as rude:
+        for one in (recorder, rude):
+            one.linger = 0
+            one.reconnect_ivl = -1
+            one.connect(bench.private)
+        recorder.subscribe(b"frame.")
+        bench.loop.run_until(lambda: bench.wanted.get(b"frame.") is True)
+        for number in range(TOPICS_LOCAL):
+            rude.subscribe(b"raw.%d" % number)
+        bench.loop.run_until(lambda: len(bench.connections()) == 1)
+        assert bench.drops.total("to_users", Reason.TOPICS) == 1
+        assert bench.wanted[b"frame."] is True
+        bench.publisher.publish(b"frame.air.", b"{}")
+        assert recorder.poll(PATIENCE_S * 1000)
+
+
+def test_a_private_address_is_for_programs_of_the_same_user(loop: VirtualLoop, monkeypatch: pytest.MonkeyPatch) -> None:
+    other = os.geteuid() + 1
+    monkeypatch.setattr("firmware.publisher.os.geteuid", lambda: other)
+    with closing(Bench(loop)) as bench, bench.context.socket(zmq.SUB) as stranger:
+        stranger.linger = 0
+        stranger.subscribe(b"frame.")
+        ends = stranger.get_monitor_socket(zmq.EVENT_DISCONNECTED | zmq.EVENT_HANDSHAKE_SUCCEEDED)
+        stranger.connect(bench.private)
+        event = recv_monitor_message(ends)
+        stranger.disable_monitor()
+        assert event["event"] == zmq.EVENT_DISCONNECTED
+        bench.subscribe(bench.peer(), b"raw.")
+        assert bench.wanted == {b"raw.": True}
 
 
 def test_a_subscriber_whose_descriptor_is_used_again_keeps_its_own_topics(bench: Bench) -> None:
