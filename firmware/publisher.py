@@ -110,7 +110,8 @@ class Publisher:
         self._drops = drops
         self._interest = Interest(topics, whole, costly, on_interest)
         self._taken: deque[tuple[int, bytes]] = deque()  # whoever hears of interest may send, and so look, at once
-        self._is_looking = False
+        self._is_looking = False  # a timer waits
+        self._is_scheduled = False  # subscriptions are being taken, or more of them in the next turn
         self._socket = context.socket(zmq.XPUB)
         self._socket.set(zmq.SNDHWM, QUEUE)
         self._socket.set(zmq.LINGER, LINGER_MS)
@@ -198,31 +199,48 @@ class Publisher:
             self._socket.close()
 
     def look(self) -> None:
-        """Take the subscriptions that have come until now, where the next message depends on them (1.3 us)."""
-        if self._taken or is_readable(self._socket):
+        """Take the subscriptions that have come until now, where the next message depends on them (1.3 us).
+
+        Of a flood one batch is taken in a turn: then only what was taken takes effect.
+        """
+        if self._taken:
+            self._apply()
+        if not self._is_scheduled and is_readable(self._socket):
             self._look()
 
     def _look_soon(self) -> None:
         # A send may swallow the edge that announces a subscription: look again soon. A look costs as much as four
         # sends, so one for all messages of LOOK_S.
         self._is_looking = True
-        self._loop.after(LOOK_S, self._look)
+        self._loop.after(LOOK_S, self._look_now)
+
+    def _look_now(self) -> None:
+        self._is_looking = False
+        self._look()
+
+    def _go_on(self) -> None:
+        self._is_scheduled = False
+        self._look()
 
     def _look(self) -> None:
-        """Take the subscriptions that have come."""
-        self._is_looking = False
-        if self._socket.closed:
+        """Take a batch of the subscriptions that have come; the one continuation of it takes the next."""
+        if self._is_scheduled or self._socket.closed:
             return
         if self.sent >= self._next:
             self._next = self.sent + EACH
             self.on_sent()
-        taken = self._take()
+        self._is_scheduled = True
+        is_more = self._take() == BATCH
+        self._apply()
+        self._is_scheduled = is_more
+        if is_more:
+            self._loop.soon(self._go_on)
+
+    def _apply(self) -> None:
+        """Let what was taken take effect. Whoever hears of interest may ask for this again."""
         self.door.settle()  # after the messages: see Door
         while self._taken:
             self._subscription(*self._taken.popleft())
-        if taken == BATCH:
-            self._is_looking = True
-            self._loop.soon(self._look)
 
     def _take(self) -> int:
         """Take what subscribers have sent, at most BATCH, with libzmq's descriptor of each; -1 where there is none."""

@@ -4,6 +4,7 @@ import os
 import socket
 from collections.abc import Iterator
 from contextlib import closing
+from typing import Any
 
 import pytest
 import zmq
@@ -195,6 +196,44 @@ def test_a_flood_of_rubbish_does_not_hold_up_the_rest(bench: Bench) -> None:
     bench.turn()
     assert bench.users.join(b"raw.")
     assert bench.interest == [(b"raw.", True)]
+
+
+def test_a_flood_has_one_batch_in_a_turn_however_often_a_look_is_asked_for(
+    loop: VirtualLoop, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    taken = 0
+
+    def take(*asked: Any) -> Any:
+        nonlocal taken
+        taken += 1
+        return recv(*asked)
+
+    def interest(topic: bytes, is_wanted: bool) -> None:
+        publisher.wants(b"v2x.cam.")  # as the report port does, which publishes at once
+
+    recv = module._recv
+    monkeypatch.setattr(module, "_recv", take)
+    context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
+    publisher = Publisher(loop, context, "inproc://flood", "report", Drops(), TOPICS, interest, [b"v2x.cam."])
+    with closing(publisher), context.socket(zmq.XSUB) as rude:
+        rude.linger = 0
+        rude.connect("inproc://flood")
+        for number in range(module.BATCH * 10):
+            rude.send(b"\1raw.%d" % number)
+        publisher.ready(0)
+        for _ in range(8):
+            taken = 0
+            publisher.ready(0)
+            publisher.look()
+            publisher.wants(b"v2x.cam.")
+            publisher.publish(b"v2x.cam.", b"")
+            loop.now += module.LOOK_S
+            loop.turn()
+            assert taken == module.BATCH
+        rude.send(b"\1v2x.")
+        loop.run_for(0.1)
+        assert publisher.wants(b"v2x.cam.")
+    context.term()
 
 
 def test_an_unsubscription_of_what_was_never_subscribed_spoils_nothing() -> None:
