@@ -3,7 +3,8 @@
 usage: python -m tests.attack [--duration 60] [--captain COMMAND] [--only NAME ...]
 
 Ends with 1 when the station ended, a message of the good client was lost or took 1 s, memory grew by more than 64 MB (256
-by several attacks), or descriptors were not released. The ratio of the lags is a measurement; its goal is 3.
+by several attacks), descriptors were not released, or from 60 s on the lag's p99 was more than 3 times that without
+attacks. In less time that ratio is shown beside its goal alone: the 99th of 100 messages is a matter of chance.
 """
 
 import argparse
@@ -23,6 +24,7 @@ from tests.attack.attacks import ATTACKS
 from tests.bench.subject import BINARY, SOURCE, Station
 
 GOAL = 3.0
+FULL_S = 60.0  # from this duration on GOAL is part of the verdict
 LONGEST_S = 1.0
 MEMORY_KB, MEMORY_ALL_KB = 64 * 1024, 256 * 1024  # by one attack; by nine at once 151 MB were seen in 60 s
 EVERY_S = 0.01
@@ -138,23 +140,26 @@ def main() -> int:
     show(quiet, attacked)
     for row in drops:
         print(f"  {row['where']:12}{row['reason']:22}{row['count']:8}")
-    grown_kb = attacked.memory_kb - quiet.memory_kb
-    wrong = [
-        words
-        for is_wrong, words in (
-            (not is_alive, "the station ended"),
-            (attacked.received < attacked.sent or attacked.raw < attacked.sent, "the good client lost messages"),
-            (attacked.longest_ms >= LONGEST_S * 1000, f"a message took {attacked.longest_ms:.0f} ms"),
-            (
-                grown_kb > (MEMORY_KB if len(options.only) == 1 else MEMORY_ALL_KB),
-                f"memory grew by {grown_kb // 1024} MB",
-            ),
-            (not is_released, "descriptors were not released"),
-        )
-        if is_wrong
-    ]
+    wrong = faults(quiet, attacked, is_alive, is_released, len(options.only), options.duration)
     print(f"NOT held: {'; '.join(wrong)}" if wrong else "alive, no message lost, descriptors released")
     return 1 if wrong else 0
+
+
+def faults(
+    quiet: Phase, attacked: Phase, is_alive: bool, is_released: bool, attacks: int, duration: float
+) -> list[str]:
+    """Return what was not held."""
+    grown_kb, most_kb = attacked.memory_kb - quiet.memory_kb, MEMORY_KB if attacks == 1 else MEMORY_ALL_KB
+    ratio = attacked.p99_ms / quiet.p99_ms
+    held = {
+        "the station ended": is_alive,
+        "the good client lost messages": min(attacked.received, attacked.raw) >= attacked.sent,
+        f"a message took {attacked.longest_ms:.0f} ms": attacked.longest_ms < LONGEST_S * 1000,
+        f"memory grew by {grown_kb // 1024} MB; at most {most_kb // 1024}": grown_kb <= most_kb,
+        "descriptors were not released": is_released,
+        f"lag p99 grew {ratio:.2f} times; at most {GOAL:g}": ratio <= GOAL or duration < FULL_S,
+    }
+    return [words for words, is_held in held.items() if not is_held]
 
 
 def arguments() -> argparse.Namespace:
