@@ -163,9 +163,13 @@ def _policy(tables: Table, interfaces: set[str]) -> Iterator[str]:
         where = f"policy[{index}]"
         for key, name in _unknown_interfaces(row, interfaces):
             yield f"{where}.{key}: unknown interface {name!r}; one of {', '.join(sorted(interfaces)) or 'none'}"
-        if _table(row, "match").get("implausible"):
+        match = _table(row, "match")
+        yield from (
+            f"{where}.match.{key}: empty; name one, or remove it" for key, value in match.items() if value == []
+        )
+        if match.get("implausible"):
             yield from (f"{where}.{mistake}" for mistake in _of_received(row))
-        for name in _words(_table(row, "match"), "type"):
+        for name in _words(match, "type"):
             if types is not None and name not in types:
                 yield f"{where}.match.type: unknown type {name!r}; one of {', '.join(sorted(types))}"
 

@@ -3,7 +3,6 @@
 An open type is read with the name of its type around it as well, as newer versions of Vanetza-NAP write it.
 """
 
-import math
 from collections.abc import Callable
 from typing import Any, NoReturn
 
@@ -100,9 +99,9 @@ class _Reading:
         return self.value(row, value, path)
 
     def _integer(self, kind: Type, value: Any, path: str) -> int:
-        if type(value) not in (int, float) or not math.isfinite(value):
+        if type(value) not in (int, float):
             self._no(path, f"{shown(value)} is not a number")
-        if abs(value) >= LARGEST:
+        if not -LARGEST < value < LARGEST:  # and infinity
             self._no(path, f"{shown(value)} is out of range")
         name = kind.name or ""
         if name in _IN_METRES and value != int(value):

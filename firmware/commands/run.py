@@ -11,6 +11,7 @@ from board.loop import Loop
 from board.signals import Signals
 from firmware import config
 from firmware.peers.limits import raise_descriptors
+from firmware.printable import clean
 from firmware.station import Station
 from firmware.user.arguments import add_configuration
 
@@ -43,10 +44,14 @@ ENOUGH = "raise the hard limit: LimitNOFILE=1024 in the unit, or nofile in /etc/
 
 
 class Prefixed(logging.Formatter):
-    """Each line with who says it: several mistakes of a file are as many lines, and one may be searched for."""
+    """Each line with who says it: several mistakes of a file are as many lines, and one may be searched for.
+
+    A peer's words may be in it, and a terminal obeys some of them.
+    """
 
     def format(self, record: logging.LogRecord) -> str:
-        return "\n".join(f"{record.name}: {record.levelname}: {line}" for line in super().format(record).split("\n"))
+        lines = super().format(record).split("\n")
+        return "\n".join(f"{record.name}: {record.levelname}: {clean(line)}" for line in lines)
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:

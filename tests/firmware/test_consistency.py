@@ -89,6 +89,12 @@ def test_a_row_for_received_messages_says_whether_they_are_dropped_and_nothing_e
     assert mistake(folder, f'{TWO_UDP}[[policy]]\nmatch.implausible = ["any"]\n{row}\n').startswith(said)
 
 
+@pytest.mark.parametrize("key", ["implausible", "type"])
+def test_an_empty_list_of_a_match_is_a_mistake(folder: Path, key: str) -> None:
+    said = mistake(folder, f"[[policy]]\nmatch.{key} = []\ninterfaces = []\n")
+    assert said.startswith(f"policy[0].match.{key}: empty")
+
+
 @pytest.mark.parametrize("interfaces", ['["*"]', "[]"])
 def test_a_row_for_received_messages_may_drop_them_or_pass_them_on(folder: Path, interfaces: str) -> None:
     loaded(folder, f'[[policy]]\nmatch.implausible = ["time", "own-address"]\ninterfaces = {interfaces}\n')

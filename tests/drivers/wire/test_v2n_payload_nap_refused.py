@@ -34,6 +34,7 @@ VEHICLE = f"{HIGH}.basicVehicleContainerHighFrequency"
         (f"{BASIC}.referencePosition.latitude", None, "latitude: null is not a number"),
         (f"{BASIC}.referencePosition.latitude", 1e308, "latitude: 1e.308 is out of range"),
         (f"{BASIC}.referencePosition.latitude", 10**100, "latitude: 1000.* is out of range"),
+        (f"{BASIC}.referencePosition.latitude", 10**400, "latitude: 1000.* is out of range"),
         (f"{BASIC}.referencePosition.latitude", ..., "latitude"),
         (f"{BASIC}.referencePosition.latitud", 1, "latitud: is no member; known: latitude"),
         (f"{BASIC}.stationType", 5.5, "stationType: 5.5 is not an integer"),
