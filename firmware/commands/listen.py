@@ -16,8 +16,8 @@ from firmware.codec.reading import Pdu
 from firmware.printable import clean
 from firmware.user import client
 from firmware.user.arguments import add_station, address
-from firmware.user.doubts import Doubts
 from firmware.user.listening import Listening, add_wish, wish_of
+from firmware.user.marks import Marks
 from firmware.user.received import Message
 from firmware.user.table import Screen, width_of
 
@@ -107,9 +107,8 @@ def main(arguments: argparse.Namespace) -> int:
         # A messageID has whatever name the station gives it.
         types = [f"v2x.{kind}." if isinstance(kind, str) else "v2x." for kind in arguments.type]
         topics = ["hb.", "raw.", *types] if types else [""]
-        doubts = Doubts(context, place)
         subscriber = client.subscribe(context, place, place.to_users, *topics)
-        listening = Listening(subscriber, place, wish_of(arguments), doubts)
+        listening = Listening(subscriber, place, wish_of(arguments), Marks(context, place))
         if show is None:
             _show_table(listening, None if arguments.headers else _decoder())
         else:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from board.errors import StationError
 from firmware.user import client
 from firmware.user.arguments import integer, message_type, seconds, times
-from firmware.user.doubts import Doubts
+from firmware.user.marks import Marks
 from firmware.user.received import Message, Pairing
 
 # A glance at a table tells no more; each costs the drawing of it.
@@ -65,13 +65,13 @@ class Listening:
     messages() calls `idle` at least every REDRAW_S, so that a table can be drawn while nothing comes.
 
     on_heard  is told of the first message of any kind, a heartbeat among them.
-    doubts    marks messages that are implausible; None: they are not marked.
+    marks     of messages that are implausible; None: they are not marked.
     """
 
     def __init__(
-        self, subscriber: client.Socket, place: client.Address, wish: Wish, doubts: Doubts | None = None
+        self, subscriber: client.Socket, place: client.Address, wish: Wish, marks: Marks | None = None
     ) -> None:
-        self._doubts = doubts
+        self._marks = marks
         self.pairing = Pairing()
         self.on_heard: Callable[[], None] = lambda: None
         self.place = place
@@ -93,7 +93,7 @@ class Listening:
                 message = self.pairing.feed(frames)
                 if message is None or not self._is_wanted(message):
                     continue
-                yield message if self._doubts is None else self._doubts.marked(message)
+                yield message if self._marks is None else self._marks.marked(message)
                 count += 1
                 if count == self._wish.most:
                     return
@@ -104,11 +104,11 @@ class Listening:
 
     def _waiting(self) -> Iterable[list[bytes]]:
         """What has come, and what the station says of it."""
-        if self._doubts is None:
+        if self._marks is None:
             return client.waiting(self._subscriber)
         frames = list(client.waiting(self._subscriber))
         if any(one[0].startswith(b"v2x.") for one in frames):
-            self._doubts.look()
+            self._marks.look()
         return frames
 
     def _is_wanted(self, message: Message) -> bool:

@@ -56,7 +56,8 @@ STATUS: dict[str, object] = {
 class FakeStation:
     """Four sockets on free ports, served by a thread.
 
-    received  what it publishes to users as soon as one has subscribed to `v2x.` or to everything.
+    received  what it publishes to users as soon as one has subscribed to `v2x.` or to everything; if there are reports,
+              to them as well.
     reports   what it publishes on its report port when one has subscribed to `status.`, after a status, or to
               `implausible.`.
     answer    the confirms about a request.
@@ -67,6 +68,7 @@ class FakeStation:
         self.requests: list[list[bytes]] = []
         self.is_silent = False
         self._received = received
+        self._wishes: set[str] = set()
         self._reports = reports
         self._answer = answer
         self._context: zmq.Context[zmq.Socket[bytes]] = zmq.Context()
@@ -101,7 +103,7 @@ class FakeStation:
             if self._ended.fileno() in ready:
                 return
             if self._to_users in ready and self._to_users.recv()[:5] in (b"\1", b"\1v2x.") and not self.is_silent:
-                self._publish(self._to_users, [(b"hb.counter", b'{"heartbeat_counter": 0}'), *self._received])
+                self._say("v2x.")
             if self._report in ready:
                 self._tell(self._report.recv())
             if self._pull in ready:
@@ -113,6 +115,13 @@ class FakeStation:
             self._publish(self._report, [(b"status.", json.dumps(STATUS).encode()), *self._reports])
         elif wish == b"\1implausible.":
             self._publish(self._report, self._reports)
+            self._say(wish[1:].decode())
+
+    def _say(self, wish: str) -> None:
+        self._wishes.add(wish)
+        if not self._reports or len(self._wishes) == 2:
+            self._wishes.clear()
+            self._publish(self._to_users, [(b"hb.counter", b'{"heartbeat_counter": 0}'), *self._received])
 
     def _request(self, frames: list[bytes]) -> None:
         self.requests.append(frames)

@@ -2,38 +2,37 @@
 
 from collections import OrderedDict
 
-from board.errors import StationError
 from firmware.user import client
 from firmware.user.received import Message
 
 TOPIC = "implausible."
 LATE_MS = 20  # a station tells of a mark before its message; two connections may swap them
 MOST = 1024  # marks of messages that never come, such as duplicates
-REACH_S = 0.5
 
 Key = tuple[str, int]  # digest of the PDU, and received_ns in microseconds as RawRxMessage has it
 
 
-class Doubts:
-    """Takes the marks of one station; without its report port there are none."""
+class Marks:
+    """Takes the marks of one station; without its report port there are none.
+
+    Waits for late marks only after a first one: most stations never send any.
+    """
 
     def __init__(self, context: client.Context, place: client.Address) -> None:
         self._marks: OrderedDict[Key, tuple[str, ...]] = OrderedDict()
-        self._subscriber: client.Socket | None = None
-        try:
-            client.reach(place.host, place.report, REACH_S)
-            self._subscriber = client.subscribe(context, place, place.report, TOPIC)
-        except StationError:
-            return
+        # Connected in the background: without the report port, messages come as fast as with it.
+        self._subscriber = client.subscribe(context, place, place.report, TOPIC, private=place.url(place.report))
+        self._late_ms = 0
 
     def look(self) -> None:
         """Take the marks of the messages that have just come."""
-        if self._subscriber is None or not self._subscriber.poll(LATE_MS):
+        if not self._subscriber.poll(self._late_ms):
             return
         for frames in client.waiting(self._subscriber):
             told = client.parse_report(frames)
             if told is not None and (mark := _mark(told[1])) is not None:
                 self._marks[mark[0]] = mark[1]
+                self._late_ms = LATE_MS
         while len(self._marks) > MOST:
             self._marks.popitem(last=False)
 
