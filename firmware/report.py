@@ -36,6 +36,8 @@ PERIOD_S = 1.0
 BUDGET = 4_000
 # After a second of ten times as many it is less: routing has the rest.
 FLOOD, OF_FLOOD = 10 * BUDGET, BUDGET // 4
+# Implausible messages told in a PERIOD_S, beside it: forged ones take nothing from confirms and indications.
+OF_IMPLAUSIBLE = 100
 # They are told: ten times a second libzmq's thread and the subscribers wake, and what routes stays in the processor's
 # caches. Who has given a label waits for the word; so may who asks why.
 LATER_S, SOON_S = 0.1, 0.01
@@ -58,6 +60,7 @@ class Report:
     Confirms and indications are numbered, all types together: who has subscribed to all of them sees what it missed.
     Routing goes first: they are told together, a moment after the message, and in a flood those beyond BUDGET in a
     second, or beyond OF_FLOOD, are numbered only. What did not leave, and what has a label, is told in any case.
+    Implausible messages have a budget of their own, OF_IMPLAUSIBLE.
 
     is_hurried  somebody puts messages together with their indications: they are told in the next turn.
     """
@@ -81,6 +84,7 @@ class Report:
         self.is_hurried = False
         self._budget = BUDGET
         self._told = self._numbered = 0  # in this second, and before it
+        self._told_implausible = 0  # in this second
         self._waiting: deque[Callable[[], tuple[bytes, bytes]]] = deque()  # what makes topic and body
         self._due, self._timer = math.inf, Timer(math.inf, self._tell)  # when they are told
         self._is_status_wanted = False
@@ -107,7 +111,7 @@ class Report:
     def _tick(self) -> None:
         before, self._numbered = self._numbered, self.confirms + self.indications
         self._budget = OF_FLOOD if self._numbered - before > FLOOD else BUDGET
-        self._told = 0
+        self._told = self._told_implausible = 0
         self._refresh()
         if self._is_time_wanted:
             self._publisher.publish(TIME, json.dumps(self._time_status()).encode())
@@ -141,8 +145,8 @@ class Report:
         for one in indications:
             if one.rx.implausible:
                 self.implausible += 1
-                if self._told < self._budget:
-                    self._told += 1
+                if self._told_implausible < OF_IMPLAUSIBLE:
+                    self._told_implausible += 1
                     self._publisher.publish(*self._indication_of(self.implausible, one, IMPLAUSIBLE))
 
     def _later(self, make: Callable[[], tuple[bytes, bytes]], wait_s: float) -> None:

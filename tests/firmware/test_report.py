@@ -9,9 +9,22 @@ from contextlib import closing
 import pytest
 
 from board.time import Lock, TimeQuality
+from drivers.implausible import Implausible
 from drivers.message import NO_RX_INFO, Confirm, Indication, Outcome, RxInfo
 from drivers.reason import MEANING, Reason
-from firmware.report import AT_ONCE_S, BUDGET, FLOOD, LATER_S, MOST, OF_FLOOD, SOON_S, Report, memory_kb, process_status
+from firmware.report import (
+    AT_ONCE_S,
+    BUDGET,
+    FLOOD,
+    LATER_S,
+    MOST,
+    OF_FLOOD,
+    OF_IMPLAUSIBLE,
+    SOON_S,
+    Report,
+    memory_kb,
+    process_status,
+)
 from firmware.topics import Topics
 from tests.firmware.doubles import CAM_PDU, NotingStation, interface_of, request_of
 from tests.virtual import VirtualLoop
@@ -253,6 +266,20 @@ def test_the_process_says_what_it_takes() -> None:
     status = process_status(started=10.0, now=12.5)
     assert status["uptime_s"] == 2.5
     assert memory_kb() > 1000
+
+
+def test_in_a_flood_of_implausible_messages_some_are_told_all_are_numbered_and_the_rest_is_as_usual(
+    bench: Bench,
+) -> None:
+    bench.report.start()
+    marked = indications_of(*[CAM_PDU] * (BUDGET + 1), rx=RxInfo(implausible=(Implausible.TIME,)))
+    bench.report.observe_implausible(marked)
+    bench.report.observe(indications_of(CAM_PDU))
+    told = bench.told()
+    assert [topic for topic, _ in told] == [b"implausible.cam."] * OF_IMPLAUSIBLE + [b"indication.cam."]
+    bench.loop.run_for(1.0)
+    bench.report.observe_implausible(marked[:1])
+    assert told[-1][1]["sequence"] == BUDGET + 2
 
 
 def indications_of(*pdus: bytes, rx: RxInfo = NO_RX_INFO) -> list[Indication]:
