@@ -8,7 +8,7 @@ from board.errors import RequestError, StationError
 from board.loop import Loop, Timer
 from drivers.contract import Answer
 
-ANSWER_S = 10.0  # unless the question says `within_s`
+ANSWER_S = 10.0  # unless the question says `within_s`, or its command has another
 LONGEST_S = 600.0  # a modem's list of networks takes up to 300 s
 
 Question = dict[str, object]
@@ -21,11 +21,18 @@ class Commands:
 
     now    name in "do" -> what makes the answer; a StationError of it is the answer's error.
     later  name in "do" -> what answers when it can, by the call that it is given; that may come at once.
+    within_s  name in "do" -> seconds for its answer, where the question does not say; others have ANSWER_S.
     """
 
-    def __init__(self, now: Mapping[str, Command], later: Mapping[str, Later] | None = None) -> None:
+    def __init__(
+        self,
+        now: Mapping[str, Command],
+        later: Mapping[str, Later] | None = None,
+        within_s: Mapping[str, float] | None = None,
+    ) -> None:
         self.now = now
         self.later = later or {}
+        self.within_s = within_s or {}
 
     def ask(self, line: bytes, pending: "Pending") -> None:
         """Answer one line, at once or later."""
@@ -40,7 +47,7 @@ class Commands:
             if do in self.now:
                 pending.answer(self.now[do](question))
             elif do in self.later:
-                pending.wait(_within(question), do)
+                pending.wait(_within(question, self.within_s.get(do, ANSWER_S)), do)
                 self.later[do](question, pending.answer)
             else:
                 known = ", ".join(sorted([*self.now, *self.later]))
@@ -87,8 +94,8 @@ def text(question: Question, key: str, known: Mapping[str, object] | None = None
     return value
 
 
-def _within(question: Question) -> float:
-    value = question.get("within_s", ANSWER_S)
+def _within(question: Question, usual_s: float) -> float:
+    value = question.get("within_s", usual_s)
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value <= LONGEST_S:
         raise RequestError(f"within_s: {value!r} is no number of seconds above 0, at most {LONGEST_S:g}")
     return float(value)

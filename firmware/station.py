@@ -44,6 +44,8 @@ if TYPE_CHECKING:
 # leave for DRAIN_S, and libzmq has its LINGER_MS for what is published.
 DRAIN_S = 0.4
 DRAIN_STEP_S = 0.02
+# Two readings of READ_S each (reload.py): a reload that is asked for during another one waits for the next.
+RELOAD_S = 121.0
 
 log = logging.getLogger("captain")
 
@@ -291,6 +293,7 @@ class Station:
                 **self._operator.now,
             },
             {"reload": lambda _, answer: self.reload(answer), **self._operator.later},
+            {"reload": RELOAD_S},
         )
 
     def _drain(self, until: float) -> None:

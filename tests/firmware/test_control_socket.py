@@ -29,6 +29,7 @@ NOW = {
     "refuse": refuse,
 }
 COMMANDS = Commands(NOW)
+SLOW_S = 100.0
 
 
 class Bench:
@@ -37,8 +38,9 @@ class Bench:
     def __init__(self, loop: VirtualLoop, path: str) -> None:
         self.loop = loop
         self.asked: list[Answer] = []
-        later = {"later": lambda question, answer: self.asked.append(answer), "at_once": self.at_once}
-        self.server = ControlSocket(loop, path, Commands(NOW, later))
+        later = dict.fromkeys(("later", "slow"), lambda question, answer: self.asked.append(answer))
+        later["at_once"] = self.at_once
+        self.server = ControlSocket(loop, path, Commands(NOW, later, {"slow": SLOW_S}))
         self.clients: list[socket.socket] = []
 
     def at_once(self, question: dict[str, object], answer: Answer) -> None:
@@ -156,7 +158,7 @@ def test_what_is_no_command_is_refused_with_those_that_there_are(bench: Bench, l
     bench.tell(client, line + b"\n")
     (answer,) = bench.lines(client)
     assert answer["ok"] is False
-    assert answer["hint"] == "one of at_once, later, long, refuse, status"
+    assert answer["hint"] == "one of at_once, later, long, refuse, slow, status"
 
 
 def test_a_line_without_an_end_is_refused_and_takes_no_room(bench: Bench) -> None:
@@ -269,6 +271,18 @@ def test_an_answer_that_does_not_come_in_time_is_an_error_and_comes_no_more(benc
         "error": "later: no answer within 3 s",
         "hint": "it may still be done; ask for the status",
     }
+
+
+def test_an_answer_of_a_slow_command_is_waited_for_longer_unless_the_question_says(bench: Bench) -> None:
+    client = bench.client()
+    bench.tell(client, b'{"do": "slow"}\n')
+    bench.loop.run_for(SLOW_S - 1.0)
+    assert bench.lines(client) == []
+    bench.asked[0]({"rows": 1})
+    assert bench.lines(client) == [{"ok": True, "rows": 1}]
+    bench.tell(client, b'{"do": "slow", "within_s": 3}\n')
+    bench.loop.run_for(3)
+    assert bench.lines(client)[0]["error"] == "slow: no answer within 3 s"
 
 
 @pytest.mark.parametrize("within", ["0", "-1", "601", "1e999", "true", '"3"', "null", "[]"])

@@ -14,7 +14,8 @@ from board.errors import ConfigurationError, InterfaceError
 from board.loop import Loop
 from drivers.message import NO_RX_INFO, Indication, Position
 from firmware import config
-from firmware.station import Station
+from firmware.reload import READ_S
+from firmware.station import RELOAD_S, Station
 from tests.firmware.doubles import CAM_PDU
 
 ROOT = Path(__file__).parents[2]
@@ -189,6 +190,11 @@ def test_a_reload_takes_the_policy_of_the_file(folder: Folder, loop: Loop) -> No
         folder.write("[[policy]]\nname = 'new'")
         reload(station)
         assert names(station) == ["new", "default"]
+
+
+def test_a_reload_is_answered_by_the_control_socket_after_two_slow_readings(folder: Folder, loop: Loop) -> None:
+    with closing(folder.station(loop)) as station:
+        assert station._commands().within_s["reload"] == RELOAD_S > 2 * READ_S
 
 
 def test_a_file_with_a_mistake_leaves_the_policy_as_it_was(folder: Folder, loop: Loop) -> None:
