@@ -2,7 +2,7 @@
 
 import logging
 import time
-from collections.abc import Callable, Container, Iterator
+from collections.abc import Callable, Iterator
 
 from drivers.reason import MEANING, Reason
 
@@ -67,7 +67,7 @@ class Drops:
         drop = self._drops.get((where, reason))
         return drop.count if drop else 0
 
-    def sum(self, where: str, without: Container[Reason]) -> int:
+    def sum(self, where: str, without: frozenset[Reason]) -> int:
         """All that was dropped at a place, but for some reasons."""
         rows = self._drops.items()
         return sum(drop.count for (place, reason), drop in rows if place == where and reason not in without)

@@ -246,7 +246,7 @@ def test_a_short_pdu_of_an_unknown_port_is_dropped_for_its_port(loop: VirtualLoo
     assert len(HELLOS) == 6
     assert receiving.above.indications == []
     assert receiving.drops.total("g5", Reason.BTP_PORT) == 6
-    assert receiving.drops.sum("g5", Reason.DUPLICATE) == 6
+    assert receiving.drops.sum("g5", frozenset({Reason.DUPLICATE})) == 6
 
 
 def test_a_short_pdu_of_an_unknown_port_is_delivered_where_that_is_wanted(loop: VirtualLoop) -> None:
@@ -255,7 +255,7 @@ def test_a_short_pdu_of_an_unknown_port_is_delivered_where_that_is_wanted(loop: 
         receiving.link.receive(octets, 0)
     found = receiving.above.indications
     assert [(one.pdu, one.rx.btp_port, one.kind.name) for one in found] == [(HELLO, 42, "")] * 6
-    assert receiving.drops.sum("g5", Reason.DUPLICATE) == 0
+    assert receiving.drops.sum("g5", frozenset({Reason.DUPLICATE})) == 0
 
 
 def test_a_short_pdu_of_a_known_port_stays_short(loop: VirtualLoop) -> None:
