@@ -10,9 +10,12 @@ class OwnPackets:
     """Two generations of KEPT packets, of which hash() of 64 bits is kept: 0.2 us a packet.
 
     All interfaces of a station share one: what one has sent, another may hear.
+
+    macs  addresses of these interfaces.
     """
 
     def __init__(self) -> None:
+        self.macs: set[bytes] = set()
         self._young: set[int] = set()
         self._old: set[int] = set()
 

@@ -106,15 +106,17 @@ _FORMS = {int(header_type): _form(header_type) for header_type in EXTENDED}
 class Receiver:
     """What comes in for one station. Time goes in as the loop's clock in seconds.
 
-    mac                 own address: what carries it as a source is our own echo.
+    mac                 own address.
     gn_versions         protocol versions that are accepted.
     deliver_unverified  pass on the PDU of a signed packet, although its signature is not verified.
-    own                 packets that the station has sent.
+    own                 packets that the station has sent, and the addresses of its interfaces.
     """
 
     def __init__(self, mac: bytes, gn_versions: Set[int], deliver_unverified: bool, own: OwnPackets) -> None:
         self._mac = mac
         self._own = own
+        self._macs = own.macs
+        own.macs.add(mac)
         self._gn_versions = gn_versions
         self._deliver_unverified = deliver_unverified
         self._duplicates = Duplicates()
@@ -178,7 +180,7 @@ class Receiver:
         end = start + length
         if end > len(packet):
             return Discard(Reason.TRUNCATED)
-        is_own = self._mac in (source_mac, mac)
+        is_own = mac in self._macs or source_mac in self._macs
         if is_own and self._own.has(packet[at:end]):
             return Discard(Reason.OWN_ECHO)
         if not 0 < hop_limit <= max_hop_limit:

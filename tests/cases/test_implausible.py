@@ -33,7 +33,7 @@ from tests.firmware.doubles import ScriptedDriver, interface_of
 from tests.firmware.test_report import NotingPublisher
 from tests.virtual import VirtualLoop
 
-OWN, SENDER, OTHER = (bytes.fromhex(f"0200000000{octet}") for octet in ("0d", "0a", "0b"))
+OWN, SENDER, OTHER, OURS_TOO = (bytes.fromhex(f"0200000000{octet}") for octet in ("0d", "0a", "0b", "0e"))
 STAMP = EGO.its_ms % 2**32
 SOURCE = LongPosition(Address(False, 5, 0, SENDER), STAMP, *EGO.position, True, 0, 0)
 AREA = (*EGO.position, 500, 0, 0)
@@ -94,8 +94,8 @@ class Station:
         self.publisher = NotingPublisher()
         self.report = Report(loop, self.publisher, dict, lambda: None, dict)
 
-    def another_link(self, own: OwnPackets | None = None) -> GeoLink:
-        return GeoLink(self.interface, SHARED._replace(own=own), OWN, 0.0, lambda octets: NOW)
+    def another_link(self, own: OwnPackets | None = None, mac: bytes = OWN) -> GeoLink:
+        return GeoLink(self.interface, SHARED._replace(own=own), mac, 0.0, lambda octets: NOW)
 
     def receive(self, *frames: bytes) -> None:
         for octets in frames:
@@ -318,6 +318,24 @@ def test_what_one_interface_has_sent_is_an_echo_at_another(station: Station) -> 
     one, station.link = station.another_link(own), station.another_link(own)
     station.receive(one.encode(request(CAM)))
     assert station.dropped() == {"own-echo": 1}
+
+
+def test_what_an_interface_with_another_address_has_sent_is_an_echo(station: Station) -> None:
+    own = OwnPackets()
+    station.link, another = station.another_link(own), station.another_link(own, OURS_TOO)
+    single = another.encode(request(CAM))
+    multi = another.encode(request(CAM, area=Area(Shape.CIRCLE, EGO.position, 500))._replace(hop_limit=10))
+    passed_on = multi[:6] + OTHER + multi[12:17] + b"\x09" + multi[18:]
+    station.receive(single, multi, passed_on)
+    assert station.dropped() == {"own-echo": 3}
+
+
+def test_a_frame_with_the_address_of_another_interface_that_it_has_not_sent_is_marked(station: Station) -> None:
+    own = OwnPackets()
+    station.link, another = station.another_link(own), station.another_link(own, OURS_TOO)
+    single = another.encode(request(CAM))
+    station.receive(single[:-1] + bytes([single[-1] ^ 1]))
+    assert station.doubts == [["own-address"]]
 
 
 def test_own_packets_are_remembered_in_bounded_memory() -> None:
