@@ -90,7 +90,6 @@ class Ring:
         self._until = self._longest = 0.0
         self._is_whole, self._names = True, 0  # of the event: whether all, how many files are kept
         self._is_full = False  # the share that the next file counts in
-        self._first = 0  # number of the event's first file
         self._lock: int | None = None
         self._place = 0, 0
 
@@ -128,7 +127,6 @@ class Ring:
             self._shares.look(self.folder)
         say(f"kept because of {why}: {self._limits.before_s:g} s before and {self._limits.after_s:g} s after")
         before = [one for one in self._closed if one.ended >= since]
-        self._first = before[0].number if before else self.number
         # The file that is being written first: it has what triggers, and its name, should this be the end.
         self.filing.begin()
         for one in reversed(before):
@@ -267,7 +265,7 @@ class Ring:
     def _keep(self, one: Closed) -> None:
         """Give a file the name by which it stays, where its share has room for it."""
         try:
-            if self._is_full or not self._shares.is_room(one.size, key_of(self._word), self._first):
+            if self._is_full or not self._shares.is_room(one.size, key_of(self._word)):
                 self._lacks_room()
                 return
             self._shares.keep(one.path, one.size, self._word)
