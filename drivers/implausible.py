@@ -8,7 +8,7 @@ from enum import StrEnum
 
 
 class Implausible(StrEnum):
-    """A reason as indications, status and the policy have it; DOUBTS says it in words."""
+    """A reason as indications, status and the policy have it; MEANING says it in words."""
 
     POSITION = "position"
     TIME = "time"
@@ -17,7 +17,7 @@ class Implausible(StrEnum):
     OWN_ADDRESS = "own-address"
 
 
-DOUBTS: dict[Implausible, str] = {
+MEANING: dict[Implausible, str] = {
     Implausible.POSITION: "a latitude beyond 90 or a longitude beyond 180 degrees, of the sender or its area",
     Implausible.TIME: "timestamp more than 60 s ahead or more than 6360 s old, or a DENM time more than 60 s ahead",
     Implausible.SOURCE: "source MAC addresses of frame and GeoNetworking packet differ, and it was not forwarded",

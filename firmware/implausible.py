@@ -3,7 +3,7 @@
 import logging
 import time
 
-from drivers.implausible import DOUBTS, Implausible, is_outside
+from drivers.implausible import MEANING, Implausible, is_outside
 from drivers.message import NO_MAC, RxInfo
 from firmware.drops import SAMPLE, Drop
 
@@ -41,40 +41,40 @@ def doubted(rx: RxInfo, is_ahead: bool) -> RxInfo:
     return rx if reasons is rx.implausible else rx._replace(implausible=reasons)
 
 
-class Doubts:
+class ImplausibleCounts:
     """Counters of one interface by reason, with the last sample. Bounded: reasons are an enumeration."""
 
     def __init__(self, interface: str) -> None:
         self._interface = interface
-        self._doubts: dict[Implausible, Drop] = {}
+        self._counts: dict[Implausible, Drop] = {}
 
     def count(self, rx: RxInfo, pdu: bytes) -> None:
         """Count a message for each of its reasons."""
         for reason in rx.implausible:
-            doubt = self._doubts.get(reason)
-            if doubt is None:
-                doubt = self._doubts[reason] = Drop()
-            doubt.count += 1
-            doubt.time = time.time()
-            doubt.sample, doubt.octets = pdu[:SAMPLE], len(pdu)
-            doubt.detail = rx.source_mac.hex(":")
+            row = self._counts.get(reason)
+            if row is None:
+                row = self._counts[reason] = Drop()
+            row.count += 1
+            row.time = time.time()
+            row.sample, row.octets = pdu[:SAMPLE], len(pdu)
+            row.detail = rx.source_mac.hex(":")
             # As drops: the first, the tenth, the hundredth ...
-            if doubt.count == 10 ** (len(str(doubt.count)) - 1):
-                last = f"; the last from {doubt.detail}" if rx.source_mac != NO_MAC else ""
-                what = f"{reason}: {DOUBTS[reason]}{last}"
-                log.warning("%s: %d implausible messages: %s", self._interface, doubt.count, what)
+            if row.count == 10 ** (len(str(row.count)) - 1):
+                last = f"; the last from {row.detail}" if rx.source_mac != NO_MAC else ""
+                what = f"{reason}: {MEANING[reason]}{last}"
+                log.warning("%s: %d implausible messages: %s", self._interface, row.count, what)
 
     def status(self) -> list[dict[str, object]]:
         """A row for each reason, as in the status message."""
         return [
             {
                 "reason": str(reason),
-                "meaning": DOUBTS[reason],
-                "count": doubt.count,
-                "time": doubt.time,
-                "octets": doubt.octets,
-                "sample": doubt.sample.hex(),
-                "source": doubt.detail,
+                "meaning": MEANING[reason],
+                "count": row.count,
+                "time": row.time,
+                "octets": row.octets,
+                "sample": row.sample.hex(),
+                "source": row.detail,
             }
-            for reason, doubt in self._doubts.items()
+            for reason, row in self._counts.items()
         ]

@@ -27,7 +27,7 @@ from drivers.message import (
 )
 from drivers.reason import Reason
 from firmware.drops import Drops
-from firmware.implausible import DENM, Doubts, doubted, is_denm_ahead
+from firmware.implausible import DENM, ImplausibleCounts, doubted, is_denm_ahead
 from firmware.neighbours import Neighbours
 from firmware.outlet import Outlet
 from firmware.tables import QueueOptions
@@ -85,7 +85,7 @@ class Interface:
         self.details: Mapping[str, object] = {}
         self.can_transmit = Can.TRANSMIT in driver.capabilities.can
         self.neighbours = Neighbours()
-        self.doubts = Doubts(name)
+        self.implausible = ImplausibleCounts(name)
         self._heard = self.neighbours.heard
         self.received = [0] * len(topics.kinds)
         self.sent_count = [0] * len(topics.kinds)
@@ -150,7 +150,7 @@ class Interface:
             return rx
         rx = doubted(rx, is_ahead)
         if rx.implausible:
-            self.doubts.count(rx, pdu)
+            self.implausible.count(rx, pdu)
         return rx
 
     def _size_reason(self, size: int, btp_port: int | None) -> Reason | None:
@@ -250,7 +250,7 @@ class Interface:
             "why": self.why,
             "since_s": round(now - self.since, 3),
             "neighbours": self.neighbours.count(now),
-            **({"implausible": found} if (found := self.doubts.status()) else {}),
+            **({"implausible": found} if (found := self.implausible.status()) else {}),
             "received": _by_name(self._topics, self.received),
             "sent": _by_name(self._topics, self.sent_count),
             "received_octets": self.received_octets,

@@ -99,7 +99,7 @@ def _form(header_type: int) -> _Form:
     return _Form(name, _COMMON_SIZE + EXTENDED[header_type][1], source)
 
 
-_DOUBTS = (Implausible.POSITION, Implausible.TIME, Implausible.SOURCE, Implausible.SEQUENCE, Implausible.OWN_ADDRESS)
+_REASONS = (Implausible.POSITION, Implausible.TIME, Implausible.SOURCE, Implausible.SEQUENCE, Implausible.OWN_ADDRESS)
 _FORMS = {int(header_type): _form(header_type) for header_type in EXTENDED}
 
 
@@ -217,7 +217,7 @@ class Receiver:
         is_between = mac != source_mac and is_first_hop
         if is_nowhere or is_off or is_between or is_other or is_own:
             found = (is_nowhere, is_off, is_between, is_other, is_own)
-            doubts = tuple(one for one, is_so in zip(_DOUBTS, found, strict=True) if is_so)
+            doubts = tuple(one for one, is_so in zip(_REASONS, found, strict=True) if is_so)
         rx = _new(
             RxInfo,
             (port, None, 0, traffic_class, hop_limit, security, position, area, source_mac, transport, "", doubts),
