@@ -126,11 +126,13 @@ class Inlet:
             if self._is_skipping:
                 self._is_skipping = envelope.more
                 continue
-            door.heard.add(descriptor_of(envelope))
+            door.heard.add(descriptor := descriptor_of(envelope))
             if not envelope.more:
                 self._router.refuse_message(Reason.ONE_FRAME, envelope.bytes, self._name)
                 continue
             pdu = _recv(socket, NOBLOCK, False)
+            if descriptor < 0:
+                door.unnamed += len(envelope) + len(pdu)
             if pdu.more:
                 self._take_with_more(envelope.bytes, pdu.bytes)
             else:

@@ -54,7 +54,8 @@ class Door:
     ) -> None:
         self.name = name
         self.connections: dict[int, Connection] = {}
-        self.heard: set[int] = set()  # descriptors whose messages were delivered
+        self.heard: set[int] = set()  # descriptors whose messages were delivered; -1: one of ZMTP 2.0
+        self.unnamed = 0  # octets of messages that were delivered without a descriptor
         self.opened: list[Callable[[Connection], None]] = []
         self.closed: list[Callable[[Connection], None]] = []
         self._drops = drops

@@ -1,7 +1,7 @@
 """Looks after the connections of all sockets, and ends those that take more than their part."""
 
 import select
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from typing import Protocol
@@ -17,6 +17,9 @@ from firmware.peers.limits import HEARTBEATS, QUEUE, UNFINISHED, WAITING, most_c
 # same machine fills the memory at 4 GB/s.
 PAUSE_S, EARLY_S = 0.005, 0.001
 EARLY = UNFINISHED // 8
+# Octets that connections without a name may have sent beyond their messages, all of a socket together: what waits in
+# libzmq's queue (10,000 messages of 1400 octets are 14 MB), and heads of frames.
+EXCUSED = 32 << 20
 ACTIVE = 8  # messages more than connections: then each that has a whole message was served (libzmq serves them in turn)
 
 
@@ -100,6 +103,8 @@ class _UnfinishedWatch:
         self._loop = loop
         self._taking = taking
         self._door = taking.door
+        self._balance = 0.0  # octets that were excused and not delivered yet
+        self._excused: defaultdict[Connection, float] = defaultdict(float)  # of each, since the balance was 0
         self._timer: Timer | None = None
         self._epoll = select.epoll()
         self._door.opened.append(self._watch)
@@ -130,6 +135,7 @@ class _UnfinishedWatch:
                 self._epoll.register(connection.fileno(), OCTETS_CAME)
 
     def _forget(self, connection: Connection) -> None:
+        self._excused.pop(connection, None)
         if connection.is_counted and not self._epoll.closed:
             with suppress(OSError):
                 self._epoll.unregister(connection.fileno())
@@ -148,7 +154,7 @@ class _UnfinishedWatch:
             return most
         heard = self._note_heard()
         for one in suspects:
-            if one.descriptor not in heard:
+            if not one.is_cut and one.descriptor not in heard and one.read() - one.mark > UNFINISHED:
                 detail = f"{one.read() - one.mark:.0f} octets of one message; at most {UNFINISHED}"
                 door.cut(one, Reason.UNFINISHED, detail=detail)
         return most
@@ -160,7 +166,31 @@ class _UnfinishedWatch:
             if (one := self._door.connections.get(descriptor)) is not None:
                 one.is_used = True
                 one.mark = one.read()
+        if -1 in heard:
+            self._excuse([one for one in self._door.connections.values() if not (one.is_used or one.is_cut)])
         return heard
+
+    def _excuse(self, unnamed: Iterable[Connection]) -> None:
+        """Mark the connections that a message without a descriptor may have come by: of ZMTP 2.0 none is told.
+
+        Once they have sent EXCUSED more than was delivered, those that have sent much of it are ended.
+        """
+        self._balance -= self._door.unnamed
+        self._door.unnamed = 0
+        if self._balance <= 0:
+            self._balance = 0.0
+            self._excused.clear()
+        for one in unnamed:
+            read = one.read()
+            self._balance += read - one.mark
+            self._excused[one] += read - one.mark
+            one.mark = read
+        if self._balance > EXCUSED:
+            for one, octets in self._excused.items():
+                if octets > UNFINISHED:
+                    self._door.cut(one, Reason.UNFINISHED, detail=f"{octets:.0f} octets and few messages, by ZMTP 2.0")
+            self._balance = 0.0
+            self._excused.clear()
 
     def _unfinished(self, one: Connection) -> float:
         """Octets that libzmq has read since the last message was delivered, without heartbeats."""

@@ -31,7 +31,7 @@ from firmware.peers.limits import (
 from firmware.publisher import Publisher
 from firmware.report import memory_kb
 from firmware.topics import Topics
-from tests.hostile import PATIENCE_S, Peer, frame
+from tests.hostile import PATIENCE_S, OldPeer, Peer, frame
 from tests.virtual import VirtualLoop
 
 CAM = bytes((2, 2)) + bytes(300)
@@ -80,10 +80,10 @@ class Bench:
         self.guard = Guard(loop, list(self.inlets.values()), [self.publisher])
         self.peers: list[Peer] = []
 
-    def peer(self, kind: str = "sub") -> Peer:
+    def peer(self, kind: str = "sub", of: type[Peer] = Peer) -> Peer:
         socket_of = self.publisher if kind == "sub" else self.inlets[kind]
         port = int(socket_of._socket.get(zmq.LAST_ENDPOINT).rstrip(b"\0").rpartition(b":")[2])
-        self.peers.append(peer := Peer(port, kind.upper().encode(), self.loop.turn))
+        self.peers.append(peer := of(port, kind.upper().encode(), self.loop.turn))
         return peer
 
     def until(self, holds: Callable[[], bool]) -> None:
@@ -120,6 +120,13 @@ def push(peer: Peer, count: int) -> None:
     peer.socket.sendall((frame(b"v2x.cam.", more=True) + frame(CAM)) * count)
 
 
+def is_cut_while_sending(peer: Peer) -> bool:
+    """As Peer.is_cut(). A look at its last octets may come before libzmq has read them: so there are others."""
+    with suppress(OSError):
+        peer.socket.sendall(frame(b"", more=True))
+    return peer.is_cut()
+
+
 @INLETS
 def test_a_message_that_does_not_end_ends_its_connection_alone(bench: Bench, kind: str) -> None:
     where = {"push": "pull", "pub": "from_users"}[kind]
@@ -137,6 +144,36 @@ def test_a_message_that_does_not_end_ends_its_connection_alone(bench: Bench, kin
 
 
 @INLETS
+def test_an_honest_sender_of_zmtp_2_loses_neither_its_connection_nor_a_message(bench: Bench, kind: str) -> None:
+    good, idle = bench.peer(kind, OldPeer), bench.peer(kind)
+    for _ in range(6):
+        push(good, 1000)
+        bench.loop.run_for(0.05)
+    bench.until(lambda: bench.router.taken == 6_000)
+    assert not good.is_cut()
+    assert not idle.is_cut()
+
+
+@INLETS
+def test_a_message_of_zmtp_2_that_does_not_end_ends_its_connection(
+    bench: Bench, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("firmware.peers.guard.EXCUSED", 3 * UNFINISHED)
+    where = {"push": "pull", "pub": "from_users"}[kind]
+    good, rude = bench.peer(kind, OldPeer), bench.peer(kind, OldPeer)
+    with suppress(OSError):  # the last parts may come too late
+        for _ in range(3 * UNFINISHED // 60_000 + 4):
+            rude.socket.sendall(PART)
+            bench.router.taken = 0
+            push(good, 1)
+            bench.until(lambda: bench.router.taken == 1)
+            bench.loop.run_for(0.02)
+    bench.until(lambda: bench.count(where, Reason.UNFINISHED) == 1)
+    bench.until(rude.is_cut)
+    assert not good.is_cut()
+
+
+@INLETS
 def test_a_fast_honest_sender_loses_neither_its_connection_nor_a_message(bench: Bench, kind: str) -> None:
     rude, good = bench.peer(kind), bench.peer(kind)
     for _ in range(UNFINISHED // 60_000 + 2):
@@ -145,7 +182,7 @@ def test_a_fast_honest_sender_loses_neither_its_connection_nor_a_message(bench: 
         push(good, 1000)
         bench.loop.run_for(0.05)
     bench.until(lambda: bench.router.taken == 6_000)
-    bench.until(rude.is_cut)
+    bench.until(lambda: is_cut_while_sending(rude))
     assert not good.is_cut()
 
 
