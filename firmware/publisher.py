@@ -110,6 +110,7 @@ class Publisher:
         self._drops = drops
         self._interest = Interest(topics, whole, costly, on_interest)
         self._taken: deque[tuple[int, bytes]] = deque()  # whoever hears of interest may send, and so look, at once
+        self._unnamed: set[bytes] = set()  # topics of subscriptions without a descriptor
         self._is_looking = False  # a timer waits
         self._is_scheduled = False  # subscriptions are being taken, or more of them in the next turn
         self._socket = context.socket(zmq.XPUB)
@@ -268,7 +269,7 @@ class Publisher:
             else:
                 self._interest.unsubscribe(connection, prefix)
         elif descriptor < 0 and is_wish:
-            self._interest.add(prefix)
+            self._subscribe_unnamed(prefix)
 
     def _subscribe(self, connection: Connection, topic: bytes) -> None:
         """Count a subscription, or end the connection that has too many topics: libzmq cannot take one back."""
@@ -284,6 +285,18 @@ class Publisher:
             self._end_largest(f"{interest.by_address[address]} topics of this address; at most {most}", topic, address)
         elif interest.total > TOPICS_TOTAL:
             self._end_largest(f"{interest.total} topics of all; at most {TOPICS_TOTAL}", topic)
+
+    def _subscribe_unnamed(self, topic: bytes) -> None:
+        """Count a subscription of ZMTP 2.0, or end the likeliest of those that may have sent it: none is told."""
+        self._unnamed.add(topic)
+        if len(topic) <= TOPIC and len(self._unnamed) <= TOPICS_LOCAL:
+            self._interest.add(topic)
+            return
+        detail = f"{len(self._unnamed)} topics by ZMTP 2.0, at most {TOPICS_LOCAL}, or one above {TOPIC} octets"
+        self._unnamed.clear()
+        some = [one for one in self.door.connections.values() if one.is_counted and not (one.is_used or one.is_cut)]
+        if some:
+            self.door.cut(max(some, key=Connection.read), Reason.TOPICS, topic, detail)
 
     def _end_largest(self, detail: str, topic: bytes, address: str = "") -> None:
         """End the connection with most topics, of an address or of all, and take its topics back."""

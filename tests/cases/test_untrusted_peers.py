@@ -264,6 +264,21 @@ def test_of_an_address_with_too_many_topics_the_largest_subscriber_is_ended(benc
     assert "513 topics of this address; at most 512" in str(next(bench.drops.status())["detail"])
 
 
+def test_of_zmtp_2_with_too_many_topics_the_largest_subscriber_is_ended(bench: Bench) -> None:
+    good, new, rude = bench.peer(of=OldPeer), bench.peer(), bench.peer(of=OldPeer)
+    for one in (good, new):
+        one.subscribe(b"v2x.cam.")
+    bench.until(lambda: bench.publisher._interest.total == 1)
+    for number in range(TOPICS_LOCAL + 1):
+        rude.subscribe(b"%d" % number)
+    bench.until(lambda: bench.count("to_users", Reason.TOPICS) == 1)
+    bench.until(rude.is_cut)
+    assert not new.is_cut()
+    assert not good.is_cut()
+    bench.publisher.publish(b"v2x.cam.", b"pdu")
+    bench.until(lambda: b"pdu" in good.read())
+
+
 def test_an_address_outside_has_32_topics(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("firmware.peers.connection.LOCAL", ("192.0.2.",))
     first, second = bench.peer(), bench.peer()
