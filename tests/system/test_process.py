@@ -114,7 +114,8 @@ def test_sighup_with_a_file_that_was_cut_off_keeps_what_is_withheld(launch: Laun
     bench.station.signal(signal.SIGHUP)
     assert bench.station.ask(do="reload")["ok"] is False
     bench.user.send(b"v2x.", CAM)
-    bench.user.hears_nothing_before_a_mark(bench.air)
+    bench.user.send(b"v2x.denm.", CAM + b"denm")
+    assert bench.air.hear().pdu == CAM + b"denm"
     assert bench.station.drops() == {("from_users", "policy"): 1}
 
 
