@@ -9,6 +9,7 @@ from collections.abc import Callable, Container, Iterable, Sequence
 
 import zmq
 from zmq.backend import Socket as PlainSocket
+from zmq.backend import zmq_poll
 
 from board.errors import InterfaceError
 from board.loop import Loop
@@ -31,13 +32,13 @@ from firmware.peers.limits import (
 # The methods of the plain socket: the wrappers of zmq.Socket cost 0.8 us a frame more.
 _send = PlainSocket.send
 _recv = PlainSocket.recv
-_get: Callable[[zmq.Socket[bytes], int], int] = PlainSocket.get  # type: ignore[assignment]  # EVENTS is a number
-EVENTS = int(zmq.EVENTS)
 READABLE = int(zmq.POLLIN)
 NOBLOCK = int(zmq.NOBLOCK)
 MORE = int(zmq.SNDMORE | zmq.NOBLOCK)
 # Subscriptions taken in one turn: a client that sends nothing else must not hold up the rest.
 BATCH = 64
+# Octets that the kernel holds of one subscriber: libzmq still takes these when the connection has been ended.
+SUBSCRIBER_BUFFER = 8192
 SUBSCRIPTIONS = 8  # of one subscriber that wait in libzmq: it takes them while they come, whatever the loop has to do
 EACH = 256  # messages, after which on_sent is called
 LOOK_S = 0.01  # a new subscription waits no longer than this while messages flow
@@ -47,8 +48,12 @@ log = logging.getLogger("captain.publisher")
 
 
 def is_readable(socket: zmq.Socket[bytes]) -> bool:
-    """Whether a message waits; asking also takes the edge off the socket's descriptor."""
-    return bool(_get(socket, EVENTS) & READABLE)
+    """Whether a message waits; asking also takes the edge off the socket's descriptor.
+
+    libzmq takes subscriptions in here, for as long as they come. So not EVENTS, in which pyzmq holds the interpreter's
+    lock: the thread that ends a flood could not run.
+    """
+    return bool(zmq_poll([(socket, READABLE)], 0))
 
 
 BIND_HINTS = {
@@ -123,6 +128,7 @@ class Publisher:
         self._socket.set(zmq.XPUB_VERBOSER, 1)
         self._socket.set(zmq.MAXMSGSIZE, SUBSCRIBER_MESSAGE)
         self._socket.set(zmq.RCVHWM, SUBSCRIPTIONS)
+        self._socket.set(zmq.RCVBUF, SUBSCRIBER_BUFFER)
         self._socket.set(zmq.IPV6, int("[" in address))
         if address.startswith("tcp:"):
             beat(self._socket)

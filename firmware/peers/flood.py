@@ -10,11 +10,12 @@ from threading import Thread
 
 from board.loop import Loop
 from firmware.peers.connection import OCTETS_CAME, Connection
+from firmware.peers.limits import HEARTBEATS
 
 # Octets that subscribers of one address may send at once, and a second: 512 topics of 256 octets are 136 kB, and
 # libzmq needs 80 us for such a topic. 512 connections that send a heartbeat each second need 12 kB/s.
-BURST, REFILL = 256 * 1024, 64 * 1024
-# A connection that has sent no more is not ended for what others of its address have sent.
+BURST, REFILL = 160 * 1024, 16 * 1024
+# A connection that has sent no more, without heartbeats, is not ended for what others of its address have sent.
 SMALL = 4096
 PAUSE_S = 0.002  # between two looks
 ADDRESSES = 4096
@@ -40,6 +41,7 @@ class FloodWatch:
         self._epoll.register(self._stop, select.EPOLLIN)
         self._connections: dict[int, Connection] = {}
         self._charged: dict[int, int] = {}
+        self._since: dict[int, float] = {}
         self._levels: dict[str, tuple[float, float]] = {}  # octets left, and when
         self._thread: Thread | None = None
         loop.add(self)
@@ -59,7 +61,7 @@ class FloodWatch:
             return
         descriptor = connection.fileno()
         self._connections[descriptor] = connection
-        self._charged[descriptor] = 0
+        self._charged[descriptor], self._since[descriptor] = 0, time.monotonic()
         with suppress(OSError):
             self._epoll.register(descriptor, OCTETS_CAME)
         if self._thread is None:
@@ -105,7 +107,7 @@ class FloodWatch:
         if len(self._levels) >= ADDRESSES:
             self._levels.clear()
         self._levels[connection.address] = max(left, -float(BURST)), now
-        if left < 0 and received > SMALL:
+        if left < 0 and received > SMALL + HEARTBEATS * (now - self._since[descriptor]):
             connection.cut()
             self._ended.append(connection)
             os.eventfd_write(self._tell, 1)

@@ -1,7 +1,7 @@
 """Looks after the connections of all sockets, and ends those that take more than their part."""
 
 import select
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from typing import Protocol
@@ -44,11 +44,14 @@ class Guard:
 
     def __init__(self, loop: Loop, taking: Sequence[Taking], publishing: Sequence[Publishing]) -> None:
         self.most = most_connections()
-        self._doors = [one.door for one in taking] + [one.door for one in publishing]
+        doors = [one.door for one in taking] + [one.door for one in publishing]
+        self._doors = {door.name: door for door in doors}
+        self._by_address: dict[str, dict[Connection, Door]] = {}  # connections of each address, the oldest first
         self._watches = [_UnfinishedWatch(loop, one) for one in taking]
         self._flood = FloodWatch(loop, self._flooded)
-        for door in self._doors:
+        for door in self._doors.values():
             door.opened.append(self._opened)
+            door.closed.append(self._closed)
         for one in publishing:
             one.door.opened.append(self._flood.watch)
             one.door.closed.append(self._flood.forget)
@@ -62,35 +65,34 @@ class Guard:
 
     def status(self) -> dict[str, object]:
         """Connections that are open, by socket."""
-        return {door.name: len(door.connections) for door in self._doors}
+        return {name: len(door.connections) for name, door in self._doors.items()}
 
     def _opened(self, connection: Connection) -> None:
         """Of the address with most connections end the oldest that was never used; else the oldest.
 
         Unix sockets are together one address: any program of this machine may connect to an abstract one.
         """
-        if sum(len(door.connections) for door in self._doors) <= self.most:
+        if connection.fileno() < 0:
             return
-        some = [
-            (door, one)
-            for door in self._doors
-            for one in door.connections.values()
-            if not one.is_cut and one.fileno() >= 0
-        ]
-        if len(some) <= self.most:
+        self._by_address.setdefault(connection.address, {})[connection] = self._doors[connection.name]
+        if sum(len(some) for some in self._by_address.values()) <= self.most:
             return
-        addresses = Counter(one.address for _, one in some)
-        address = addresses.most_common(1)[0][0]
-        door, one = min(
-            ((door, one) for door, one in some if one.address == address),
-            key=lambda pair: (pair[1].is_used or pair[1].descriptor in pair[0].heard, pair[1].number),
-        )
-        detail = f"{len(some)} connections, {addresses[address]} of this address; at most {self.most}"
-        door.cut(one, Reason.CONNECTIONS, detail=detail)
+        some = max(self._by_address.values(), key=len)
+        unused = (one for one, door in some.items() if not (one.is_used or one.descriptor in door.heard))
+        one = next(unused, None) or next(iter(some))
+        detail = f"{self.most + 1} connections, {len(some)} of this address; at most {self.most}"
+        some[one].cut(one, Reason.CONNECTIONS, detail=detail)
+        self._closed(one)
+
+    def _closed(self, connection: Connection) -> None:
+        some = self._by_address.get(connection.address, {})
+        if some.pop(connection, None) is not None and not some:
+            del self._by_address[connection.address]
 
     def _flooded(self, connection: Connection) -> None:
-        door = next(door for door in self._doors if door.name == connection.name)
-        door.count(connection, Reason.SUBSCRIBER_FLOOD, detail=f"{connection.sent_at_cut} octets")
+        self._doors[connection.name].count(
+            connection, Reason.SUBSCRIBER_FLOOD, detail=f"{connection.sent_at_cut} octets"
+        )
 
 
 class _UnfinishedWatch:

@@ -323,6 +323,34 @@ def test_a_subscriber_that_sends_without_end_is_ended_by_a_thread(bench: Bench, 
     bench.until(lambda: b"pdu" in good.read())
 
 
+def test_heartbeats_of_an_hour_do_not_end_a_subscriber_whose_address_has_sent_too_much(bench: Bench) -> None:
+    good, rude = bench.peer(), bench.peer()
+    good.subscribe(b"v2x.")
+    bench.until(lambda: bench.wanted == {b"v2x.": True})
+    one = next(one for one in bench.publisher.door.connections.values() if one.topics)
+    heartbeat = b"\4\x12\4PING\0\0" + bytes(11)
+    good.socket.sendall(heartbeat * 500)
+    bench.until(lambda: one.read() > 500 * len(heartbeat))
+    bench.guard._flood._since[one.fileno()] -= 3600.0
+    flood = frame(b"\1" + b"same".ljust(200)) * 1000
+    rude.socket.settimeout(0.001)
+
+    def is_ended() -> bool:
+        with suppress(TimeoutError):
+            rude.socket.sendall(flood)
+        return bench.count("to_users", Reason.SUBSCRIBER_FLOOD) == 1
+
+    with suppress(OSError):
+        bench.until(is_ended)
+    bench.until(lambda: bench.count("to_users", Reason.SUBSCRIBER_FLOOD) == 1)
+    before = one.read()
+    good.socket.sendall(heartbeat * 10)
+    bench.until(lambda: one.read() > before)
+    bench.until(rude.is_ended)
+    assert not good.is_cut()
+    assert bench.count("to_users", Reason.SUBSCRIBER_FLOOD) == 1
+
+
 def test_a_subscriber_that_sends_heartbeats_and_topics_within_its_allowance_stays(bench: Bench) -> None:
     good = bench.peer()
     for number in range(TOPICS_LOCAL - 1):
