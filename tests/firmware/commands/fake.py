@@ -102,7 +102,7 @@ class FakeStation:
             ready = dict(poller.poll())
             if self._ended.fileno() in ready:
                 return
-            if self._to_users in ready and self._to_users.recv()[:5] in (b"\1", b"\1v2x.") and not self.is_silent:
+            if self._to_users in ready and self._to_users.recv()[:5] in (b"\1", b"\1v2x."):
                 self._say("v2x.")
             if self._report in ready:
                 self._tell(self._report.recv())
@@ -118,6 +118,8 @@ class FakeStation:
             self._say(wish[1:].decode())
 
     def _say(self, wish: str) -> None:
+        if self.is_silent:
+            return
         self._wishes.add(wish)
         if not self._reports or len(self._wishes) == 2:
             self._wishes.clear()
