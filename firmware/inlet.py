@@ -11,8 +11,8 @@ from drivers.message import ITS_HEADER, MAX_PDU, MessageType
 from drivers.reason import Reason
 from firmware import options
 from firmware.drops import Drops
-from firmware.peers.door import Door, descriptor_of
-from firmware.publisher import beat, bind, is_readable
+from firmware.peers.door import Door, descriptor_of, is_readable
+from firmware.publisher import beat, bind
 from firmware.router import Router
 from firmware.topics import Topics
 

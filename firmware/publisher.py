@@ -9,14 +9,13 @@ from collections.abc import Callable, Container, Iterable, Sequence
 
 import zmq
 from zmq.backend import Socket as PlainSocket
-from zmq.backend import zmq_poll
 
 from board.errors import InterfaceError
 from board.loop import Loop
 from drivers.reason import Reason
 from firmware.drops import Drops
 from firmware.peers.connection import Connection
-from firmware.peers.door import Door, descriptor_of
+from firmware.peers.door import Door, descriptor_of, is_readable
 from firmware.peers.interest import Interest
 from firmware.peers.limits import (
     HEARTBEAT_MS,
@@ -32,7 +31,6 @@ from firmware.peers.limits import (
 # The methods of the plain socket: the wrappers of zmq.Socket cost 0.8 us a frame more.
 _send = PlainSocket.send
 _recv = PlainSocket.recv
-READABLE = int(zmq.POLLIN)
 NOBLOCK = int(zmq.NOBLOCK)
 MORE = int(zmq.SNDMORE | zmq.NOBLOCK)
 # Subscriptions taken in one turn: a client that sends nothing else must not hold up the rest.
@@ -45,15 +43,6 @@ LOOK_S = 0.01  # a new subscription waits no longer than this while messages flo
 LINGER_MS = 200  # what is still unsent when the station stops
 
 log = logging.getLogger("captain.publisher")
-
-
-def is_readable(socket: zmq.Socket[bytes]) -> bool:
-    """Whether a message waits; asking also takes the edge off the socket's descriptor.
-
-    libzmq takes subscriptions in here, for as long as they come. So not EVENTS, in which pyzmq holds the interpreter's
-    lock: the thread that ends a flood could not run.
-    """
-    return bool(zmq_poll([(socket, READABLE)], 0))
 
 
 BIND_HINTS = {

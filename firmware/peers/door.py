@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import zmq
 from zmq.backend import Socket as PlainSocket
+from zmq.backend import zmq_poll
 
 from board.loop import Loop
 from drivers.reason import Reason
@@ -14,14 +15,22 @@ from firmware.drops import Drops
 from firmware.peers.connection import Connection
 
 _recv = PlainSocket.recv
-_get: Callable[[zmq.Socket[bytes], int], int] = PlainSocket.get  # type: ignore[assignment]  # EVENTS is a number
-EVENTS, READABLE, NOBLOCK = int(zmq.EVENTS), int(zmq.POLLIN), int(zmq.NOBLOCK)
+READABLE, NOBLOCK = int(zmq.POLLIN), int(zmq.NOBLOCK)
 # First frame of an event: number and value, here the descriptor (zmq_socket_monitor(3)).
 EVENT = struct.Struct("=HI")
 ACCEPTED, ENDED = int(zmq.EVENT_ACCEPTED), int(zmq.EVENT_DISCONNECTED)
 SOURCE = int(zmq.SRCFD)  # of a message: the descriptor that it came by
 BATCH = 64  # events in one turn
 _numbers = itertools.count()
+
+
+def is_readable(socket: "zmq.Socket[bytes]") -> bool:
+    """Whether a message waits; asking also takes the edge off the socket's descriptor.
+
+    libzmq takes subscriptions in here, for as long as they come. So not EVENTS, in which pyzmq holds the interpreter's
+    lock: the thread that ends a flood could not run.
+    """
+    return bool(zmq_poll([(socket, READABLE)], 0))
 
 
 def descriptor_of(frame: zmq.Frame) -> int:
@@ -68,7 +77,7 @@ class Door:
         self._monitor.set(zmq.LINGER, 0)
         self._monitor.connect(address)
         self._is_scheduled = False
-        _get(self._monitor, EVENTS)  # takes the edge off that connecting has left: else no other comes
+        is_readable(self._monitor)  # takes the edge off that connecting has left: else no other comes
         loop.add(self)
 
     def fileno(self) -> int:
@@ -117,7 +126,7 @@ class Door:
         self._loop.soon(self._go_on)
 
     def _take(self) -> bool:
-        if not _get(self._monitor, EVENTS) & READABLE:
+        if not is_readable(self._monitor):
             return False
         event, descriptor = EVENT.unpack(_recv(self._monitor, NOBLOCK))
         endpoint = _recv(self._monitor, NOBLOCK)

@@ -21,6 +21,21 @@ PAUSE_S = 0.002  # between two looks
 ADDRESSES = 4096
 
 
+class _Watched:
+    """A connection.
+
+    since    when it began, by time.monotonic().
+    charged  octets of it that its address was charged with.
+    """
+
+    __slots__ = ("charged", "connection", "since")
+
+    def __init__(self, connection: Connection) -> None:
+        self.connection = connection
+        self.since = time.monotonic()
+        self.charged = 0
+
+
 class FloodWatch:
     """Waits in epoll for octets from subscribers, which seldom send; ends whoever sends more than its address may.
 
@@ -39,9 +54,7 @@ class FloodWatch:
         self._epoll = select.epoll()
         self._stop = os.eventfd(0, os.EFD_CLOEXEC)
         self._epoll.register(self._stop, select.EPOLLIN)
-        self._connections: dict[int, Connection] = {}
-        self._charged: dict[int, int] = {}
-        self._since: dict[int, float] = {}
+        self._watched: dict[int, _Watched] = {}
         self._levels: dict[str, tuple[float, float]] = {}  # octets left, and when
         self._thread: Thread | None = None
         loop.add(self)
@@ -60,8 +73,7 @@ class FloodWatch:
         if not connection.is_counted:
             return
         descriptor = connection.fileno()
-        self._connections[descriptor] = connection
-        self._charged[descriptor], self._since[descriptor] = 0, time.monotonic()
+        self._watched[descriptor] = _Watched(connection)
         with suppress(OSError):
             self._epoll.register(descriptor, OCTETS_CAME)
         if self._thread is None:
@@ -71,7 +83,7 @@ class FloodWatch:
     def forget(self, connection: Connection) -> None:
         """Before its descriptor is closed."""
         descriptor = connection.fileno()
-        if self._connections.pop(descriptor, None) is not None and not self._epoll.closed:
+        if self._watched.pop(descriptor, None) is not None and not self._epoll.closed:
             with suppress(OSError):
                 self._epoll.unregister(descriptor)
 
@@ -92,22 +104,23 @@ class FloodWatch:
             for descriptor, _ in self._epoll.poll():
                 if descriptor == self._stop:
                     return
-                connection = self._connections.get(descriptor)
-                if connection is not None and not connection.is_cut:
-                    self._look(descriptor, connection)
+                watched = self._watched.get(descriptor)
+                if watched is not None and not watched.connection.is_cut:
+                    self._look(watched)
             time.sleep(PAUSE_S)
 
-    def _look(self, descriptor: int, connection: Connection) -> None:
+    def _look(self, watched: _Watched) -> None:
+        connection = watched.connection
         received = connection.received()
-        sent = received - self._charged.get(descriptor, 0)
-        self._charged[descriptor] = received
+        sent = received - watched.charged
+        watched.charged = received
         now = time.monotonic()
         left, when = self._levels.get(connection.address, (float(BURST), now))
         left = min(float(BURST), left + (now - when) * REFILL) - sent
         if len(self._levels) >= ADDRESSES:
             self._levels.clear()
         self._levels[connection.address] = max(left, -float(BURST)), now
-        if left < 0 and received > SMALL + HEARTBEATS * (now - self._since[descriptor]):
+        if left < 0 and received > SMALL + HEARTBEATS * (now - watched.since):
             connection.cut()
             self._ended.append(connection)
             os.eventfd_write(self._tell, 1)

@@ -120,6 +120,21 @@ def push(peer: Peer, count: int) -> None:
     peer.socket.sendall((frame(b"v2x.cam.", more=True) + frame(CAM)) * count)
 
 
+def flood(bench: Bench, rude: Peer, first: bytes) -> None:
+    """Messages of one subscriber until it is ended for that; of one topic: their number does not end it."""
+    octets = frame(first + b"same".ljust(200)) * 1000
+    rude.socket.settimeout(0.001)
+
+    def is_ended() -> bool:
+        with suppress(TimeoutError):
+            rude.socket.sendall(octets)
+        return bench.count("to_users", Reason.SUBSCRIBER_FLOOD) == 1
+
+    with suppress(OSError):
+        bench.until(is_ended)
+    bench.until(lambda: bench.count("to_users", Reason.SUBSCRIBER_FLOOD) == 1)
+
+
 def is_cut_while_sending(peer: Peer) -> bool:
     """As Peer.is_cut(). A look at its last octets may come before libzmq has read them: so there are others."""
     with suppress(OSError):
@@ -306,17 +321,7 @@ def test_a_subscriber_that_sends_without_end_is_ended_by_a_thread(bench: Bench, 
     good, rude = bench.peer(), bench.peer()
     good.subscribe(b"v2x.")
     bench.until(lambda: bench.wanted == {b"v2x.": True})
-    flood = frame(first + b"same".ljust(200)) * 1000  # one topic: their number does not end it
-    rude.socket.settimeout(0.001)
-
-    def is_ended() -> bool:
-        with suppress(TimeoutError):
-            rude.socket.sendall(flood)
-        return bench.count("to_users", Reason.SUBSCRIBER_FLOOD) == 1
-
-    with suppress(OSError):
-        bench.until(is_ended)
-    bench.until(lambda: bench.count("to_users", Reason.SUBSCRIBER_FLOOD) == 1)
+    flood(bench, rude, first)
     bench.until(rude.is_ended)
     assert not good.is_cut()
     bench.publisher.publish(b"v2x.cam.", b"pdu")
@@ -331,18 +336,8 @@ def test_heartbeats_of_an_hour_do_not_end_a_subscriber_whose_address_has_sent_to
     heartbeat = b"\4\x12\4PING\0\0" + bytes(11)
     good.socket.sendall(heartbeat * 500)
     bench.until(lambda: one.read() > 500 * len(heartbeat))
-    bench.guard._flood._since[one.fileno()] -= 3600.0
-    flood = frame(b"\1" + b"same".ljust(200)) * 1000
-    rude.socket.settimeout(0.001)
-
-    def is_ended() -> bool:
-        with suppress(TimeoutError):
-            rude.socket.sendall(flood)
-        return bench.count("to_users", Reason.SUBSCRIBER_FLOOD) == 1
-
-    with suppress(OSError):
-        bench.until(is_ended)
-    bench.until(lambda: bench.count("to_users", Reason.SUBSCRIBER_FLOOD) == 1)
+    bench.guard._flood._watched[one.fileno()].since -= 3600.0
+    flood(bench, rude, b"\1")
     before = one.read()
     good.socket.sendall(heartbeat * 10)
     bench.until(lambda: one.read() > before)
