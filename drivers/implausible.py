@@ -25,11 +25,12 @@ MEANING: dict[Implausible, str] = {
     Implausible.OWN_ADDRESS: "another station uses the address of this one",
 }
 
+AHEAD_MS = 60_000  # tolerance for times: a clock that is wrong by the leap seconds (18 or 37 s) is not an attack
 # In 1e-7 degree. One step beyond the end of the world stands for an unknown place (TS 102 894-2 V2.4.1, Latitude and
 # Longitude).
 MOST_LATITUDE, MOST_LONGITUDE = 900_000_001, 1_800_000_001
 
 
 def is_outside(latitude: int, longitude: int) -> bool:
-    """Whether no such place exists; in 1e-7 degree."""
+    """Return whether a place, in 1e-7 degree, is beyond the ends of the world."""
     return not (-MOST_LATITUDE < latitude <= MOST_LATITUDE and -MOST_LONGITUDE < longitude <= MOST_LONGITUDE)

@@ -26,6 +26,22 @@ class Drop:
         self.detail = ""
         self.time = 0.0
 
+    def add(self, sample: bytes, count: int, detail: str) -> bool:
+        """Count discards; return whether the journal reports it: the first, the tenth, the hundredth and so on."""
+        before = self.count
+        self.count = before + count
+        self.time = time.time()
+        if sample:
+            self.sample = sample[:SAMPLE]
+            self.octets = len(sample)
+        if sample or detail:
+            self.detail = detail[:DETAIL]  # of the sample: that of an earlier one would explain another
+        return before == 0 or len(str(before)) != len(str(self.count))
+
+    def status(self) -> dict[str, object]:
+        """Members that the status has of each count."""
+        return {"count": self.count, "time": self.time, "octets": self.octets, "sample": self.sample.hex()}
+
 
 class Drops:
     """Counters by place and reason. Bounded: places are interfaces and sockets, reasons are an enumeration.
@@ -47,18 +63,10 @@ class Drops:
         drop = self._drops.get((where, reason))
         if drop is None:
             drop = self._drops[where, reason] = Drop()
-        before = drop.count
-        drop.count = before + count
-        drop.time = time.time()
-        if sample:
-            drop.sample = sample[:SAMPLE]
-            drop.octets = len(sample)
-        if sample or detail:
-            drop.detail = detail[:DETAIL]  # of the sample: that of an earlier one would explain another
+        is_told = drop.add(sample, count, detail)
         if self.watch is not None:
             self.watch(where, reason, sample, count, detail)
-        # The journal hears of the first, the tenth, the hundredth ...: never a flood, never silence.
-        if before == 0 or len(str(before)) != len(str(drop.count)):
+        if is_told:
             level = logging.INFO if reason in USUAL else logging.WARNING
             why = f"{MEANING[reason]}: {drop.detail}" if drop.detail else MEANING[reason]
             log.log(level, "%s: %s: %d dropped: %s", where, reason, drop.count, why)
@@ -79,9 +87,6 @@ class Drops:
                 "where": where,
                 "reason": str(reason),
                 "meaning": MEANING[reason],
-                "count": drop.count,
-                "time": drop.time,
-                "octets": drop.octets,
-                "sample": drop.sample.hex(),
+                **drop.status(),
                 "detail": drop.detail,
             }

@@ -1,13 +1,10 @@
 """Implausible messages: checks that hold for every interface, and their counters."""
 
 import logging
-import time
 
-from drivers.implausible import MEANING, Implausible, is_outside
+from drivers.implausible import AHEAD_MS, MEANING, Implausible, is_outside
 from drivers.message import NO_MAC, RxInfo
-from firmware.drops import SAMPLE, Drop
-
-AHEAD_MS = 60_000  # as drivers/wire/geonet_receiver.py allows timestamps
+from firmware.drops import Drop
 
 # Of a DENM: detectionTime and referenceTime, TimestampIts of 42 bits, from bit 105 of the PDU on. In front of them are
 # header, presence bits and actionID, in all editions alike (EN 302 637-3 V1.3.1, TS 103 831 V2.2.1, V2.3.1).
@@ -21,7 +18,7 @@ log = logging.getLogger("captain.implausible")
 
 
 def is_denm_ahead(pdu: bytes, its_ms: int) -> bool:
-    """Whether a DENM tells of something that is to happen yet.
+    """Return whether a time of a DENM is in the future.
 
     its_ms  own ITS time; 0: not known, and nothing is ahead of it.
     """
@@ -54,12 +51,7 @@ class ImplausibleCounts:
             row = self._counts.get(reason)
             if row is None:
                 row = self._counts[reason] = Drop()
-            row.count += 1
-            row.time = time.time()
-            row.sample, row.octets = pdu[:SAMPLE], len(pdu)
-            row.detail = rx.source_mac.hex(":")
-            # As drops: the first, the tenth, the hundredth ...
-            if row.count == 10 ** (len(str(row.count)) - 1):
+            if row.add(pdu, 1, rx.source_mac.hex(":")):
                 last = f"; the last from {row.detail}" if rx.source_mac != NO_MAC else ""
                 what = f"{reason}: {MEANING[reason]}{last}"
                 log.warning("%s: %d implausible messages: %s", self._interface, row.count, what)
@@ -70,10 +62,7 @@ class ImplausibleCounts:
             {
                 "reason": str(reason),
                 "meaning": MEANING[reason],
-                "count": row.count,
-                "time": row.time,
-                "octets": row.octets,
-                "sample": row.sample.hex(),
+                **row.status(),
                 "source": row.detail,
             }
             for reason, row in self._counts.items()

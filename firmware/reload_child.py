@@ -16,8 +16,8 @@ from firmware.tables import PolicyRow
 # Of one message: the station makes them into tests in 0.5 ms, and takes 32 messages in a turn of its loop.
 BATCH = 16
 LOOK = 4096  # octets: a file that begins with so many blanks has lost its tables as well
-# Tables whose loss opens a way out for what was withheld, or closes one.
-NEEDED = ("interfaces", "policy")
+# Tables whose loss opens a way out for what was withheld, or closes one: how they are written, and how none of them is.
+NEEDED = {"interfaces": ("[interfaces]", "[interfaces]"), "policy": ("[[policy]]", "policy = [] above all tables")}
 MISTAKES, LONGEST = 50, 300  # told of a file; characters of each: together they fit into a message
 KINDS = {
     stat.S_IFIFO: "a pipe",
@@ -63,9 +63,8 @@ def read(source: Source, written: Collection[str]) -> Config:
     for path in source.files():
         _check(path)
     config = source.load()
-    for name in NEEDED:
+    for name, (table, none) in NEEDED.items():
         if name in written and name not in config.written:
-            table, none = ("[[policy]]", "policy = [] above all tables") if name == "policy" else ("[interfaces]",) * 2
             raise ConfigurationError(
                 f"{source.path}: {table}: missing, but the running configuration has it", f"to have none, write {none}"
             )

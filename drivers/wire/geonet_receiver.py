@@ -10,7 +10,7 @@ from struct import Struct
 from typing import NamedTuple
 
 from board.errors import ProtocolError
-from drivers.implausible import Implausible, is_outside
+from drivers.implausible import AHEAD_MS, Implausible, is_outside
 from drivers.message import (
     NOT_SECURED,
     Area,
@@ -42,10 +42,8 @@ _BTP = frozenset({CommonNext.BTP_A, CommonNext.BTP_B})
 
 # Timestamps count ms modulo 2**32, 49.7 days (clause 9.5.2): what is further away than half of that looks nearer.
 _WRAP = 0xFFFFFFFF
-# ms that a timestamp may be ahead: clocks that are wrong by leap seconds (18 or 37) are no attack.
-_AHEAD = 60_000
 # ms that it may be behind: 6300 s, the longest lifetime (clause 9.6.4), and the same minute.
-_BEHIND = _WRAP - 6_300_000 - _AHEAD
+_BEHIND = _WRAP - 6_300_000 - AHEAD_MS
 
 
 class Received(NamedTuple):
@@ -213,7 +211,7 @@ class Receiver:
         # tuple.__new__ is what the constructors come to, at half the price.
         position = _new(Position, (latitude, longitude))
         doubts: tuple[Implausible, ...] = ()
-        is_off = ego.its_ms and _AHEAD < timestamp - ego.its_ms & _WRAP < _BEHIND
+        is_off = ego.its_ms and AHEAD_MS < timestamp - ego.its_ms & _WRAP < _BEHIND
         is_between = mac != source_mac and is_first_hop
         if is_nowhere or is_off or is_between or is_other or is_own:
             found = (is_nowhere, is_off, is_between, is_other, is_own)

@@ -130,17 +130,18 @@ def unwrap(octets: bytes) -> Unwrapped:
     Source: IEEE 1609.2-2022 clause 6.3, ETSI TS 103 097 V2.1.1 clause 5.2; V1.2.1 for version 2.
     """
     try:
-        if octets[0] != _V2:
-            return _unwrap_v3(octets)
-        from drivers.wire.security_v2 import unwrap_v2  # rare, and half a percent of each start
+        if octets[0] == _V2:
+            from drivers.wire.security_v2 import unwrap_v2  # rare, and half a percent of each start
 
-        payload, its_aid, ssp = unwrap_v2(octets)
+            payload, its_aid, ssp = unwrap_v2(octets)
+        else:
+            payload, its_aid, ssp = _unwrap_v3(octets)
     except IndexError as error:
         raise ProtocolError(f"security: truncated after {len(octets)} octets") from error
     return Unwrapped(payload, its_aid, ssp if len(ssp) <= MAX_SSP else b"")
 
 
-def _unwrap_v3(octets: bytes) -> Unwrapped:
+def _unwrap_v3(octets: bytes) -> tuple[bytes, int, bytes]:
     if octets[0] != _V3:
         raise ProtocolError(f"security: unknown version of the envelope: {octets[0]}")
     if octets[1] != _SIGNED_DATA:
@@ -152,7 +153,7 @@ def _unwrap_v3(octets: bytes) -> Unwrapped:
     if data is None:
         raise ProtocolError("security: external payload, of which the envelope has the hash only")
     its_aid = int.from_bytes(content(octets, signed["header"] + 1))  # one octet of preamble
-    return Unwrapped(content(octets, data + 2), its_aid, _ssp(octets, signed["signer"], its_aid))
+    return content(octets, data + 2), its_aid, _ssp(octets, signed["signer"], its_aid)
 
 
 def _ssp(octets: bytes, signer: int, its_aid: int) -> bytes:
@@ -177,5 +178,4 @@ def _ssp(octets: bytes, signer: int, its_aid: int) -> bytes:
 def _permission(octets: bytes, at: int) -> bytes:
     """ServiceSpecificPermissions: opaque, or bitmapSsp inside an open type."""
     value = content(octets, at + 1)
-    ssp = value if octets[at] == _OPAQUE else content(value, 0)
-    return ssp if len(ssp) <= MAX_SSP else b""
+    return value if octets[at] == _OPAQUE else content(value, 0)

@@ -3,7 +3,7 @@
 import argparse
 import json
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from board.errors import StationError
@@ -211,8 +211,7 @@ def _drops(status: Mapping[str, object], now: float) -> Table:
         )
         for drop in found
     ]
-    meanings = {text(drop, "reason"): text(drop, "meaning") for drop in found}
-    notes = [f"{reason}: {meaning}" for reason, meaning in meanings.items()]
+    notes = _meanings(found)
     notes += [
         f"{text(drop, 'where')}, the last {text(drop, 'reason')}: {text(drop, 'detail')}"
         for drop in found
@@ -220,6 +219,12 @@ def _drops(status: Mapping[str, object], now: float) -> Table:
     ]
     heads = ("where", "reason", ">count", ">ago", ">octets", "last sample")
     return Table("drops" if rows else "no drops", heads, rows, notes)
+
+
+def _meanings(counts: Sequence[Mapping[str, object]]) -> list[str]:
+    """What their reasons mean, each once."""
+    meanings = {text(one, "reason"): text(one, "meaning") for one in counts}
+    return [f"{reason}: {meaning}" for reason, meaning in meanings.items()]
 
 
 def _implausible(status: Mapping[str, object], now: float) -> list[Table]:
@@ -235,8 +240,7 @@ def _implausible(status: Mapping[str, object], now: float) -> list[Table]:
         )
         for name, doubt in found
     ]
-    meanings = {text(doubt, "reason"): text(doubt, "meaning") for _, doubt in found}
-    notes = [f"{reason}: {meaning}" for reason, meaning in meanings.items()]
+    notes = _meanings([doubt for _, doubt in found])
     heads = ("interface", "reason", ">count", ">ago", "last source")
     return [Table("implausible messages", heads, rows, notes)] if rows else []
 

@@ -38,7 +38,7 @@ class Hearing:
         self._note = note or say
         self.on_status: Callable[[Status], None] = lambda status: None
         self.on_time: Callable[[Status], None] = lambda status: None
-        self._subscriber = client.subscribe(context, place, place.report, "frame.", "time.", "status.", private=private)
+        self._subscriber = client.subscribe(context, place, place.report, "frame.", "time.", "status.", url=private)
         self._connections = self._subscriber.get_monitor_socket(zmq.EVENT_CONNECTED)
         self._is_status_wanted = True
         self.is_known = False  # who the station is, or that it does not say

@@ -84,16 +84,16 @@ def reach(host: str, number: int, timeout: float = ANSWER_S) -> None:
         raise StationError(f"no station answers at {host}:{number}: {why}", _start_one(host)) from error
 
 
-def subscribe(context: Context, place: Address, number: int, *topics: str, private: str = "") -> Socket:
+def subscribe(context: Context, place: Address, number: int, *topics: str, url: str = "") -> Socket:
     """A SUB socket connected to one of the station's ports. Raises StationError when nobody listens there.
 
-    private  ZeroMQ address of that port for the station's own processes; empty: TCP.
+    url  ZeroMQ address to connect to in its place, in the background, whether or not anybody listens.
     """
-    if not private:
+    if not url:
         reach(place.host, number)
     subscriber = context.socket(zmq.SUB)
     subscriber.setsockopt(zmq.RCVHWM, HIGH_WATER)
-    return _connect(subscriber, private or place.url(number), topics)
+    return _connect(subscriber, url or place.url(number), topics)
 
 
 def push(context: Context, place: Address) -> Socket:

@@ -21,7 +21,7 @@ class Marks:
     def __init__(self, context: client.Context, place: client.Address) -> None:
         self._marks: OrderedDict[Key, tuple[str, ...]] = OrderedDict()
         # Connected in the background: without the report port, messages come as fast as with it.
-        self._subscriber = client.subscribe(context, place, place.report, TOPIC, private=place.url(place.report))
+        self._subscriber = client.subscribe(context, place, place.report, TOPIC, url=place.url(place.report))
         self._late_ms = 0
 
     def look(self) -> None:
