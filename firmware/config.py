@@ -73,7 +73,7 @@ class Source(NamedTuple):
         return load(*self)
 
     def files(self) -> list[str]:
-        """Paths that were given; a board's name is none."""
+        """Return the paths of the files that were given."""
         board = str(board_file.path_of(self.board)) if self.board else None
         return [one for one in (self.path, board, self.defaults) if one]
 

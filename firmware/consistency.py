@@ -175,7 +175,7 @@ def _policy(tables: Table, interfaces: set[str]) -> Iterator[str]:
 
 
 def _of_received(row: Table) -> Iterator[str]:
-    """What a row for received messages lacks, and what is of no use in it."""
+    """Yield mistakes of a row for received messages: invalid interfaces, keys for sent messages."""
     if row.get("interfaces") not in ([], ["*"]):
         yield 'interfaces: invalid with match.implausible; write [] to drop these messages, or ["*"] to deliver them'
     for key in LEAVING:

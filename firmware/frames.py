@@ -121,7 +121,7 @@ class Frames:
             self._missed.update(self._since(before))
 
     def totals(self) -> dict[str, int]:
-        """Of each interface: frames that were told or missed, without those that are still to be told."""
+        """Return the number of frames, reported or missed, by interface; without those that still wait."""
         totals = Counter(self._told.totals)
         if not (self._noted or self._telling or self._dropped):
             totals.update(self._missed)

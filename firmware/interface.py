@@ -125,7 +125,7 @@ class Interface:
                 who = rx.source.encode()
             if rx.security is not NOT_SECURED and rx.security.status is SecurityStatus.UNVERIFIABLE_PKT:
                 self.on_unverified()
-            latitude, longitude = rx.position
+            latitude, longitude = rx.position  # as is_outside(), without a call for each message
             is_doubted = (
                 rx.implausible != ()
                 or not -MOST_LATITUDE < latitude <= MOST_LATITUDE

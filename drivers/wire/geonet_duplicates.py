@@ -17,7 +17,7 @@ PACKETS = 8
 
 
 class Seen(Enum):
-    """Of a packet: its number is new, or it was here before, or another packet with its number was."""
+    """State of a packet: number is new, packet is known, or number is known with another payload."""
 
     NEW = auto()
     AGAIN = auto()

@@ -27,6 +27,6 @@ class OwnPackets:
             self._old, self._young = young, set()
 
     def has(self, behind: bytes) -> bool:
-        """Whether the station has sent this packet; behind is what follows the basic header, without padding."""
+        """Return whether the station has sent a packet. behind: its octets after the basic header, without padding."""
         known = hash(behind)
         return known in self._young or known in self._old

@@ -39,7 +39,7 @@ class Sender:
     is_mobile          itsGnIsMobile: whether the station may move.
     is_mac_configured  whether mac was configured by hand.
     gn_version         protocol version: 1; 0 as in EN 302 636-4-1 V1.2.1, with the same headers.
-    own                is told of each packet; None: nobody asks.
+    own                remembers each packet; None: the sender has its own.
     """
 
     def __init__(

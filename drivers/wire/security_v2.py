@@ -41,7 +41,7 @@ def unwrap_v2(octets: bytes) -> tuple[bytes, int, bytes]:
 
 
 def _ssp(octets: bytes, signer: int, its_aid: int) -> bytes:
-    """What the certificate of a signer permits for an ITS-AID."""
+    """Return the SSP that the certificate of a signer has for an ITS-AID; empty without one."""
     if octets[signer] != _CERTIFICATE:
         return b""
     for attribute in _elements(_ATTRIBUTE, octets, *_vector(octets, _subject(octets, signer + 1))):
@@ -73,7 +73,7 @@ def _vector(octets: bytes, at: int) -> tuple[int, int]:
 
 
 def _elements(element: Walk, octets: bytes, at: int, end: int) -> Iterator[int]:
-    """Where each element of a vector begins."""
+    """Yield the start of each element of a vector."""
     while at < end:
         after = element(octets, at)
         if after > end:
@@ -121,7 +121,7 @@ _ISSUER = _tagged({0: _NOTHING, 1: _DIGEST, 2: _NESTED, 3: _NESTED, 4: _FOREIGN_
 
 
 def _subject(octets: bytes, at: int) -> int:
-    """Where the subject attributes of a certificate begin: behind version, issuer, type and name of the subject."""
+    """Return the start of the subject attributes: after version, issuer, type and name of the subject."""
     return _opaque(octets, _ISSUER(octets, at + 1) + 1)
 
 

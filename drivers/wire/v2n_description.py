@@ -202,7 +202,7 @@ class ProfileDescription:
 
     @property
     def may_decode(self) -> bool:
-        """Whether a form of payload decodes messages, or does so where the message library is there."""
+        """Return whether a form of payload decodes messages, always or only with the message library."""
         return self.needs_codec or any(row.payload in _MAY_DECODE for row in (*self.publish, *self.subscribe))
 
     def check_types(self, known: Collection[str]) -> None:

@@ -171,5 +171,5 @@ def bit_names(kind: Type) -> list[tuple[str, int]]:
 
 
 def size_of(kind: Type, places: list[int]) -> int:
-    """How many bits a string has in which these are set, when nothing else says it."""
+    """Return the length in bits of a string with these bits set, if its type does not fix it."""
     return max([kind.low or 0, *(at + 1 for _, at in kind.names), *(at + 1 for at in places)])
