@@ -35,13 +35,16 @@ class Bench:
         self.interface = Interface("ipc", self.ipc, QueueOptions("ipc"), loop, self.above, Topics(), self.drops)
         self.sockets: list[zmq.Socket[bytes]] = []
 
-    def process(self, kind: int, address: str) -> "zmq.Socket[bytes]":
-        """An interface process: its end of one of the two sockets."""
+    def process(self, kind: int, address: str, *topics: bytes) -> "zmq.Socket[bytes]":
+        """An interface process: its end of one of the two sockets.
+
+        topics  that a SUB subscribes to; they travel together, in the order of their octets. None: everything.
+        """
         socket = self.context.socket(kind)
         socket.set(zmq.LINGER, 0)
         socket.set(zmq.RCVTIMEO, 2000)
-        if kind == zmq.SUB:
-            socket.subscribe(b"")
+        for topic in topics or ((b"",) if kind == zmq.SUB else ()):
+            socket.subscribe(topic)
         socket.connect(address)
         self.sockets.append(socket)
         return socket
@@ -177,9 +180,7 @@ def test_a_process_that_takes_only_what_is_longer_than_an_envelope_takes_nothing
 
 def test_what_waited_finds_the_process_that_takes_it_whatever_that_subscribed_to_first(bench: Bench) -> None:
     bench.interface.outlet.submit(request_of(1, pdu=pdu_of(1), kind=DENM))
-    process = bench.process(zmq.XSUB, bench.ipc._options.ipc_out)
-    process.send(b"\1v2x.cam.")
-    process.send(b"\1v2x.")
+    bench.process(zmq.SUB, bench.ipc._options.ipc_out, b"v2x.cam.", b"v2x.denm.")
     bench.loop.run_until(lambda: bool(bench.above.confirms))
     assert bench.above.outcomes() == [(1, Outcome.SENT, None)]
 
