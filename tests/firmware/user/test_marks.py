@@ -35,7 +35,7 @@ class Reports:
 @pytest.fixture
 def reports(monkeypatch: pytest.MonkeyPatch) -> Reports:
     made = Reports()
-    monkeypatch.setattr(client, "subscribe", lambda *_, private: made)
+    monkeypatch.setattr(client, "subscribe", lambda *_, url: made)
     return made
 
 
