@@ -31,11 +31,14 @@ class Radio:
 
 
 def pair(host: str, recorder: int, loss: float, more: str = "") -> list[Radio]:
-    """Two of them; more are words for both. Raises StationError where the library is not built."""
+    """Two of them; more are words for both. Raises StationError where the library is not built.
+
+    The recorder hears each message before the other radio: what a station has received is in the capture.
+    """
     heard_by = Address(host, recorder)
     a, b, *controls = free_udp(host, 4)
     return [
-        Radio(own, control, f"{other},{heard_by}", loss, number, more)
+        Radio(own, control, f"{heard_by},{other}", loss, number, more)
         for number, (own, other, control) in enumerate(((a, b, controls[0]), (b, a, controls[1])), 1)
     ]
 
