@@ -1,8 +1,9 @@
 """The JSON envelope of Orange's its-client 2.x around a message, in message_format "json/raw" or "asn1/uper".
 
 Written is what the newest schema of the type has: JSON where all of the message has a form in it, as its-client finds
-position and speed there; else the PDU in base64, which the schemas of cam, mcm and poim have. Other types are sent in
-the same envelope. Read are both, of older schemas too; schema 1.1.3 calls message_type type.
+position and speed there; else the PDU in base64, which the schemas of cam, mcm and poim have. A message that the schema
+of its type cannot hold is refused: a receiver that checks the schema would drop it. Types without a schema are sent as
+PDUs in the same envelope. Read are both, of older schemas too; schema 1.1.3 calls message_type type.
 
 Members and bounds: schema/ of its-client (2026).
 """
@@ -30,7 +31,9 @@ FIRST_MS = 1_514_764_800_000  # 2018-01-01, the least timestamp of the schemas
 LAST_MS = 1 << 42  # 2109. The schemas end in 2028, and a receiver has no use for that
 
 _NO_RULE = TypeRule()
-_NAMES_FORMAT = frozenset({"cam"})  # types whose schema has message_format beside JSON
+# Types whose schema has JSON. Those of srem and ssem refer to a schema dsrc 1.0.0, which its-client does not have.
+_HAS_JSON = frozenset({*RAW, "srem", "ssem"})
+_NAMES_FORMAT = frozenset({"cam"})  # of these, types whose schema has message_format, and so asn1/uper too
 _OLDEST_CPM = (2, 1)  # before, a CPM was that of TR 103 562, with names of its own
 _MESSAGE_TYPES = {"poi": "poi"}  # of the envelope, where it differs from the topic's
 
@@ -40,7 +43,7 @@ class Orange:
 
     uuid   of this station; what it sent itself is refused.
     rules  of types: schema_version, standard, origin.
-    codec  for JSON; None: only asn1/uper is written and read.
+    codec  for JSON; None: only asn1/uper is written and read, and types whose schema has JSON alone are refused.
     """
 
     def __init__(self, uuid: str, rules: Mapping[str, TypeRule], codec: Codec | None = None) -> None:
@@ -50,13 +53,12 @@ class Orange:
         self._kinds = {rule.topic: kind for kind, rule in rules.items() if rule.topic}
 
     def write(self, sending: Sending) -> bytes:
-        if self._codec and sending.kind in RAW:
+        if sending.kind in _HAS_JSON:
             try:
-                found = self._envelope(sending, JSON, _raw(self._codec, sending))
-            except ValueError:
-                found = b""  # asn1/uper has room for it
-            if 0 < len(found) <= MAX_PAYLOAD:
-                return found
+                return _bounded(sending.kind, self._json(sending))
+            except RequestError:
+                if sending.kind not in _NAMES_FORMAT:
+                    raise
         coded = binascii.b2a_base64(sending.pdu, newline=False).decode()
         standard = self._rule(sending.kind).standard_of(sending.pdu[0])
         return self._envelope(sending, UPER, {"version": standard, "payload": coded})
@@ -79,6 +81,12 @@ class Orange:
         form = envelope.get("message_format", JSON)  # as in schemas before asn1/uper
         message = member(envelope, "message", dict)
         return self._pdu(kind or self._kinds.get(named, named), form, version, message), source_of(source)
+
+    def _json(self, sending: Sending) -> bytes:
+        try:
+            return self._envelope(sending, JSON, _raw(self._codec, sending))
+        except ValueError as error:
+            raise _unwritten(sending.kind, str(error)) from error
 
     def _envelope(self, sending: Sending, form: str, message: dict[str, Any]) -> bytes:
         if sending.now_ms < FIRST_MS:
@@ -113,25 +121,32 @@ class Orange:
 
 
 class OrangeRaw(Orange):
-    """The envelope with messages as JSON; what has no form in it is read as in Orange, and not written."""
-
-    def __init__(self, uuid: str, rules: Mapping[str, TypeRule], codec: Codec) -> None:
-        super().__init__(uuid, rules, codec)
-        self._library = codec
+    """The envelope with messages as JSON alone: what has no form in it is read as in Orange, and not written."""
 
     def write(self, sending: Sending) -> bytes:
         if sending.kind not in RAW:
             hint = 'give payload "orange" a row of its own, without these types'
             raise RequestError(f'{sending.kind}: "{JSON}" is written for {", ".join(RAW)} only', hint)
-        try:
-            message = _raw(self._library, sending)
-        except ValueError as error:
-            raise RequestError(f'{sending.kind}: cannot be written as "{JSON}": {error}') from error
-        return self._envelope(sending, JSON, message)
+        return self._json(sending)
 
 
-def _raw(codec: Codec, sending: Sending) -> dict[str, Any]:
+def _unwritten(kind: str, why: str) -> RequestError:
+    hint = 'add a row [[publish]] with another payload, such as "binary", to the profile'
+    return RequestError(f'{kind}: cannot be written as "{JSON}": {why}', hint)
+
+
+def _bounded(kind: str, payload: bytes) -> bytes:
+    if len(payload) > MAX_PAYLOAD:
+        raise _unwritten(kind, f"{len(payload)} octets; at most {MAX_PAYLOAD}")
+    return payload
+
+
+def _raw(codec: Codec | None, sending: Sending) -> dict[str, Any]:
     """A message as JSON, in the first edition that has a form for all of it. Raises ValueError."""
+    if sending.kind not in RAW:
+        raise ValueError(f"the schema of {sending.kind} refers to a schema that its-client does not have")
+    if codec is None:
+        raise ValueError("it needs the message library")
     first: ValueError | None = None
     for edition, value in codec.decodings(sending.pdu):
         if not of_header([edition], sending.pdu):

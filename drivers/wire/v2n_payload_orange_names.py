@@ -89,7 +89,7 @@ def is_wrapped(kind: str) -> bool:
 
 
 TEXTS = ("IA5String", "UTF8String", "NumericString", "VisibleString", "PrintableString")
-NO_FORM = 'has no form in "json/raw"; take "asn1/uper"'
+NO_FORM = 'has no form in "json/raw"'
 FINE = -30_000  # least CurvatureValue of TS 102 894-2 V1.2.1
 _WORDS = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])|-")
 _KEPT = 4096  # types and names: the messages of RAW have 1,500
@@ -129,7 +129,7 @@ def open_type_of(containers: Field) -> Type:
 
 def check_form(kind: Type, path: str) -> None:
     if why := REFUSED.get(kind.name or ""):
-        raise ConversionError(path, f'is not converted to or from "json/raw": {why}; take "asn1/uper"')
+        raise ConversionError(path, f'is not converted to or from "json/raw": {why}')
 
 
 def is_fine(kind: Type, path: str) -> bool:

@@ -9,7 +9,8 @@ CPM   by TS 103 324 V2.1.1, clause 6.1: a perceived object is included under the
 DENM  EN 302 637-3 leaves repetition to the application. An assumption: DENM_SHARE of the vehicles at a time, DENM_HZ.
 
 Octets are those of recorded messages in firmware/vectors.json: a CAM without and one with the low frequency container,
-which is in a CAM when the last such is 500 ms old or older (EN 302 637-2, clause 6.1.3); a DENM; a CPM.
+which is in a CAM when the last such is 500 ms old or older (EN 302 637-2, clause 6.1.3); a DENM. The recorded CPM is one of
+TR 103 562, which profile orange does not send: `captain swarm` writes one of TS 103 324, about as long.
 """
 
 import json
@@ -18,7 +19,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from tests.fleet.region import Vehicle
+from drivers.sim.track import Motion
+from firmware.swarm.messages import Writer
+from tests.fleet.region import LATITUDE, LONGITUDE, Vehicle
 
 CHECK_S = 0.1  # T_CheckCamGen: at most T_GenCamMin
 LEAST, MOST = 1, 10  # checks: T_GenCamMin 100 ms, T_GenCamMax 1000 ms
@@ -31,8 +34,9 @@ DENM_SHARE = 0.005
 DENM_HZ = 1.0
 
 VECTORS = Path(__file__).parents[2] / "firmware" / "vectors.json"
-# Which of the recorded messages, by type and octets.
-CAM, CAM_LOW_FREQUENCY, DENM, CPM = ("cam", 46), ("cam", 160), ("denm", 404), ("cpm", 624)
+# Which of the messages, by type and octets.
+CAM, CAM_LOW_FREQUENCY, DENM, CPM = ("cam", 46), ("cam", 160), ("denm", 43), ("cpm", 619)
+OBJECTS = 31  # in the CPM: 619 octets, where the recorded one has 624
 MESSAGES = (CAM, CAM_LOW_FREQUENCY, DENM, CPM)
 PORTS = {"cam": 2001, "denm": 2002, "cpm": 2009}
 
@@ -40,7 +44,7 @@ Message = tuple[str, int]  # type and octets: a key of recorded()
 
 
 class Rates(NamedTuple):
-    """Messages a second of one vehicle, by which recorded message they are like."""
+    """Messages a second of one vehicle, by which of the messages they are like."""
 
     cam: float
     cam_low_frequency: float
@@ -59,7 +63,15 @@ class Rates(NamedTuple):
 def recorded() -> Mapping[Message, bytes]:
     """The PDUs."""
     rows = json.loads(VECTORS.read_text())
-    return {(row["type"], row["octets"]): bytes.fromhex(row["hex"]) for row in rows}
+    cpm = _cpm()
+    return {(row["type"], row["octets"]): bytes.fromhex(row["hex"]) for row in rows} | {("cpm", len(cpm)): cpm}
+
+
+def _cpm() -> bytes:
+    """Return a CPM of OBJECTS objects in a row, 1 m apart."""
+    own = Motion(round(LATITUDE * 1e7), round(LONGITUDE * 1e7), 0, 0, 0)
+    objects = [(number, own._replace(latitude=own.latitude + 90 * number)) for number in range(OBJECTS)]
+    return Writer().cpm(1337, 0, own, objects)
 
 
 def cam_checks(speed: float, acceleration: float, yaw: float) -> int:

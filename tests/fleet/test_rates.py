@@ -66,7 +66,7 @@ def test_all_rates_stay_within_those_of_the_standards(
     assert found.total == pytest.approx(sum(hz for _, hz in found.by_message))
 
 
-def test_the_messages_that_are_counted_are_recorded_ones_of_that_length() -> None:
+def test_the_messages_that_are_counted_have_that_length() -> None:
     pdus = recorded()
     assert all(len(pdus[message]) == message[1] for message in (CAM, CAM_LOW_FREQUENCY, DENM, CPM))
 

@@ -1,14 +1,23 @@
 """What a vehicle sends: CAMs all the time, now and then a DENM, and seldom more at once than any queue holds."""
 
+import json
 import random
+from pathlib import Path
 from typing import NamedTuple
+
+import firmware
 
 CAM_HZ = 10.0  # the most, EN 302 637-2 clause 6.1.3
 SIZE = 41  # octets of a CAM without its optional containers
+HEADER = 6  # octets of an ITS PDU header
 
 CAM, DENM, POI = b"v2x.cam.", b"v2x.denm.", b"v2x.poi."
 NUMBERS = {CAM: 2, DENM: 1, POI: 3}
-STATION = 1337
+_VECTORS = json.loads((Path(firmware.__file__).parent / "vectors.json").read_text())
+RECORDED = next(row["hex"] for row in _VECTORS if (row["type"], row["octets"]) == ("denm", 43))
+# Profile orange sends a DENM only if it can be decoded: this is the rest of a recorded one.
+ANY = b"\x55" * (SIZE - HEADER)
+REST = {CAM: ANY, POI: ANY, DENM: bytes.fromhex(RECORDED)[HEADER:]}
 
 DENM_S = 20.0  # on average between two
 BURST_S = 600.0  # the same
@@ -43,9 +52,8 @@ class Schedule:
 
 
 def pdu(envelope: bytes, number: int) -> bytes:
-    """Of the size of a CAM, with a number of our own behind the header."""
-    head = bytes((2, NUMBERS[envelope])) + STATION.to_bytes(4, "big") + number.to_bytes(8, "big")
-    return head.ljust(SIZE, b"\x55")
+    """About the size of a CAM, with a number of our own as its stationID."""
+    return bytes((2, NUMBERS[envelope])) + number.to_bytes(4, "big") + REST[envelope]
 
 
 def need_s(octets: bytes) -> float:
@@ -54,4 +62,4 @@ def need_s(octets: bytes) -> float:
 
 
 def number_of(octets: bytes) -> int:
-    return int.from_bytes(octets[6:14], "big")
+    return int.from_bytes(octets[2:6], "big")

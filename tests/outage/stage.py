@@ -182,23 +182,28 @@ class Stage:
                 path.followed.look(own, path.watch.is_troubled, now)
 
     def _left(self, client: str, connection: int, publication: Publication) -> None:
-        pdu = _pdu(client, publication.payload)
-        if pdu:
-            self.paths[client].account.left(messages.number_of(pdu), connection, self.loop.now)
+        number = _number(client, publication.payload)
+        if number is not None:
+            self.paths[client].account.left(number, connection, self.loop.now)
 
     def _arrived(self, client: str, publication: Publication) -> None:
-        pdu = _pdu(client, publication.payload)
-        if pdu:
-            path, now, number = self.paths[client], self.loop.now, messages.number_of(pdu)
+        number = _number(client, publication.payload)
+        if number is not None:
+            path, now = self.paths[client], self.loop.now
             path.account.arrived(number, now)
             if path.account.is_lossy:
                 path.watch.through(now, path.account.accepted(number))
 
 
-def _pdu(client: str, payload: bytes) -> bytes:
-    """Of a publication; empty where it is about the status."""
+def _number(client: str, payload: bytes) -> int | None:
+    """Return that of the message in a publication; None where it is about the status."""
     if payload.startswith(b"{"):
-        return base64.b64decode(json.loads(payload)["message"]["payload"], validate=True)
+        message = json.loads(payload)["message"]
+        return int(message["station_id"]) if "station_id" in message else _number_in(message["payload"])
     host, _, rest = payload.decode().partition("(")
     assert not rest or host == client
-    return base64.b64decode(rest.partition("<")[2].partition(">")[0], validate=True)
+    return _number_in(rest.partition("<")[2].partition(">")[0]) if rest else None
+
+
+def _number_in(coded: str) -> int:
+    return messages.number_of(base64.b64decode(coded, validate=True))

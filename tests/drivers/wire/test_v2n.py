@@ -11,7 +11,7 @@ from drivers.wire.v2n import Delivery, Received, RefusedError
 from drivers.wire.v2n_description import ProfileDescription, PublishRow, SubscribeRow, Tiles, TypeRule
 from drivers.wire.v2n_topic import Template
 from firmware.topics import ROWS
-from tests.drivers.wire.v2n_station import HERE, NOW_MS, NOWHERE, PDU, delivered, profile
+from tests.drivers.wire.v2n_station import AS_JSON, HERE, NOW_MS, NOWHERE, PDU, delivered, profile
 
 NAMED = sorted({row.name for row in ROWS})
 
@@ -269,7 +269,7 @@ def test_rules_of_a_type_go_before_those_of_the_profile():
 def test_an_interface_can_choose_its_quality_of_service():
     station = profile(load("orange").adapted(qos=1))
     assert {qos for _, qos in station.subscriptions(HERE)} == {1}
-    assert {one.qos for one in station.publications("mapem", 1, PDU, HERE, NOW_MS)} == {1}
+    assert {one.qos for one in station.publications("mapem", 1, AS_JSON["mapem"], HERE, NOW_MS)} == {1}
 
 
 @given(st.text(max_size=40), st.binary(max_size=80), st.booleans())

@@ -14,15 +14,26 @@ from jsonschema import Draft202012Validator
 from board.errors import RequestError
 from drivers.mqtt_profile import load
 from drivers.reason import Reason
+from drivers.wire import v2n_payload_orange
 from drivers.wire.v2n import Delivery, Received, RefusedError
 from drivers.wire.v2n_message import Sending
 from drivers.wire.v2n_payload import Base64, VCaptain
 from drivers.wire.v2n_payload_json import MAX_DEPTH, read_object
 from firmware.topics import ROWS
 from tests.drivers.wire import orange_schema
-from tests.drivers.wire.v2n_station import HERE, NOW_MS, PDU, delivered, profile
+from tests.drivers.wire.v2n_station import (
+    AS_JSON,
+    HERE,
+    NOW_MS,
+    PDU,
+    WITHOUT_FORM,
+    delivered,
+    in_envelope,
+    profile,
+)
 
 NAMED = sorted({row.name for row in ROWS})
+AS_OCTETS = sorted({*NAMED} - {*AS_JSON, *WITHOUT_FORM})  # of what cannot be decoded
 OUT = "5GCroCo/outQueue/v2x/cam/com_car_2/1/2/0/2"
 SENT = Sending("cam", 2001, PDU, HERE, NOW_MS)
 
@@ -94,7 +105,7 @@ def test_every_pdu_comes_back_from_base64(pdu: bytes):
     assert Base64().read("cam", payload) == (pdu, "")
 
 
-@pytest.mark.parametrize("kind", NAMED)
+@pytest.mark.parametrize("kind", AS_OCTETS)
 def test_the_envelope_of_orange_is_that_of_its_schemas(kind: str):
     (found,) = profile("orange").publications(kind, 2001, PDU, HERE, NOW_MS)
     sent = json.loads(found.payload)
@@ -109,8 +120,34 @@ def test_the_envelope_of_orange_is_that_of_its_schemas(kind: str):
     assert len(found.topic.split("/")[5:]) == 22
 
 
-# Preferred editions, and those of an older protocolVersion.
-ANNOUNCED = [one for one in captain_messages.all() if one.ids and (one.rank == 1 or one.release == 1)]
+@pytest.mark.parametrize("kind", AS_JSON)
+def test_the_envelope_of_orange_around_json_is_that_of_its_schemas(kind: str):
+    (found,) = profile("orange").publications(kind, 2001, AS_JSON[kind], HERE, NOW_MS)
+    sent = json.loads(found.payload)
+    Draft202012Validator(orange_schema.envelope(kind, message={"type": "object"})).validate(sent)
+    assert "message_format" not in sent
+    assert "payload" not in sent["message"]
+    assert found.topic.split("/")[:5] == ["5GCroCo", "inQueue", "v2x", kind, "com_car_1"]
+    assert len(found.topic.split("/")[5:]) == 22
+
+
+@pytest.mark.parametrize("kind", [*AS_JSON, *WITHOUT_FORM])
+def test_what_cannot_be_decoded_is_refused_where_the_schema_has_json_alone(kind: str):
+    with pytest.raises(RequestError, match=f'{kind}: cannot be written as "json/raw": ') as error:
+        profile("orange").publications(kind, 2001, PDU, HERE, NOW_MS)
+    assert "[[publish]]" in error.value.hint
+
+
+def test_json_longer_than_a_receiver_reads_is_not_sent(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(v2n_payload_orange, "MAX_PAYLOAD", 500)
+    with pytest.raises(RequestError, match=r'denm: cannot be written as "json/raw": \d+ octets; at most 500'):
+        profile("orange").publications("denm", 2002, AS_JSON["denm"], HERE, NOW_MS)
+
+
+# Of the types whose PDU is sent: preferred editions, and those of an older protocolVersion.
+ANNOUNCED = [
+    one for one in captain_messages.all() if one.type in AS_OCTETS and one.ids and (one.rank == 1 or one.release == 1)
+]
 
 
 @pytest.mark.parametrize("message", ANNOUNCED, ids=lambda message: message.name)
@@ -122,7 +159,8 @@ def test_the_envelope_of_orange_names_the_standard_of_the_header(message: Any):
 
 
 def test_cams_of_orange_expire_and_maps_are_kept():
-    found = {kind: profile("orange").publications(kind, 1, PDU, HERE, NOW_MS)[0] for kind in ("cam", "mapem", "denm")}
+    pdus = {"cam": PDU, "mapem": AS_JSON["mapem"], "denm": AS_JSON["denm"]}
+    found = {kind: profile("orange").publications(kind, 1, pdu, HERE, NOW_MS)[0] for kind, pdu in pdus.items()}
     assert [(found[kind].qos, found[kind].retain, found[kind].expiry_s) for kind in ("cam", "mapem", "denm")] == [
         (0, False, 1),
         (0, True, None),
@@ -132,15 +170,22 @@ def test_cams_of_orange_expire_and_maps_are_kept():
 
 def moved(kind: str = "cam", **changes: Any) -> Delivery:
     """A message of another station, as the platform hands it on, with members changed; ... takes one away."""
-    (found,) = profile("orange", uuid="com_car_2").publications(kind, 1, PDU, HERE, NOW_MS)
-    envelope = json.loads(found.payload) | changes
-    envelope = {name: value for name, value in envelope.items() if value is not ...}
-    return Delivery(found.topic.replace("inQueue", "outQueue"), json.dumps(envelope).encode())
+    envelope = {name: value for name, value in (in_envelope(kind, PDU) | changes).items() if value is not ...}
+    topic = OUT.replace("/cam/", f"/{'poim' if kind == 'poi' else kind}/")
+    return Delivery(topic, json.dumps(envelope).encode())
 
 
 @pytest.mark.parametrize("kind", NAMED)
-def test_what_one_station_sends_by_orange_another_takes(kind: str):
+def test_a_pdu_of_every_type_in_the_envelope_of_orange_is_taken(kind: str):
     assert profile("orange").receive(moved(kind)) == Received(PDU, None, "com_car_2")
+
+
+@pytest.mark.parametrize("kind", [*AS_OCTETS, *AS_JSON])
+def test_what_one_station_sends_by_orange_another_takes(kind: str):
+    pdu = AS_JSON.get(kind, PDU)
+    (found,) = profile("orange", uuid="com_car_2").publications(kind, 1, pdu, HERE, NOW_MS)
+    delivery = delivered(found, found.topic.replace("inQueue", "outQueue"))
+    assert profile("orange").receive(delivery) == Received(pdu, None, "com_car_2")
 
 
 def test_a_map_that_the_broker_had_kept_is_taken_and_nothing_else():

@@ -1,7 +1,6 @@
 """CAMs as JSON in the envelope of Orange, against the members of its schema."""
 
 import json
-from pathlib import Path
 from typing import Any
 
 import captain_messages
@@ -10,20 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 
-import firmware
 from board.errors import RequestError
 from drivers.mqtt_profile import load
 from drivers.reason import Reason
 from drivers.wire.v2n import Delivery, Profile, Received, RefusedError
 from drivers.wire.v2n_description import ProfileDescription, PublishRow, SubscribeRow
 from tests.drivers.wire import orange_schema
-from tests.drivers.wire.v2n_station import HERE, NOW_MS, PDU, changed, profile
+from tests.drivers.wire.v2n_station import HERE, NOW_MS, PDU, VECTORS, changed, profile
 
-CAMS = [
-    bytes.fromhex(vector["hex"])
-    for vector in json.loads((Path(firmware.__file__).parent / "vectors.json").read_text())
-    if vector["type"].lower() == "cam"
-]
+CAMS = [pdu for kind, pdu in VECTORS if kind == "cam"]
 DESCRIPTION = ProfileDescription(
     "raw", (PublishRow("in/{type}", "orange-raw"),), (SubscribeRow("in/{type}", "orange-raw"),),
     types=load("orange").types,

@@ -1,8 +1,12 @@
 """Stations with a profile to talk about, and PDUs of other implementations."""
 
+import base64
 import copy
+import json
+from pathlib import Path
 from typing import Any
 
+import firmware
 from drivers.message import Ego, Position
 from drivers.mqtt_profile import codec, load
 from drivers.wire.v2n import Delivery, Identity, Profile, Publication
@@ -12,6 +16,24 @@ HERE = Ego(its_ms=0, position=Position(487668616, 114320680), is_known=True)
 NOWHERE = Ego(its_ms=0, position=Position(), is_known=False)
 NOW_MS = 1_700_000_000_000
 PDU = bytes.fromhex("02020000053900010203")  # of the contract's example
+VECTORS = [
+    (vector["type"].lower(), bytes.fromhex(vector["hex"]))
+    for vector in json.loads((Path(firmware.__file__).parent / "vectors.json").read_text())
+]
+# Why JSON of Orange cannot hold a message, by type and octets: a path point too old, TR 103 562, protocolVersion 9.
+WITHOUT_JSON = {
+    ("denm", 404): "message.location.detection_zones_to_event_position[0][0].path_delta_time: 71316 is not in 1..65535",
+    ("cpm", 624): "message: CPM of TR 103 562 has no form",
+    ("mapem", 8): "no edition reads it",
+}
+# A CPM of TS 103 324 with an object, as `captain swarm` writes it.
+CPM = bytes.fromhex(
+    "020e000005390286567e700295b1244390d1b94032032000109a079003005a12415008058000003c002000003180fa80c681b0262ad890"
+)
+SENDABLE = [*((kind, pdu) for kind, pdu in VECTORS if (kind, len(pdu)) not in WITHOUT_JSON), ("cpm", CPM)]
+# A message of each type that Orange's schemas have as JSON alone, and the types of which they have no valid form.
+AS_JSON = {kind: pdu for kind, pdu in SENDABLE if kind in ("denm", "cpm", "spatem", "mapem")}
+WITHOUT_FORM = ("srem", "ssem")
 
 
 def profile(
@@ -24,6 +46,18 @@ def profile(
 def delivered(publication: Publication, topic: str = "", is_retained: bool = False) -> Delivery:
     """What a broker makes of it, and a back end that moves it to another topic."""
     return Delivery(topic or publication.topic, publication.payload, is_retained)
+
+
+def in_envelope(kind: str, pdu: bytes, uuid: str = "com_car_2") -> dict[str, Any]:
+    """The envelope of Orange with the PDU in base64, as another implementation may send it for any type."""
+    return {
+        "message_type": kind,
+        "message_format": "asn1/uper",
+        "source_uuid": uuid,
+        "timestamp": NOW_MS,
+        "version": "2.0.0",
+        "message": {"version": "?", "payload": base64.b64encode(pdu).decode()},
+    }
 
 
 def changed(message: dict[str, Any], path: str, value: Any) -> dict[str, Any]:
