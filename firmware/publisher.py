@@ -34,10 +34,10 @@ _recv = PlainSocket.recv
 NOBLOCK = int(zmq.NOBLOCK)
 MORE = int(zmq.SNDMORE | zmq.NOBLOCK)
 # Subscriptions taken in one turn: a client that sends nothing else must not hold up the rest.
-BATCH = 64
+BATCH = 4
 # Octets that the kernel holds of one subscriber: libzmq still takes these when the connection has been ended.
-SUBSCRIBER_BUFFER = 8192
-SUBSCRIPTIONS = 8  # of one subscriber that wait in libzmq: it takes them while they come, whatever the loop has to do
+SUBSCRIBER_BUFFER = 2048
+SUBSCRIPTIONS = 1  # of one subscriber that wait in libzmq: it takes them while they come, whatever the loop has to do
 EACH = 256  # messages, after which on_sent is called
 LOOK_S = 0.01  # a new subscription waits no longer than this while messages flow
 LINGER_MS = 200  # what is still unsent when the station stops
@@ -234,7 +234,8 @@ class Publisher:
 
     def _apply(self) -> None:
         """Let what was taken take effect. Whoever hears of interest may ask for this again."""
-        self.door.settle()  # after the messages: see Door
+        if self._taken:
+            self.door.settle()  # after the messages: see Door
         while self._taken:
             self._subscription(*self._taken.popleft())
 

@@ -108,6 +108,7 @@ class _UnfinishedWatch:
         self._balance = 0.0  # octets that were excused and not delivered yet
         self._excused: defaultdict[Connection, float] = defaultdict(float)  # of each, since the balance was 0
         self._timer: Timer | None = None
+        self._watched: dict[int, Connection] = {}  # by the second descriptor
         self._epoll = select.epoll()
         self._door.opened.append(self._watch)
         self._door.closed.append(self._forget)
@@ -117,8 +118,8 @@ class _UnfinishedWatch:
         return self._epoll.fileno()
 
     def ready(self, events: int) -> None:
-        active = {descriptor for descriptor, _ in self._epoll.poll(0)}
-        most = self._look([one for one in self._door.connections.values() if one.fileno() in active])
+        active = [self._watched[descriptor] for descriptor, _ in self._epoll.poll(0) if descriptor in self._watched]
+        most = self._look(active)
         self._loop.want(self, 0)
         self._timer = self._loop.after(EARLY_S if most > EARLY else PAUSE_S, lambda: self._loop.want(self, READ))
 
@@ -133,12 +134,13 @@ class _UnfinishedWatch:
     def _watch(self, connection: Connection) -> None:
         connection.looked_at = self._loop.clock()
         if connection.is_counted:
+            self._watched[connection.fileno()] = connection
             with suppress(OSError):
                 self._epoll.register(connection.fileno(), OCTETS_CAME)
 
     def _forget(self, connection: Connection) -> None:
         self._excused.pop(connection, None)
-        if connection.is_counted and not self._epoll.closed:
+        if self._watched.pop(connection.fileno(), None) is not None and not self._epoll.closed:
             with suppress(OSError):
                 self._epoll.unregister(connection.fileno())
 

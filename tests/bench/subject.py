@@ -141,10 +141,15 @@ class Station(Subject):
 
     def status(self) -> dict[str, Any]:
         """The status object, as the control socket tells it now."""
-        with socket.socket(socket.AF_UNIX) as control:
-            control.settimeout(STOP_S)
-            control.connect(str(self._control))
+        with self.control() as control:
             control.sendall(b'{"do": "status"}\n')
             line = control.makefile("rb").readline()
         status: dict[str, Any] = json.loads(line)["status"]
         return status
+
+    def control(self) -> socket.socket:
+        """A connection to the control socket."""
+        control = socket.socket(socket.AF_UNIX)
+        control.settimeout(STOP_S)
+        control.connect(str(self._control))
+        return control
