@@ -34,7 +34,7 @@ _recv = PlainSocket.recv
 NOBLOCK = int(zmq.NOBLOCK)
 MORE = int(zmq.SNDMORE | zmq.NOBLOCK)
 # Subscriptions taken in one turn: a client that sends nothing else must not hold up the rest.
-BATCH = 4
+BATCH = 2
 # Octets that the kernel holds of one subscriber: libzmq still takes these when the connection has been ended.
 SUBSCRIBER_BUFFER = 2048
 SUBSCRIPTIONS = 1  # of one subscriber that wait in libzmq: it takes them while they come, whatever the loop has to do

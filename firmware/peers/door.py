@@ -20,7 +20,7 @@ READABLE, NOBLOCK = int(zmq.POLLIN), int(zmq.NOBLOCK)
 EVENT = struct.Struct("=HI")
 ACCEPTED, ENDED = int(zmq.EVENT_ACCEPTED), int(zmq.EVENT_DISCONNECTED)
 SOURCE = int(zmq.SRCFD)  # of a message: the descriptor that it came by
-BATCH = 4  # events in one turn
+BATCH = 2  # events in one turn
 _numbers = itertools.count()
 
 
