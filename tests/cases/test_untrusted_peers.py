@@ -346,6 +346,36 @@ def test_heartbeats_of_an_hour_do_not_end_a_subscriber_whose_address_has_sent_to
     assert bench.count("to_users", Reason.SUBSCRIBER_FLOOD) == 1
 
 
+def test_beside_a_flood_of_their_address_small_subscribers_stay_and_others_are_ended(bench: Bench) -> None:
+    rude, small, large = bench.peer(), bench.peer(), bench.peer()
+    flood(bench, rude, b"x")
+    for number in range(25):
+        small.subscribe(b"v2x.denm.%02d." % number)
+    bench.until(lambda: bench.publisher._interest.total == 25)
+    with suppress(OSError):
+        for number in range(8):
+            large.subscribe(b"%d" % number + bytes(200))
+    bench.until(lambda: bench.count("to_users", Reason.SUBSCRIBER_FLOOD) == 2)
+    bench.until(large.is_ended)
+    assert not small.is_cut()
+
+
+def test_heartbeats_do_not_use_up_what_subscribers_of_an_address_may_send(bench: Bench) -> None:
+    peers = [bench.peer() for _ in range(2)]
+    bench.until(lambda: bench.open() == 2)
+    flood_watch = bench.guard._flood
+    for one in bench.publisher.door.connections.values():
+        flood_watch._watched[one.fileno()].since -= 3600.0
+    for peer in peers:
+        for _ in range(100):  # 220 kB
+            peer.socket.sendall((b"\4\x12\4PING\0\0" + bytes(11)) * 50)
+            bench.loop.run_for(0.01)
+    peers[0].subscribe(b"v2x.".ljust(TOPIC, b"x"))
+    bench.until(lambda: bench.wanted == {b"v2x.": True})
+    assert flood_watch._levels["127.0.0.1"][0] > 0
+    assert not any(peer.is_cut() for peer in peers)
+
+
 def test_a_subscriber_that_sends_heartbeats_and_topics_within_its_allowance_stays(bench: Bench) -> None:
     good = bench.peer()
     for number in range(TOPICS_LOCAL - 1):
