@@ -98,7 +98,7 @@ meter: setup-test ## the link meter and the paper's tables: measured beside what
 	@.venv/bin/captain meter table1 --report build/meter-table1.html $(ARGS)
 	@.venv/bin/captain meter table3 --report build/meter-table3.html $(ARGS)
 
-attack: setup-test binary ## hostile peers at all four ports at once for 60 s: the good client's lag beside a quiet minute; ARGS='--duration 10'
+attack: setup-test binary ## hostile peers at all four ports at once for 60 s: the loop's lag beside a quiet minute; ARGS='--duration 10'
 	@.venv/bin/python -m tests.attack $(ARGS)
 
 chaos: setup-test ## everything that is simulated fails at random: MINUTES=30 of virtual time, then DURATION=600 real seconds
