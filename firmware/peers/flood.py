@@ -17,7 +17,7 @@ from firmware.peers.limits import HEARTBEATS
 BURST, REFILL = 160 * 1024, 4 * 1024
 # A connection that has sent no more is not ended for what others of its address have sent: the handshake and 30 topics.
 SMALL = 1024
-PAUSE_S = 0.0005  # between two looks
+PAUSE_S = 0.0005  # of the thread, not of the loop: without it, octets that come without end would keep it busy
 BATCH = 4  # connections to look at, 60 us, before the loop may have the interpreter's lock
 ADDRESSES = 4096
 
